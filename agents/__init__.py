@@ -1,0 +1,1 @@
+"""Bundled agents: each folder is a program that sees only the contract."""

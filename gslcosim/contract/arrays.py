@@ -1,0 +1,36 @@
+"""Numeric arrays inside messages: raw little-endian bytes with dtype and shape."""
+
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, model_validator
+
+DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
+
+
+class NumericArray(BaseModel):
+    """An n-dimensional array, C order, little-endian."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="ignore")
+
+    dtype: Literal["float32", "float64", "uint8", "int32", "int64"]
+    shape: tuple[int, ...]
+    data: bytes
+
+    @model_validator(mode="after")
+    def _check_size(self) -> Self:
+        expected = int(np.prod(self.shape, dtype=np.int64)) * np.dtype(DTYPES[self.dtype]).itemsize
+        if any(n < 0 for n in self.shape) or len(self.data) != expected:
+            raise ValueError(f"expected {expected} bytes for {self.dtype} {self.shape}, was {len(self.data)}")
+        return self
+
+    @classmethod
+    def from_array(cls, array: NDArray) -> Self:
+        """Copy a numpy array of one of the five dtypes into a message field."""
+        name = array.dtype.name
+        return cls(dtype=name, shape=array.shape, data=np.ascontiguousarray(array, DTYPES[name]).tobytes())  # type: ignore[arg-type]
+
+    def to_array(self) -> NDArray:
+        """Return the values as a read-only numpy array with the message's shape."""
+        return np.frombuffer(self.data, DTYPES[self.dtype]).reshape(self.shape)

@@ -1,0 +1,32 @@
+"""Port names, which are also the keys under a run's namespace."""
+
+BODIES = "truth/bodies"
+SAMPLES = "truth/samples"
+FILAMENTS = "truth/filaments"
+SCORE = "referee/score"
+VERDICT = "referee/verdict"
+
+
+def briefing(agent: str) -> str:
+    """Return the key of an agent's briefing."""
+    return f"agents/{agent}/briefing"
+
+
+def observation(agent: str) -> str:
+    """Return the key of an agent's observations."""
+    return f"agents/{agent}/observation"
+
+
+def raw_command(agent: str) -> str:
+    """Return the key an agent writes its commands to; only the door reads it."""
+    return f"agents/{agent}/command"
+
+
+def ending(agent: str) -> str:
+    """Return the key that tells an agent that the run is over."""
+    return f"agents/{agent}/ending"
+
+
+def command(agent: str) -> str:
+    """Return the port of an agent's checked commands, as written by the door."""
+    return f"command/{agent}"

@@ -1,0 +1,300 @@
+"""Every message of a run: frozen facts, SI units with the unit in the name, readable in any language.
+
+All are msgpack maps with string keys. Unknown keys are ignored, NaN and infinity are refused.
+A message belongs to a tick and is valid at the end of that tick, unless its docstring says otherwise.
+Frames: *world* is x east, y north, z up, right-handed, origin at the room's inner corner; *body* is x forward,
+y left, z up. Quaternions are (w, x, y, z).
+"""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from gslcosim.contract.arrays import NumericArray
+
+CONTRACT_VERSION = "1.0"
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Tick = Annotated[int, Field(ge=0, le=2**53)]
+
+
+class Record(BaseModel):
+    """Base of all parts of messages: frozen, no conversion of types, unknown keys ignored, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False)
+
+
+class Message(Record):
+    """Base of all messages: a fact about one tick."""
+
+    tick: Tick
+
+    def announced_ports(self) -> frozenset[str]:
+        """Return the announced ports that carry a message for this tick because of this one."""
+        return frozenset()
+
+
+# ---------------------------------------------------------------- truth, never visible to agents
+
+
+class BodyState(Record):
+    """True state of one vehicle; part of `BodyPoses`.
+
+    `position_world_m` is the origin of the body frame, `quaternion_wxyz` turns body into world vectors,
+    `contacts` names the things touched during the tick, `phase` is what the vehicle is doing,
+    `awaiting_command` asks the agent for its next command, `path_length_m` is the distance flown so far,
+    `waypoint_world_m` is where it is going (absent: nowhere).
+    """
+
+    agent: Name
+    position_world_m: Vec3
+    quaternion_wxyz: Quaternion
+    velocity_world_m_s: Vec3
+    angular_velocity_body_rad_s: Vec3
+    phase: Literal["on_ground", "taking_off", "flying", "holding", "failed"]
+    awaiting_command: bool
+    path_length_m: float
+    waypoint_world_m: Vec3 | None = None
+    contacts: tuple[str, ...] = ()
+    rejected_command: str | None = None
+
+
+class BodyPoses(Message):
+    """Poses, velocities and contacts of all vehicles. Written by world on `truth/bodies` every tick. Truth."""
+
+    bodies: tuple[BodyState, ...]
+
+    def announced_ports(self) -> frozenset[str]:
+        """Return the command ports of the agents that are asked at this tick."""
+        return frozenset(f"command/{body.agent}" for body in self.bodies if body.awaiting_command)
+
+
+class GasAmount(Record):
+    """True mixing ratio [ppm by volume] of one gas at one place."""
+
+    gas: str
+    mixing_ratio_ppm: float
+
+
+class MountSample(Record):
+    """True gas and wind at the mount of one sensor; the wind is that of the air, not relative to the vehicle."""
+
+    agent: Name
+    sensor: Name
+    gases: tuple[GasAmount, ...]
+    wind_world_m_s: Vec3
+
+
+class FieldSamples(Message):
+    """True field values at every sensor mount. Written by fields on `truth/samples` every tick. Truth."""
+
+    samples: tuple[MountSample, ...]
+
+
+class ConcentrationSlice(Record):
+    """A horizontal slice of the mixing ratio [ppm]; `mixing_ratio_ppm` is (nx, ny) float32 at cell centres
+    `origin_m + (i + 0.5) * cell_m`, at height `height_m`, world frame."""
+
+    gas: str
+    origin_m: tuple[float, float]
+    cell_m: float
+    height_m: float
+    mixing_ratio_ppm: NumericArray
+
+
+class FilamentCloud(Message):
+    """Filaments and a concentration slice. Written by fields on `truth/filaments` every `gas_every_s`. Truth.
+
+    `position_world_m` (n, 3) and `sigma_m` (n,) are float32; `gas_index` (n,) uint8 counts into `gases`.
+    """
+
+    gases: tuple[str, ...]
+    position_world_m: NumericArray
+    sigma_m: NumericArray
+    gas_index: NumericArray
+    slices: tuple[ConcentrationSlice, ...] = ()
+
+
+# ---------------------------------------------------------------- what agents see
+
+
+class SensorDescription(Record):
+    """One sensor of the agent's vehicle, as told in the briefing."""
+
+    name: Name
+    model: str
+    quantity: str
+    unit: str
+    mount_body_m: Vec3
+
+
+class Bounds(Record):
+    """An axis-aligned box in the world frame [m]."""
+
+    min_m: Vec3
+    max_m: Vec3
+
+
+class Briefing(Message):
+    """What an agent is told once, before its first observation. Written by sensing on `agents/<id>/briefing`.
+
+    `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
+    """
+
+    agent: Name
+    contract_version: str
+    mission: str
+    tick_ns: int
+    seed: int
+    mode: Literal["on_request", "lockstep", "latency"]
+    latency_ticks: int
+    gas: str
+    bounds: Bounds
+    search_height_m: float
+    hold_s: float
+    time_limit_s: float
+    sensors: tuple[SensorDescription, ...]
+
+
+class Reading(Record):
+    """What one instrument reports: one or several numbers in `unit` (see the sensor's description).
+
+    `is_saturated` says that the instrument is at the end of its range.
+    """
+
+    sensor: Name
+    quantity: str
+    unit: str
+    values: tuple[float, ...]
+    is_saturated: bool = False
+
+
+class Observation(Message):
+    """All that an agent gets in a tick. Written by sensing on `agents/<id>/observation` every tick.
+
+    The pose is the vehicle's own estimate. When `awaiting_command` is true, exactly one `Command` with this
+    tick is expected in return, and simulated time waits for it. `notice` says why the last command was refused.
+    """
+
+    agent: Name
+    time_s: float
+    position_world_m: Vec3
+    yaw_rad: float
+    velocity_world_m_s: Vec3
+    status: str
+    awaiting_command: bool
+    readings: tuple[Reading, ...]
+    notice: str | None = None
+
+    def reading(self, sensor: str) -> Reading:
+        """Return the reading of the sensor of that name.
+
+        Raises:
+            KeyError: the vehicle has no such sensor.
+        """
+        for reading in self.readings:
+            if reading.sensor == sensor:
+                return reading
+        raise KeyError(f"no sensor {sensor!r}; there are {[r.sensor for r in self.readings]}")
+
+
+class Declaration(Record):
+    """Where an agent believes the source to be, and how sure it is (0 to 1)."""
+
+    position_world_m: Vec3
+    confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+class Command(Message):
+    """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
+
+    `waypoint` flies to `position_world_m` and holds there `hold_s` (absent: the briefing's);
+    `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
+    `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
+    """
+
+    kind: Literal["waypoint", "hold", "noop", "declare_source", "failed"]
+    position_world_m: Vec3 | None = None
+    hold_s: Annotated[float, Field(ge=0, le=3600)] | None = None
+    declaration: Declaration | None = None
+    reason: Annotated[str, StringConstraints(max_length=500)] = ""
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> Self:
+        if self.kind == "waypoint" and self.position_world_m is None:
+            raise ValueError("a waypoint command needs position_world_m")
+        if self.kind == "declare_source" and self.declaration is None:
+            raise ValueError("a declare_source command needs declaration")
+        return self
+
+    @property
+    def closes_port(self) -> bool:
+        """Whether no further message follows on this port."""
+        return self.kind == "failed"
+
+
+class Ending(Message):
+    """Told to an agent when the run is over, on `agents/<id>/ending`: it should exit."""
+
+    reason: str
+
+
+# ---------------------------------------------------------------- referee
+
+
+class AgentScore(Record):
+    """How one agent stands at this tick."""
+
+    agent: Name
+    distance_to_source_m: float
+    path_length_m: float
+    n_commands: int
+
+
+class AgentResult(Record):
+    """The final figures of one agent; lengths are absent where they have no meaning (no path, no declaration)."""
+
+    name: Name
+    success: bool
+    outcome: str
+    time_to_source_s: float | None
+    steps: int
+    path_length_m: float
+    straight_line_m: float
+    shortest_path_m: float | None
+    movement_overhead: float | None
+    directness: float | None
+    final_distance_m: float
+    declared_error_m: float | None
+
+
+class RefereeEvent(Record):
+    """Something the referee saw at this tick: take-off, first gas contact, collision, declaration, success …"""
+
+    agent: Name | None
+    kind: str
+    text: str
+
+
+class Score(Message):
+    """How all agents stand. Written by referee on `referee/score` every tick.
+
+    `is_final` announces that the verdict of the same tick follows on `referee/verdict` and the run ends.
+    """
+
+    agents: tuple[AgentScore, ...]
+    events: tuple[RefereeEvent, ...] = ()
+    is_final: bool = False
+
+    def announced_ports(self) -> frozenset[str]:
+        """Return the verdict port at the tick that ends the run."""
+        return frozenset({"referee/verdict"}) if self.is_final else frozenset()
+
+
+class Verdict(Message):
+    """The end of the run and its result; nothing after this tick counts. Written once by referee."""
+
+    end_reason: Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
+    agents: tuple[AgentResult, ...]

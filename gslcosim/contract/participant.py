@@ -1,0 +1,76 @@
+"""What a participant declares and what a core is: the plug between models and the runtime."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from gslcosim.contract.messages import Message
+
+
+@dataclass(frozen=True, kw_only=True)
+class Write:
+    """A port that a participant writes: one message at tick 0 and every `period_ticks` after it.
+
+    `announced_in` names a port whose messages say at which ticks this port carries a message instead
+    (see `Message.announced_ports`); `period_ticks` then has no meaning.
+    """
+
+    port: str
+    message_type: type[Message]
+    period_ticks: int = 1
+    announced_in: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Read:
+    """A port that a participant reads: to step tick k it needs the message of tick k - delay_ticks, if there is one."""
+
+    port: str
+    delay_ticks: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParticipantSpec:
+    """The declared dataflow of one participant; it steps every tick from 0.
+
+    `window_ticks` is the credit: no writer this participant reads from runs further ahead of it.
+    """
+
+    name: str
+    reads: tuple[Read, ...]
+    writes: tuple[Write, ...]
+    window_ticks: int = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """One run of a scenario: the seed from which all its random streams derive."""
+
+    seed: int
+
+
+Inbox = Mapping[str, Message]
+Outbox = Mapping[str, Message]
+
+
+class Core(Protocol):
+    """A model that does not know where it runs: no process, no socket, no clock."""
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        ...
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Return to the state before tick 0 and return the messages that are written once (may be empty)."""
+        ...
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Advance to the end of `tick` and return one message for each port that is due at it.
+
+        Args:
+            tick: 0, 1, 2, … without gaps; tick 0 is the initial state.
+            inbox: For each declared read the message of `tick - delay_ticks`; a port is missing from it
+                where no message exists (before tick 0, between periods, not announced, closed).
+        """
+        ...

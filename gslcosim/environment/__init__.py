@@ -1,0 +1,1 @@
+"""Rooms: grids, occupancy, layouts, wind frames, and the folder that holds them."""

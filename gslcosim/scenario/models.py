@@ -1,0 +1,201 @@
+"""The frozen models of a scenario file: every field with unit, default and range."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+SCHEMA = "gslcosim/scenario/1"
+
+Vec3 = tuple[float, float, float]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class Spec(BaseModel):
+    """Base of all parts of a scenario: frozen, unknown keys are errors, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class BoxSpec(Spec):
+    """A solid box in the room, corners in the world frame [m]."""
+
+    name: Name
+    min_m: Vec3
+    max_m: Vec3
+
+
+class OpeningSpec(Spec):
+    """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
+
+    min_m: Vec3
+    max_m: Vec3
+
+
+class LayoutSpec(Spec):
+    """How to generate a room. Sizes [m]; inlet and outlet default to the thesis's near and far corner."""
+
+    kind: Literal["warehouse_empty"] = "warehouse_empty"
+    size_m: tuple[Positive, Positive, Positive] = (15.0, 15.0, 8.0)
+    seed: Annotated[int, Field(ge=0)] = 1
+    wall_m: Positive = 0.2
+    inlet: OpeningSpec | None = None
+    outlet: OpeningSpec | None = None
+    obstacles: tuple[BoxSpec, ...] = ()
+
+
+class EnvironmentSpec(Spec):
+    """Where the run takes place: a layout to generate, or the folder of an environment made before."""
+
+    layout: LayoutSpec | None = None
+    path: str | None = None
+
+
+class WindSpec(Spec):
+    """The air's motion. `uniform` is `inlet_velocity_m_s` everywhere; `built_in` solves the flow.
+
+    The solve runs from still air to `end_time_s`; with `average_from_s` the time mean from there on is the steady
+    wind, otherwise the last instant is.
+    """
+
+    solver: Literal["built_in", "uniform"] = "built_in"
+    inlet_velocity_m_s: Vec3 = (1.0, 0.0, 0.0)
+    cell_m: Positive = 0.2
+    end_time_s: Positive = 60.0
+    average_from_s: NonNegative | None = 30.0
+
+
+class SourceSpec(Spec):
+    """A point source of gas. `ppm` and `sigma_m` are a filament's centre mixing ratio and size at birth."""
+
+    position_m: Vec3
+    filaments_per_s: Positive = 10.0
+    ppm: Positive = 10.0
+    sigma_m: Positive = 0.1
+
+
+class GasSpec(Spec):
+    """The gas and its dispersion.
+
+    Growth sigma^2 = sigma0^2 + growth_m2_s * age; random walk with eddy diffusivity per axis; `step_s` is the filament
+    model's own time step; `warm_up_s` the plume's age when the run starts.
+    """
+
+    model: Literal["filament"] = "filament"
+    gas: str = "ethanol"
+    sources: Annotated[tuple[SourceSpec, ...], Field(min_length=1)]
+    growth_m2_s: NonNegative = 0.001
+    eddy_diffusivity_m2_s: NonNegative = 0.002
+    step_s: Positive = 0.1
+    warm_up_s: NonNegative = 150.0
+
+
+class StartSpec(Spec):
+    """How an agent comes to life: a Python agent by name or file, a command line, or one that attaches itself."""
+
+    python: str | None = None
+    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    attach: bool = False
+
+
+class VehicleSpec(Spec):
+    """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint."""
+
+    model: Literal["iris"] = "iris"
+    start_m: Vec3
+    search_height_m: Positive = 2.0
+    hold_s: NonNegative = 2.0
+    max_speed_m_s: Positive = 1.0
+    max_acceleration_m_s2: Positive = 2.0
+
+
+class SensorSpec(Spec):
+    """A sensor on the vehicle; `mount_m` is its place in the body frame [m]."""
+
+    model: Literal["tgs2600", "anemometer"]
+    name: Name
+    mount_m: Vec3 = (0.0, 0.0, 0.0)
+    speed_noise_std_m_s: NonNegative = 0.01
+    direction_noise_std_rad: NonNegative = 0.1
+
+
+class AgentSpec(Spec):
+    """One agent with its vehicle and sensors.
+
+    `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
+    `{latency: N}` N ticks after each observation.
+    """
+
+    name: Name
+    start: StartSpec
+    mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] = (
+        "on_request"
+    )
+    vehicle: VehicleSpec
+    sensors: Annotated[tuple[SensorSpec, ...], Field(min_length=1)]
+    answer_within_s: Positive = 30.0
+
+    @property
+    def latency_ticks(self) -> int:
+        """Ticks between an observation and the effect of its command: N for `{latency: N}`, otherwise 1."""
+        return self.mode["latency"] if isinstance(self.mode, dict) else 1
+
+    @property
+    def mode_name(self) -> Literal["on_request", "lockstep", "latency"]:
+        """Return the mode without its number."""
+        return "latency" if isinstance(self.mode, dict) else self.mode
+
+    @property
+    def is_asked_every_tick(self) -> bool:
+        """Whether every observation awaits a command."""
+        return self.mode_name != "on_request"
+
+
+class SuccessSpec(Spec):
+    """Success: the vehicle, or the agent's declaration, is within this distance of a source [m]."""
+
+    within_m: Positive = 1.0
+    of: Literal["source", "declaration"] = "source"
+
+
+class StopSpec(Spec):
+    """What ends a run besides success: simulated time [s], or a collision."""
+
+    time_limit_s: Positive = 300.0
+    on_collision: bool = True
+
+
+class RefereeSpec(Spec):
+    """How the run is judged."""
+
+    success: SuccessSpec = SuccessSpec()
+    stop: StopSpec = StopSpec()
+
+
+class RecordingSpec(Spec):
+    """What is recorded, and how often [s of simulated time]."""
+
+    enabled: bool = True
+    gas_every_s: Positive = 1.0
+    slice_cell_m: Positive = 0.25
+
+
+class Scenario(Spec):
+    """A whole scenario file. `tick_ms` is the exchange step; physics sub-steps are inside the world."""
+
+    schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema")
+    name: Name
+    seed: Annotated[int, Field(ge=0, le=2**31)] = 0
+    tick_ms: Annotated[int, Field(ge=1, le=1000)] = 100
+    environment: EnvironmentSpec
+    wind: WindSpec = WindSpec()
+    gas: GasSpec
+    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)]
+    referee: RefereeSpec = RefereeSpec()
+    recording: RecordingSpec = RecordingSpec()
+
+    @property
+    def tick_ns(self) -> int:
+        """Length of a tick [ns]."""
+        return self.tick_ms * 1_000_000

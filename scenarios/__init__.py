@@ -1,0 +1,1 @@
+"""Bundled scenarios and suites, found by name."""

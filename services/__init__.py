@@ -1,0 +1,1 @@
+"""Process shells: build a core, hand it to the runtime."""
