@@ -1,0 +1,7 @@
+"""What the author of a Python agent imports: a base class, the messages, and `run`."""
+
+from gslcosim.agent_kit.agent import Agent
+from gslcosim.agent_kit.connection import run
+from gslcosim.contract.messages import Briefing, Command, Declaration, Observation, Reading
+
+__all__ = ["Agent", "Briefing", "Command", "Declaration", "Observation", "Reading", "run"]

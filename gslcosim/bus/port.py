@@ -1,0 +1,100 @@
+"""The interface every transport offers; nothing outside this package knows which one it is."""
+
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from gslcosim.errors import UsageError
+
+JOIN_VARIABLE = "GSLCOSIM_JOIN"
+JOIN_FILE_WAIT_S = 120.0
+
+Handler = Callable[[str, bytes], None]
+Answerer = Callable[[bytes], list[bytes]]
+
+
+class Join(BaseModel):
+    """How a process joins a run: where, as whom, and under which namespace.
+
+    `run_dir` is given to services only; agents never learn it.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    name: str
+    endpoint: str
+    namespace: str
+    user: str
+    password: str
+    run_dir: str | None = None
+
+    @classmethod
+    def from_environment(cls) -> "Join":
+        """Return the join data from the environment variable `GSLCOSIM_JOIN`: JSON, or the path of a file that holds it.
+
+        A file that does not exist yet is waited for, so that processes on several hosts may start in any order.
+
+        Raises:
+            UsageError: the variable is missing or is not what it should be.
+        """
+        text = os.environ.get(JOIN_VARIABLE, "")
+        if not text:
+            raise UsageError(
+                f"{JOIN_VARIABLE}: expected JSON with name, endpoint, namespace, user and password, or a file that "
+                "holds it; it is not set. `gslcosim up` sets it for the processes it starts."
+            )
+        if not text.lstrip().startswith("{"):
+            text = _wait_for_file(Path(text))
+        try:
+            return cls.model_validate(json.loads(text))
+        except (json.JSONDecodeError, ValidationError) as error:
+            raise UsageError(f"{JOIN_VARIABLE}: expected JSON as `gslcosim up` writes it; {error}") from error
+
+
+def _wait_for_file(path: Path) -> str:
+    deadline = time.monotonic() + JOIN_FILE_WAIT_S
+    while not path.exists():
+        if time.monotonic() > deadline:
+            raise UsageError(f"{JOIN_VARIABLE}: expected a file within {JOIN_FILE_WAIT_S:g} s, found none.\nFile: {path}")
+        time.sleep(0.05)
+    return path.read_text()
+
+
+class Bus(Protocol):
+    """One member's connection to a run. Keys are relative to the run's namespace.
+
+    Handlers run on a thread of the transport: they only enqueue.
+    """
+
+    def publish(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
+        """Send bytes to all subscribers of a key; `urgent` is not held back for batching."""
+        ...
+
+    def subscribe(self, key: str, handler: Handler) -> None:
+        """Call `handler(key, payload)` for each message whose key matches (`*` one segment, `**` any)."""
+        ...
+
+    def answer(self, key: str, answerer: Answerer) -> None:
+        """Answer each question put to a key with a list of payloads."""
+        ...
+
+    def ask(self, key: str, payload: bytes, handler: Handler) -> None:
+        """Put a question to a key; each answer goes to `handler`. No answer is not an error."""
+        ...
+
+    def declare_alive(self, key: str) -> None:
+        """Show a liveliness token until this connection ends."""
+        ...
+
+    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """Call `handler(key, is_alive)` for each token that is there, appears or vanishes."""
+        ...
+
+    def close(self) -> None:
+        """End the connection; further calls do nothing."""
+        ...

@@ -1,0 +1,251 @@
+"""The bus over Zenoh: a router embedded in the supervisor, a client session in every other process."""
+
+import contextlib
+import json
+import secrets
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import zenoh
+import zenoh.handlers
+
+from gslcosim.bus.port import Answerer, Handler, Join
+from gslcosim.errors import SimulationFault
+
+# How soon others learn that a member hangs without its process having ended [ms].
+LEASE_MS = 2500
+CLOSE_LIMIT_S = 5.0
+SERVICE_USER = "service"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentUser:
+    """An agent's account on the router: its name is its identity, its keys are all it can reach."""
+
+    agent: str
+    password: str
+
+    @property
+    def user(self) -> str:
+        """The account's name."""
+        return f"agent_{self.agent}"
+
+
+class ZenohBus:
+    """A Zenoh session seen as a `Bus`.
+
+    Zenoh's own queues are bounded and drop or disconnect when full; all handlers here must only enqueue.
+    """
+
+    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+        self._session = session
+        self._prefix = f"{namespace}/"
+        self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
+        self._held: list[Any] = []  # Zenoh undeclares what nobody holds
+
+    @classmethod
+    def open_member(cls, join: Join) -> Self:
+        """Connect a process to the run's router.
+
+        Raises:
+            SimulationFault: nothing answers at the endpoint, or name and password are refused.
+        """
+        config = _base_config(join.namespace)
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
+        config.insert_json5("listen/endpoints", "[]")
+        config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
+        config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
+        try:
+            return cls(zenoh.open(config), join.namespace)
+        except zenoh.ZError as error:
+            raise SimulationFault(
+                f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
+                f"ended, or user {join.user!r} and its password were refused. ({error})"
+            ) from error
+
+    @classmethod
+    def open_router(
+        cls,
+        *,
+        endpoints: Iterable[str],
+        namespace: str,
+        service_password: str,
+        agents: Iterable[AgentUser],
+        secrets_dir: Path,
+    ) -> Self:
+        """Open the run's router, with one account for the services and one for each agent.
+
+        Agents are confined to `agents/<name>/**`: they may write their command and their liveliness token there
+        and read the rest of it; everything else is denied in both directions.
+
+        Raises:
+            SimulationFault: an endpoint cannot be listened on.
+        """
+        agents = list(agents)
+        accounts = secrets_dir / "accounts"
+        accounts.touch(mode=0o600)
+        lines = [f"{SERVICE_USER}:{service_password}", *(f"{a.user}:{a.password}" for a in agents)]
+        accounts.write_text("\n".join(lines) + "\n")
+        config = _base_config(namespace)
+        config.insert_json5("mode", '"router"')
+        config.insert_json5("listen/endpoints", json.dumps(list(endpoints)))
+        config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
+        config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_USER))
+        config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
+        config.insert_json5("access_control", json.dumps(_access_control(namespace, agents)))
+        try:
+            return cls(zenoh.open(config), namespace)
+        except zenoh.ZError as error:
+            raise SimulationFault(f"router: expected to listen on {list(endpoints)}, could not: {error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def publish(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
+        """Send bytes to all subscribers of a key; see `Bus`."""
+        publisher = self._publishers.get((key, urgent))
+        if publisher is None:
+            publisher = self._session.declare_publisher(
+                key,
+                encoding=zenoh.Encoding(encoding or "application/msgpack"),
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                express=urgent,
+            )
+            self._publishers[key, urgent] = publisher
+        publisher.put(payload)
+
+    def subscribe(self, key: str, handler: Handler) -> None:
+        """Call `handler(key, payload)` for each message; see `Bus`."""
+        self._held.append(
+            self._session.declare_subscriber(
+                key,
+                zenoh.handlers.Callback(
+                    lambda sample: handler(self._relative(sample.key_expr), sample.payload.to_bytes()), indirect=False
+                ),
+            )
+        )
+
+    def answer(self, key: str, answerer: Answerer) -> None:
+        """Answer each question put to a key; see `Bus`."""
+
+        def reply(query: zenoh.Query) -> None:
+            with query:
+                question = query.payload.to_bytes() if query.payload else b""
+                for payload in answerer(question):
+                    query.reply(query.key_expr, payload)
+
+        self._held.append(self._session.declare_queryable(key, reply))
+
+    def ask(self, key: str, payload: bytes, handler: Handler) -> None:
+        """Put a question to a key; see `Bus`."""
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                handler(self._relative(reply.ok.key_expr), reply.ok.payload.to_bytes())
+
+        self._session.get(key, on_reply, payload=payload, target=zenoh.QueryTarget.ALL)
+
+    def declare_alive(self, key: str) -> None:
+        """Show a liveliness token; see `Bus`."""
+        self._held.append(self._session.liveliness().declare_token(key))
+
+    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """Call `handler(key, is_alive)` for each token; see `Bus`."""
+        self._held.append(
+            self._session.liveliness().declare_subscriber(
+                key,
+                lambda sample: handler(self._relative(sample.key_expr), sample.kind == zenoh.SampleKind.PUT),
+                history=True,
+            )
+        )
+
+    def on_disconnect(self, handler: Callable[[], None]) -> None:
+        """Call `handler()` when the link to the router is lost."""
+        self._held.append(
+            self._session.info.declare_transport_events_listener(
+                lambda event: handler() if event.kind == zenoh.SampleKind.DELETE else None
+            )
+        )
+
+    def close(self) -> None:
+        """End the session; see `Bus`. It can block for seconds on a bad link, so it is given a limit."""
+        if self._session.is_closed():
+            return
+        closing = threading.Thread(target=self._close_quietly, daemon=True)
+        closing.start()
+        closing.join(CLOSE_LIMIT_S)
+
+    def _close_quietly(self) -> None:
+        with contextlib.suppress(zenoh.ZError):
+            self._session.close()
+
+    def _relative(self, key: object) -> str:
+        return str(key).removeprefix(self._prefix)
+
+
+def new_password() -> str:
+    """Return a fresh random password; it has no influence on a run's results."""
+    return secrets.token_urlsafe(18)
+
+
+def _base_config(namespace: str) -> zenoh.Config:
+    # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.
+    config = zenoh.Config()
+    config.insert_json5("namespace", json.dumps(namespace))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "false")
+    config.insert_json5("scouting/delay", "0")
+    config.insert_json5("timestamping/enabled", "false")
+    config.insert_json5("transport/shared_memory/enabled", "false")
+    config.insert_json5("transport/link/tx/lease", str(LEASE_MS))
+    config.insert_json5("transport/link/tx/keep_alive", "4")
+    return config
+
+
+# Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only
+# what its egress rule lets through.
+def _access_control(namespace: str, agents: list[AgentUser]) -> dict[str, Any]:
+    rules: list[dict[str, Any]] = [
+        {
+            "id": "everything",
+            "permission": "allow",
+            "flows": ["ingress", "egress"],
+            "messages": [
+                "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
+                "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
+            ],
+            "key_exprs": ["**"],
+        }
+    ]  # fmt: skip
+    subjects: list[dict[str, Any]] = [{"id": SERVICE_USER, "usernames": [SERVICE_USER]}]
+    policies: list[dict[str, Any]] = [{"rules": ["everything"], "subjects": [SERVICE_USER]}]
+    for agent in agents:
+        home = f"{namespace}/agents/{agent.agent}"
+        mine = [
+            _rule(f"{agent.user}_hears", "egress", ["put", "delete", "reply"], [f"{home}/**"]),
+            _rule(f"{agent.user}_asks", "ingress", ["declare_subscriber", "query"], ["**"]),
+            _rule(f"{agent.user}_is_asked", "egress", ["declare_subscriber"], [f"{home}/command"]),
+            _rule(f"{agent.user}_acts", "ingress", ["put"], [f"{home}/command"]),
+            _rule(f"{agent.user}_lives", "ingress", ["liveliness_token"], [f"{home}/alive"]),
+        ]
+        rules += mine
+        subjects.append({"id": agent.user, "usernames": [agent.user]})
+        policies.append({"rules": [rule["id"] for rule in mine], "subjects": [agent.user]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rule(rule_id: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Any]:
+    return {"id": rule_id, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
