@@ -1,0 +1,119 @@
+"""What is wrong with a scenario, where it stands, and the one error that carries all of it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from gslcosim.errors import ScenarioError
+
+
+class ProblemLike(Protocol):
+    """What a check reports: the place in the scenario, what it expected and found, and what to do."""
+
+    @property
+    def path(self) -> str:
+        """The place, for example `gas.sources[0].position_m`."""
+        ...
+
+    @property
+    def expected(self) -> str:
+        """What is allowed there, as the rest of a sentence."""
+        ...
+
+    @property
+    def found(self) -> str:
+        """What stands there."""
+        ...
+
+    @property
+    def remedy(self) -> str:
+        """What to do, a whole sentence, or empty."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One thing that is wrong with a scenario; `path` is its place, for example `agents[0].vehicle.start_m`."""
+
+    path: str
+    expected: str
+    found: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where a value was written: a file with line and column, both from 1, or the option that gave it."""
+
+    source: str
+    line: int | None = None
+    column: int | None = None
+
+    def __str__(self) -> str:
+        return self.source if self.line is None else f"{self.source}:{self.line}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocatedProblem:
+    """A problem with the place where its cause was written."""
+
+    place: Place
+    problem: ProblemLike
+
+    def __str__(self) -> str:
+        problem = self.problem
+        where = f"{self.place}: {problem.path}" if problem.path else f"{self.place}"
+        remedy = f" {problem.remedy}" if problem.remedy else ""
+        return f"{where}: expected {problem.expected}, was {problem.found}.{remedy}"
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Where each value of a scenario was written, by its path; a value without a mark stands where its parent does."""
+
+    root: Place
+    places: dict[str, Place] = field(default_factory=dict[str, Place])
+
+    def place_of(self, path: str) -> Place:
+        """Return where the value at a path, or the nearest of its parents that has a mark, was written."""
+        while path:
+            if path in self.places:
+                return self.places[path]
+            path = parent_of(path)
+        return self.root
+
+
+class InvalidScenarioError(ScenarioError):
+    """A scenario has problems; the text lists all of them, one a line, in the order of the file."""
+
+    def __init__(self, located: Sequence[LocatedProblem], *, name: str) -> None:
+        self.problems = tuple(sorted(located, key=_reading_order))
+        lines = [str(problem) for problem in self.problems]
+        if len(lines) > 1:
+            lines.insert(0, f"{name}: {len(lines)} problems")
+        super().__init__("\n".join(lines))
+
+
+def invalid_scenario(problems: Iterable[ProblemLike], marks: Marks) -> InvalidScenarioError:
+    """Return the error that tells all problems with the places where their causes were written."""
+    located = [LocatedProblem(place=marks.place_of(problem.path), problem=problem) for problem in problems]
+    return InvalidScenarioError(located, name=marks.root.source)
+
+
+def child_path(parent: str, key: str | int) -> str:
+    """Return the path of a key or list index inside the value at `parent`."""
+    if isinstance(key, int):
+        return f"{parent}[{key}]"
+    return f"{parent}.{key}" if parent else key
+
+
+def parent_of(path: str) -> str:
+    """Return the path of the value that holds the one at `path`; empty for a top-level key."""
+    if path.endswith("]"):
+        return path[: path.rindex("[")]
+    return path.rpartition(".")[0]
+
+
+def _reading_order(located: LocatedProblem) -> tuple[bool, int, str, str]:
+    line = located.place.line
+    return (line is None, line or 0, located.problem.path, located.problem.expected)

@@ -1,0 +1,189 @@
+"""What the models allow at a place of a scenario, found from their annotations and said in words."""
+
+import types
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import annotated_types
+from pydantic import BaseModel, StringConstraints
+from pydantic.fields import FieldInfo
+
+from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.problems import child_path
+from gslcosim.scenario.units import unit_of
+
+Segment = str | int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slot:
+    """A place that the models know: its path, the key whose name says the unit, and the annotation."""
+
+    path: str
+    key: str
+    annotation: Any
+    constraints: tuple[Any, ...] = ()
+
+    @property
+    def model(self) -> type[BaseModel] | None:
+        """The model of the block that belongs here, if it is a block."""
+        return _model_in(self.annotation)
+
+    def describe(self) -> str:
+        """Return what is allowed here in words: `a number greater than 0 in metres`."""
+        return _describe(self.annotation, self.constraints, unit_of(self.key))
+
+
+def slot_at(location: tuple[Segment, ...]) -> Slot:
+    """Return the deepest place on the way to a location that the models know; unknown keys end the way."""
+    slot = Slot(path="", key="", annotation=Scenario)
+    for segment in location:
+        inner = _inner_slot(slot, segment)
+        if inner is None:
+            return slot
+        slot = inner
+    return slot
+
+
+def keys_of(model: type[BaseModel]) -> list[str]:
+    """Return the keys that a block may have, as written in a file."""
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def paths_of_key(key: str) -> list[str]:
+    """Return the places of all blocks, written like `agents[].vehicle`, that have a certain key."""
+    return [path for path, model in _all_blocks(Scenario, "") if key in keys_of(model)]
+
+
+def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
+    yield path, model
+    for name, field in model.model_fields.items():
+        inner_path = child_path(path, field.alias or name)
+        inner = _model_in(field.annotation)
+        if inner is None:
+            inner, inner_path = _model_in(_item_annotation(field.annotation)), f"{inner_path}[]"
+        if inner is not None:
+            yield from _all_blocks(inner, inner_path)
+
+
+def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
+    path = child_path(slot.path, segment)
+    if isinstance(segment, int):
+        item, constraints = _split(_item_annotation(slot.annotation))
+        return None if item is None else Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
+    field = slot.model and _field_of(slot.model, segment)
+    if field is None:
+        return None
+    annotation, constraints = _split(field.annotation)
+    return Slot(path=path, key=segment, annotation=annotation, constraints=(*constraints, *field.metadata))
+
+
+def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
+    return next((field for name, field in model.model_fields.items() if (field.alias or name) == key), None)
+
+
+# Optional[X] and Annotated[X, ...] to X; a union of several kinds stays what it is.
+def _split(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
+    constraints: tuple[Any, ...] = ()
+    while True:
+        if typing.get_origin(annotation) is typing.Annotated:
+            annotation, *found = typing.get_args(annotation)
+            constraints += tuple(found)
+            continue
+        kinds = _kinds_of_union(annotation)
+        if len(kinds) != 1:
+            return annotation, tuple(_flat(constraints))
+        annotation = kinds[0]
+
+
+def _flat(constraints: tuple[Any, ...]) -> Iterator[Any]:
+    for constraint in constraints:
+        if isinstance(constraint, FieldInfo):
+            yield from constraint.metadata
+        else:
+            yield constraint
+
+
+def _kinds_of_union(annotation: Any) -> list[Any]:
+    if typing.get_origin(annotation) not in (typing.Union, types.UnionType):
+        return []
+    return [kind for kind in typing.get_args(annotation) if kind is not types.NoneType]
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    kind, _ = _split(annotation)
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def _item_annotation(annotation: Any) -> Any:
+    kind, _ = _split(annotation)
+    return typing.get_args(kind)[0] if typing.get_origin(kind) is tuple else None
+
+
+def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
+    kind, inner = _split(annotation)
+    constraints = (*inner, *constraints)
+    in_unit = f" in {unit}" if unit and not unit.startswith("per") else f" {unit}" if unit else ""
+    if kinds := _kinds_of_union(kind):
+        return " or ".join(_describe(each, (), unit) for each in kinds)
+    if typing.get_origin(kind) is Literal:
+        return _alternatives([str(value) for value in typing.get_args(kind)])
+    if typing.get_origin(kind) is tuple:
+        return _describe_list(typing.get_args(kind), constraints, unit)
+    if typing.get_origin(kind) is dict:
+        key, value = typing.get_args(kind)
+        return f"{{{typing.get_args(key)[0]}: N}} with N {_describe(value, (), '')}"
+    if model := _model_in(kind):
+        return f"a block with the keys {_join(keys_of(model), 'and')}"
+    words = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+    if kind is str and any(isinstance(constraint, StringConstraints) for constraint in constraints):
+        return "a name: a small letter, then small letters, digits and _, at most 40 in all"
+    return f"{words[kind]}{_range(constraints)}{in_unit}"
+
+
+def _describe_list(items: tuple[Any, ...], constraints: tuple[Any, ...], unit: str) -> str:
+    if items[-1] is not Ellipsis:
+        words = _describe(items[0], (), unit).removeprefix("a ")
+        return f"a list of {len(items)} {_plural(words)}"
+    at_least = "of at least one " if any(isinstance(c, annotated_types.MinLen) for c in constraints) else "of "
+    model = _model_in(items[0])
+    what = f"block with the keys {_join(keys_of(model), 'and')}" if model else "text"
+    return f"a list {at_least}{what if 'one' in at_least else _plural(what)}"
+
+
+def _plural(words: str) -> str:
+    first, _, rest = words.partition(" ")
+    return f"{first}s {rest}".rstrip()
+
+
+def _range(constraints: tuple[Any, ...]) -> str:
+    low, high = "", ""
+    for constraint in constraints:
+        match constraint:
+            case annotated_types.Gt(gt=bound):
+                low = f"greater than {_number(bound)}"
+            case annotated_types.Ge(ge=bound):
+                low = f"from {_number(bound)}"
+            case annotated_types.Le(le=bound):
+                high = f"to {_number(bound)}"
+            case annotated_types.Lt(lt=bound):
+                high = f"below {_number(bound)}"
+            case _:
+                pass
+    if low.startswith("from") and not high:
+        low = low.replace("from", "of at least", 1)
+    return f" {f'{low} {high}'.strip()}" if low or high else ""
+
+
+def _number(bound: Any) -> str:
+    return f"{bound:.15g}"
+
+
+def _alternatives(values: list[str]) -> str:
+    return values[0] if len(values) == 1 else f"one of {_join(values, 'or')}"
+
+
+def _join(words: list[str], conjunction: str) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {conjunction} {words[-1]}"

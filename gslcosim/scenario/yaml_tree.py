@@ -1,0 +1,191 @@
+"""YAML text to plain values, with the place of each: the one way a scenario's text is read.
+
+Plain values follow YAML 1.2's core schema, not 1.1's that PyYAML knows: `yes`, `on`, `12:30` and `2024-01-01` are text,
+`1e-3` is a number.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Any, cast
+
+import yaml
+
+from gslcosim.scenario.problems import (
+    InvalidScenarioError,
+    LocatedProblem,
+    Marks,
+    Place,
+    Problem,
+    child_path,
+    invalid_scenario,
+)
+
+# Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
+MAX_VALUES = 100_000
+
+_TAG = "tag:yaml.org,2002:"
+
+
+@dataclass(frozen=True)
+class YamlTree:
+    """The values of a file as dicts, lists and scalars, with the place where each was written.
+
+    `problems` are those of the text itself, such as a key that is there twice; `values` then holds the rest.
+    """
+
+    values: Any
+    marks: Marks
+    problems: tuple[Problem, ...] = ()
+
+
+class _CoreLoader(yaml.SafeLoader):
+    """Composes nodes with YAML 1.2's core schema in place of PyYAML's YAML 1.1."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+
+
+def _resolve(kind: str, pattern: str, first_characters: list[str]) -> None:
+    cast("Any", _CoreLoader).add_implicit_resolver(_TAG + kind, re.compile(pattern), first_characters)
+
+
+_resolve("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF"))
+_resolve("null", r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""])
+_resolve("int", r"^(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)$", list("-+0123456789"))
+_resolve(
+    "float",
+    r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
+    list("-+0123456789."),
+)
+
+
+def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
+    """Return the values of a YAML text with their places.
+
+    Args:
+        text: One YAML document.
+        source: What the places name: the file as the user wrote it, or an option.
+        root_path: The path of the outermost value; empty for a file.
+
+    Raises:
+        InvalidScenarioError: the text is not YAML.
+    """
+    root = Place(source=source, line=1, column=1)
+    try:
+        node: yaml.Node | None = cast("Any", yaml).compose(text, Loader=_CoreLoader)
+        if node is None:
+            return YamlTree(None, Marks(root))
+        reader = _NodeReader(source)
+        values = reader.read(node, root_path)
+    except yaml.YAMLError as error:
+        raise _syntax_error(error, text, source) from error
+    except RecursionError as error:
+        problem = Problem(path="", expected="values some levels deep", found="a nest of hundreds of levels")
+        raise invalid_scenario([problem], Marks(root)) from error
+    return YamlTree(values, Marks(root, reader.places), tuple(reader.problems))
+
+
+class _NodeReader:
+    """Turns nodes into values, remembers where they stood, and collects what is wrong with the text itself."""
+
+    def __init__(self, source: str) -> None:
+        self.places: dict[str, Place] = {}
+        self.problems: list[Problem] = []
+        self._source = source
+        self._open: list[yaml.Node] = []
+        self._n_values = 0
+
+    def read(self, node: yaml.Node, path: str) -> Any:
+        self._n_values += 1
+        if path:
+            self.places.setdefault(path, self._place(node))
+        if any(node is outer for outer in self._open):
+            return self._refuse(path, "values that do not contain themselves", "an alias of a value around it")
+        if self._n_values > MAX_VALUES:
+            if self._n_values == MAX_VALUES + 1:
+                self._refuse("", f"at most {MAX_VALUES} values", "more", "Are there aliases of aliases?")
+            return None
+        self._open.append(node)
+        value = self._read_by_kind(node, path)
+        self._open.pop()
+        return value
+
+    def _read_by_kind(self, node: yaml.Node, path: str) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.read(item, child_path(path, i)) for i, item in enumerate(node.value)]
+        return self._scalar(cast("yaml.ScalarNode", node), path)
+
+    def _mapping(self, node: yaml.MappingNode, path: str) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                self._refuse(path, "keys that are words", "a list or block as a key", "Put it in quotes.")
+                continue
+            key = str(key_node.value)
+            key_path = child_path(path, key)
+            if key in values:
+                first, again = (place.line for place in (self.places[key_path], self._place(key_node)))
+                self._refuse(
+                    key_path, "the key once", f"there on line {first} and again on line {again}", "Delete one."
+                )
+                continue
+            self.places[key_path] = self._place(key_node)
+            values[key] = self.read(value_node, key_path)
+        return values
+
+    def _scalar(self, node: yaml.ScalarNode, path: str) -> Any:
+        text = str(node.value)
+        match node.tag.removeprefix(_TAG):
+            case "str":
+                return text
+            case "null":
+                return None
+            case "bool":
+                return text.lower() == "true"
+            case "int":
+                return _whole_number(text)
+            case "float":
+                return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+            case _:
+                return self._refuse(path, "a plain value", f"one with the tag {node.tag}", "Delete the tag.")
+
+    def _refuse(self, path: str, expected: str, found: str, remedy: str = "") -> None:
+        self.problems.append(Problem(path=path, expected=expected, found=found, remedy=remedy))
+
+    def _place(self, node: yaml.Node) -> Place:
+        return Place(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
+
+
+def _whole_number(text: str) -> int | str:
+    base = {"0o": 8, "0x": 16}.get(text[:2].lower(), 10)
+    try:
+        return int(text, base)
+    except ValueError:  # Python refuses to read thousands of digits
+        return text
+
+
+def _syntax_error(error: yaml.YAMLError, text: str, source: str) -> InvalidScenarioError:
+    line, column, expected, found, remedy = _describe_syntax_error(error, text)
+    place = Place(source=f"{source}:{line}:{column}")
+    problem = Problem(path="", expected=expected, found=found, remedy=remedy)
+    return InvalidScenarioError([LocatedProblem(place=place, problem=problem)], name=source)
+
+
+def _describe_syntax_error(error: yaml.YAMLError, text: str) -> tuple[int, int, str, str, str]:
+    if isinstance(error, yaml.reader.ReaderError):
+        position = int(error.position)
+        line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+        return line, column, "printable text", f"the character U+{ord(text[position]):04X}", "Delete it."
+    mark = getattr(error, "problem_mark", None)
+    line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+    said = str(getattr(error, "problem", "") or error)
+    if "'\\t'" in said or text.split("\n")[line - 1][:column].endswith("\t"):
+        return line, column, "spaces", "a tab", "Replace tabs by spaces."
+    if "but found another document" in said:
+        return line, column, "one document", "a second one after ---", "Put each scenario in its own file."
+    if "undefined alias" in said:
+        return line, column, "aliases of anchors above", said.removeprefix("found "), ""
+    context = str(getattr(error, "context", None) or "")
+    remedy = "Is a quote, bracket or colon missing above? Text with `: ` or ` #` in it needs quotes."
+    return line, column, "YAML", f"text that cannot be read ({context}{', ' if context else ''}{said})", remedy
