@@ -1,0 +1,131 @@
+import math
+
+import pytest
+
+from gslcosim.agent_kit import Briefing, Observation, Reading
+from gslcosim.contract.messages import Bounds, SensorDescription
+from gslcosim_agents.dung_beetle.agent import DungBeetle, to_millimetre
+
+WEST_WIND_RAD = math.pi  # comes from -x
+
+
+def briefing(seed: int = 1) -> Briefing:
+    sensors = (
+        SensorDescription(
+            name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.0)
+        ),
+        SensorDescription(
+            name="vane", model="anemometer", quantity="wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
+        ),
+    )
+    return Briefing(
+        tick=0,
+        agent="beetle",
+        contract_version="1.0",
+        mission="find it",
+        tick_ns=100_000_000,
+        seed=seed,
+        mode="on_request",
+        latency_ticks=1,
+        gas="ethanol",
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 10.0, 8.0)),
+        search_height_m=2.0,
+        hold_s=2.0,
+        time_limit_s=300.0,
+        sensors=sensors,
+    )
+
+
+def observation(
+    *, ohm: float, position_m=(7.0, 5.0, 2.0), upwind_rad: float = WEST_WIND_RAD, notice: str | None = None
+) -> Observation:
+    readings = (
+        Reading(sensor="nose", quantity="resistance", unit="ohm", values=(ohm,)),
+        Reading(sensor="vane", quantity="wind", unit="m/s, rad", values=(0.5, upwind_rad)),
+    )
+    return Observation(
+        tick=40,
+        agent="beetle",
+        time_s=4.0,
+        position_world_m=position_m,
+        yaw_rad=0.0,
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        status="holding",
+        awaiting_command=True,
+        readings=readings,
+        notice=notice,
+    )
+
+
+def leg_of(command, position_m=(7.0, 5.0, 2.0)) -> tuple[float, float]:
+    """Length [m] and direction [degrees, counter-clockwise from +x] of the commanded leg."""
+    dx, dy = command.position_world_m[0] - position_m[0], command.position_world_m[1] - position_m[1]
+    return math.hypot(dx, dy), math.degrees(math.atan2(dy, dx))
+
+
+def legs(ohms: list[float]) -> list[float]:
+    beetle = DungBeetle(briefing())
+    return [leg_of(beetle.decide(observation(ohm=ohm)))[1] for ohm in ohms]
+
+
+def test_it_seeks_at_a_right_angle_left_of_upwind_while_the_ohms_do_not_fall():
+    # Looking upwind, to -x, left is -y.
+    assert legs([50_000.0, 50_000.0, 50_100.0]) == pytest.approx([-90.0] * 3, abs=0.1)
+
+
+def test_it_zigzags_and_swaps_sides_each_time_the_ohms_do_not_fall():
+    # Upwind is 180 degrees: 60 left of it is 240 = -120, 60 right of it is 120.
+    directions = legs([50_000.0, 49_000.0, 48_000.0, 48_000.0, 47_000.0, 47_500.0, 50_000.0])
+    assert directions == pytest.approx([-90.0, -120.0, -120.0, 120.0, 120.0, -120.0, 120.0], abs=0.1)
+
+
+def test_a_leg_is_80_centimetres_long_at_search_height_and_answers_the_tick():
+    command = DungBeetle(briefing()).decide(observation(ohm=50_000.0, position_m=(7.0, 5.0, 1.7)))
+    assert leg_of(command)[0] == pytest.approx(0.8, abs=0.001)
+    assert command.position_world_m[2] == 2.0
+    assert command.tick == 40
+
+
+def test_a_zigzag_leg_is_mirrored_at_a_wall_and_goes_downwind_in_a_corner():
+    beetle = DungBeetle(briefing())
+    at_south_wall, in_west_corner = (7.0, 1.2, 2.0), (1.1, 1.2, 2.0)
+    beetle.decide(observation(ohm=50_000.0))
+    mirrored = beetle.decide(observation(ohm=49_000.0, position_m=at_south_wall))
+    assert leg_of(mirrored, at_south_wall)[1] == pytest.approx(120.0, abs=0.1)
+    downwind = beetle.decide(observation(ohm=48_000.0, position_m=in_west_corner))
+    assert leg_of(downwind, in_west_corner)[1] == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_a_seeking_beetle_never_aims_nearer_than_a_metre_to_the_walls(seed):
+    beetle = DungBeetle(briefing(seed))
+    for position_m in ((1.0, 1.0, 2.0), (14.0, 9.0, 2.0), (7.0, 1.1, 2.0), (0.1, 0.1, 2.0)):
+        x_m, y_m, _ = beetle.decide(observation(ohm=50_000.0, position_m=position_m)).position_world_m
+        assert 1.0 <= x_m <= 14.0
+        assert 1.0 <= y_m <= 9.0
+
+
+def test_a_refused_leg_is_not_tried_again():
+    beetle = DungBeetle(briefing())
+    first = beetle.decide(observation(ohm=50_000.0))
+    assert beetle.decide(observation(ohm=50_000.0, notice="in an obstacle")).position_world_m != first.position_world_m
+
+
+def test_equal_seeds_give_equal_legs_and_others_differ():
+    at_wall = observation(ohm=50_000.0, position_m=(7.0, 1.1, 2.0))
+    first, same, other = (DungBeetle(briefing(seed)).decide(at_wall) for seed in (3, 3, 4))
+    assert first == same
+    assert first != other
+
+
+def test_the_generator_is_splitmix64():
+    """The published outputs for seed 1234567 (S. Vigna's reference program), to the 53 bits that are used."""
+    beetle = DungBeetle(briefing(1_234_567))
+    published = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431]
+    assert [beetle.random_fraction() for _ in published] == [(value >> 11) / 2**53 for value in published]
+
+
+def test_rounding_to_millimetres_goes_half_up_for_either_sign():
+    assert [to_millimetre(value) for value in (1.2344, 1.2346, 0.0005, -0.0004, -1.2346)] == [
+        1.234, 1.235, 0.001, 0.0, -1.235,
+    ]  # fmt: skip
