@@ -60,7 +60,9 @@ def _wait_for_file(path: Path) -> str:
     deadline = time.monotonic() + JOIN_FILE_WAIT_S
     while not path.exists():
         if time.monotonic() > deadline:
-            raise UsageError(f"{JOIN_VARIABLE}: expected a file within {JOIN_FILE_WAIT_S:g} s, found none.\nFile: {path}")
+            raise UsageError(
+                f"{JOIN_VARIABLE}: expected a file within {JOIN_FILE_WAIT_S:g} s, found none.\nFile: {path}"
+            )
         time.sleep(0.05)
     return path.read_text()
 

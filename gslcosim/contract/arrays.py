@@ -1,6 +1,6 @@
 """Numeric arrays inside messages: raw little-endian bytes with dtype and shape."""
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,11 @@ class NumericArray(BaseModel):
         return self
 
     @classmethod
-    def from_array(cls, array: NDArray) -> Self:
+    def from_array(cls, array: NDArray[Any]) -> Self:
         """Copy a numpy array of one of the five dtypes into a message field."""
         name = array.dtype.name
         return cls(dtype=name, shape=array.shape, data=np.ascontiguousarray(array, DTYPES[name]).tobytes())  # type: ignore[arg-type]
 
-    def to_array(self) -> NDArray:
+    def to_array(self) -> NDArray[Any]:
         """Return the values as a read-only numpy array with the message's shape."""
         return np.frombuffer(self.data, DTYPES[self.dtype]).reshape(self.shape)

@@ -1,8 +1,8 @@
 """Messages to msgpack bytes and back, with errors that say what was expected."""
 
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
-import msgpack
+import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import ValidationError
 
 from gslcosim.contract.messages import Message
@@ -11,12 +11,14 @@ from gslcosim.errors import ContractError
 AnyMessage = TypeVar("AnyMessage", bound=Message)
 
 MAJOR_VERSION = 1
+_pack: Any = msgpack.packb
+_unpack: Any = msgpack.unpackb
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
 
 def encode(message: Message) -> bytes:
     """Return the canonical bytes of a message: keys in the schema's order, shortest ints, reals as float64."""
-    return msgpack.packb(message.model_dump(), use_bin_type=True)
+    return _pack(message.model_dump(), use_bin_type=True)
 
 
 def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
@@ -28,15 +30,19 @@ def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = M
     name = message_type.__name__
     if len(payload) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(payload)}.")
-    try:
-        fields = msgpack.unpackb(payload, raw=False, strict_map_key=True, use_list=False)
-    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
-        raise ContractError(
-            f"{name}: expected a msgpack map, was {len(payload)} bytes starting {payload[:16].hex()} ({error})."
-        ) from error
-    if not isinstance(fields, dict):
-        raise ContractError(f"{name}: expected a msgpack map, was {type(fields).__name__}.")
-    return from_fields(message_type, fields)
+    return from_fields(message_type, _unpack_map(name, payload))
+
+
+def peek_tick(payload: bytes) -> int:
+    """Return the tick of a message without judging the rest of it.
+
+    Raises:
+        ContractError: not a msgpack map with an integer `tick`.
+    """
+    tick = _unpack_map("message", payload).get("tick")
+    if type(tick) is not int:
+        raise ContractError(f"message: tick: expected an integer, was {_short(tick)}.")
+    return tick
 
 
 def from_fields(message_type: type[AnyMessage], fields: dict[str, object]) -> AnyMessage:
@@ -54,6 +60,18 @@ def from_fields(message_type: type[AnyMessage], fields: dict[str, object]) -> An
 def encoding_of(message_type: type[Message]) -> str:
     """Return the encoding header that travels with a message."""
     return f"application/msgpack;gslcosim.{message_type.__name__}/{MAJOR_VERSION}"
+
+
+def _unpack_map(name: str, payload: bytes) -> dict[str, Any]:
+    try:
+        fields = _unpack(payload, raw=False, strict_map_key=True, use_list=False)
+    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
+        raise ContractError(
+            f"{name}: expected a msgpack map, was {len(payload)} bytes starting {payload[:16].hex()} ({error})."
+        ) from error
+    if not isinstance(fields, dict):
+        raise ContractError(f"{name}: expected a msgpack map, was {type(fields).__name__}.")
+    return cast(dict[str, Any], fields)
 
 
 # pydantic's own text spans several lines and quotes whole inputs; an agent's author wants one line a field.

@@ -1,0 +1,22 @@
+"""What the fields read and write, known without building them."""
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import FieldSamples, FilamentCloud
+from gslcosim.contract.participant import ParticipantSpec, Read, Write
+from gslcosim.scenario import Scenario
+from gslcosim.ticks import exact_ticks_from_seconds
+
+
+def fields_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return the fields' dataflow: poses in, true gas and wind at the mounts and snapshots of the cloud out."""
+    snapshot_ticks = exact_ticks_from_seconds(
+        scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
+    )
+    return ParticipantSpec(
+        name="fields",
+        reads=(Read(port=keys.BODIES),),
+        writes=(
+            Write(port=keys.SAMPLES, message_type=FieldSamples),
+            Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=snapshot_ticks),
+        ),
+    )

@@ -1,0 +1,21 @@
+"""What the recorder reads, known without building it (and without importing rerun)."""
+
+from gslcosim.contract import keys
+from gslcosim.contract.participant import ParticipantSpec, Read
+from gslcosim.scenario import Scenario
+
+# The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
+WINDOW_TICKS = 512
+
+
+def recorder_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return the recorder's dataflow: everything in, nothing out."""
+    reads = [keys.BODIES, keys.SAMPLES, keys.FILAMENTS, keys.SCORE, keys.VERDICT]
+    for agent in scenario.agents:
+        reads += [keys.observation(agent.name), keys.command(agent.name)]
+    return ParticipantSpec(
+        name="recorder",
+        reads=tuple(Read(port=port) for port in reads),
+        writes=(),
+        window_ticks=WINDOW_TICKS,
+    )

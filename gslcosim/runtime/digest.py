@@ -1,0 +1,151 @@
+"""Digests of a run: a hash chained over each port's messages, cut at the tick that ended the run."""
+
+import base64
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gslcosim.errors import UsageError
+
+SCHEMA = "gslcosim/digest/1"
+LINK_BYTES = 8
+_EMPTY_LINK = bytes(LINK_BYTES)
+
+
+@dataclass
+class Trail:
+    """The chain of one port: after each message the hash of the link before, the tick and the message's bytes."""
+
+    ticks: list[int] = field(default_factory=list[int])
+    links: bytearray = field(default_factory=bytearray)
+
+    def append(self, tick: int, payload: bytes) -> None:
+        """Chain a message."""
+        link = hashlib.blake2b(self.links[-LINK_BYTES:], digest_size=LINK_BYTES)
+        link.update(tick.to_bytes(8, "big"))
+        link.update(payload)
+        self.ticks.append(tick)
+        self.links += link.digest()
+
+    def until(self, final_tick: int) -> "Trail":
+        """Return the chain without what came after a tick."""
+        n = sum(tick <= final_tick for tick in self.ticks)
+        return Trail(self.ticks[:n], self.links[: n * LINK_BYTES])
+
+    def link(self, index: int) -> bytes:
+        """Return the hash after the message of that index; -1 is the last, and an empty chain has zeros."""
+        links = [self.links[i : i + LINK_BYTES] for i in range(0, len(self.links), LINK_BYTES)]
+        return bytes(links[index]) if links else _EMPTY_LINK
+
+    def as_fields(self) -> dict[str, Any]:
+        """Return the chain as msgpack and JSON can carry it."""
+        return {"ticks": self.ticks, "links": base64.b64encode(self.links).decode()}
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> "Trail":
+        """Return the chain from `as_fields`."""
+        return cls(list(fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
+
+
+@dataclass(frozen=True)
+class RunDigest:
+    """The chains of all ports of a run, each with the participant that wrote it, up to the final tick."""
+
+    final_tick: int
+    writer_of: dict[str, str]
+    trails: dict[str, Trail]
+
+    @property
+    def hex(self) -> str:
+        """The digest of the run: equal for equal runs."""
+        total = hashlib.blake2b(digest_size=16)
+        total.update(self.final_tick.to_bytes(8, "big"))
+        for port in sorted(self.trails):
+            total.update(port.encode() + b"\0" + len(self.trails[port].ticks).to_bytes(8, "big"))
+            total.update(self.trails[port].link(-1))
+        return total.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write `digest.json`."""
+        ports = {
+            port: {"participant": self.writer_of[port], **trail.as_fields()} for port, trail in self.trails.items()
+        }
+        content = {"schema": SCHEMA, "digest": self.hex, "final_tick": self.final_tick, "ports": ports}
+        path.write_text(json.dumps(content) + "\n")
+
+    @classmethod
+    def load(cls, path: Path) -> "RunDigest":
+        """Read `digest.json`.
+
+        Raises:
+            UsageError: the file is missing or is not a digest.
+        """
+        try:
+            content = json.loads(path.read_text())
+            if content["schema"] != SCHEMA:
+                raise ValueError(f"schema {content['schema']!r}, expected {SCHEMA!r}")
+            ports = content["ports"]
+            return cls(
+                content["final_tick"],
+                {port: ports[port]["participant"] for port in ports},
+                {port: Trail.from_fields(ports[port]) for port in ports},
+            )
+        except FileNotFoundError as error:
+            raise UsageError(f"digest.json: expected a run directory that holds it, found none.\nFile: {path}") from error
+        except (ValueError, KeyError, TypeError) as error:
+            raise UsageError(f"digest.json: expected {SCHEMA}, found something else ({error}).\nFile: {path}") from error
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """Where two runs differ first."""
+
+    tick: int
+    participant: str
+    port: str
+    text: str
+
+
+def first_divergence(a: RunDigest, b: RunDigest, *, order: tuple[str, ...] = ()) -> Divergence | None:
+    """Return the earliest tick, and there the most upstream port, at which two runs differ; None when they are equal.
+
+    Args:
+        a: One run.
+        b: The other run.
+        order: Participants from upstream to downstream, to name the cause and not its consequence; by default the
+            order in which the services depend on each other.
+    """
+    ranks = {name: rank for rank, name in enumerate(order or DEFAULT_ORDER)}
+    found: list[tuple[int, int, Divergence]] = []
+    for port in sorted({*a.trails, *b.trails}):
+        writer = a.writer_of.get(port) or b.writer_of[port]
+        divergence = _port_divergence(port, writer, a.trails.get(port), b.trails.get(port))
+        if divergence:
+            found.append((divergence.tick, ranks.get(writer, len(ranks)), divergence))
+    if found:
+        return min(found, key=lambda item: item[:2])[2]
+    if a.final_tick != b.final_tick:
+        tick = min(a.final_tick, b.final_tick)
+        return Divergence(tick, "referee", "referee/verdict", f"one run ends at tick {tick}, the other goes on")
+    return None
+
+
+DEFAULT_ORDER = ("world", "fields", "sensing", "agent", "referee")
+
+
+def _port_divergence(port: str, writer: str, a: Trail | None, b: Trail | None) -> Divergence | None:
+    if a is None or b is None:
+        present = a or b
+        tick = present.ticks[0] if present and present.ticks else 0
+        return Divergence(tick, writer, port, "only one of the runs has this port")
+    n = min(len(a.ticks), len(b.ticks))
+    size = n * LINK_BYTES
+    if a.ticks[:n] != b.ticks[:n] or a.links[:size] != b.links[:size]:
+        i = next(i for i in range(n) if a.ticks[i] != b.ticks[i] or a.link(i) != b.link(i))
+        return Divergence(min(a.ticks[i], b.ticks[i]), writer, port, "the messages differ")
+    if len(a.ticks) != len(b.ticks):
+        longer = a if len(a.ticks) > n else b
+        return Divergence(longer.ticks[n], writer, port, "only one of the runs has a message here")
+    return None

@@ -1,0 +1,152 @@
+"""The door between an agent and a run: a pure state machine that turns whatever an agent sends into valid commands."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Command, Observation
+from gslcosim.errors import ContractError
+
+MAX_COMMAND_BYTES = 1024 * 1024
+MAX_EARLY = 16
+MAX_FAULTS = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentFault:
+    """Something an agent did wrong: what was expected and what came. It is a result of the run, not an error in it."""
+
+    agent: str
+    tick: int
+    text: str
+
+
+@dataclass
+class Door:
+    """Checks one agent's answers and lets one command through for each observation that awaits it.
+
+    An answer that is not valid lets a `hold` through instead and leaves a fault that says what was expected. An agent
+    that is gone lets `failed` through at the first tick it owes an answer; nothing follows it. Answers nobody asked
+    for are counted and dropped without being read.
+
+    Observations and answers may arrive in either order: a few early answers are kept until their observation comes.
+    `may_overlap` says that a later observation can await an answer while an earlier one still does (latency mode).
+    """
+
+    agent: str
+    may_overlap: bool = False
+    faults: list[AgentFault] = field(default_factory=list[AgentFault])
+    n_faults: int = 0
+    latest_tick: int = -1
+    is_closed: bool = False
+    _pending: dict[int, Observation] = field(default_factory=dict[int, Observation])
+    _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
+    _gone: str | None = None
+
+    @property
+    def pending(self) -> tuple[Observation, ...]:
+        """The observations that await an answer, oldest first."""
+        return tuple(self._pending.values())
+
+    def observed(self, observation: Observation) -> list[Command]:
+        """Take note of an observation on its way to the agent; return the commands that can pass now."""
+        if observation.tick <= self.latest_tick or self.is_closed:
+            return []
+        self.latest_tick = observation.tick
+        if observation.awaiting_command:
+            self._pending[observation.tick] = observation
+        if self._gone is not None:
+            return self._fail()
+        early, self._early = self._early, []
+        return [command for tick, payload in early for command in self._judge(tick, payload)]
+
+    def received(self, payload: bytes) -> list[Command]:
+        """Take what the agent sent; return the commands that can pass now."""
+        if self.is_closed or self._gone is not None:
+            return []
+        if len(payload) > MAX_COMMAND_BYTES:
+            return self._refuse(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
+        tick = _tick_of(payload)
+        if tick is not None and tick > self.latest_tick:
+            return self._keep_early(tick, payload)
+        return self._judge(tick, payload)
+
+    def lost(self, reason: str) -> list[Command]:
+        """Take note that the agent is gone; return `failed` when it owes an answer."""
+        if self.is_closed or self._gone is not None:
+            return []
+        self._gone = reason
+        self._note(reason)
+        return self._fail()
+
+    def _judge(self, tick: int | None, payload: bytes) -> list[Command]:
+        if tick is not None and tick > self.latest_tick:
+            return self._keep_early(tick, payload)
+        if not self._pending:
+            if tick is None or not self._is_repeat(tick):
+                self._note("expected no command now (no observation awaits one), one came.")
+            return []
+        try:
+            command = codec.decode(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+        except ContractError as error:
+            return self._refuse(str(error))
+        if command.tick not in self._pending:
+            if self._is_repeat(command.tick):
+                return []
+            return self._refuse(f"Command: tick: expected {self._oldest()}, was {command.tick}.")
+        if command.kind == "failed":
+            return self._refuse("Command: kind: expected waypoint, hold, noop or declare_source, was 'failed'.")
+        del self._pending[command.tick]
+        return [command]
+
+    # An answer for a tick that was already answered is a repetition, harmless and expected after a lost message.
+    def _is_repeat(self, tick: int) -> bool:
+        return tick < self._oldest() if self._pending else tick <= self.latest_tick
+
+    # An early answer waits for its observation. Where no later observation can exist before the pending one is
+    # answered, the agent has the tick wrong, and waiting would be for ever.
+    def _keep_early(self, tick: int, payload: bytes) -> list[Command]:
+        if self._pending and not self.may_overlap:
+            return self._refuse(f"Command: tick: expected {self._oldest()}, was {tick}.")
+        if len(self._early) < MAX_EARLY:
+            self._early.append((tick, payload))
+        else:
+            self._note(f"Command: tick: expected at most {self.latest_tick}, was {tick}.")
+        return []
+
+    def _refuse(self, text: str) -> list[Command]:
+        self._note(text)
+        if not self._pending:
+            return []
+        tick = self._oldest()
+        del self._pending[tick]
+        return [Command(tick=tick, kind="hold", reason=f"refused: {text}"[:500])]
+
+    def _fail(self) -> list[Command]:
+        if not self._pending:
+            return []
+        tick = self._oldest()
+        self._pending.clear()
+        self.is_closed = True
+        return [Command(tick=tick, kind="failed", reason=str(self._gone)[:500])]
+
+    def _oldest(self) -> int:
+        return next(iter(self._pending))
+
+    def _note(self, text: str) -> None:
+        self.n_faults += 1
+        if len(self.faults) < MAX_FAULTS:
+            self.faults.append(AgentFault(agent=self.agent, tick=max(self.latest_tick, 0), text=text))
+
+
+# Only the tick, so that an answer can be put in its place before it is judged.
+def _tick_of(payload: bytes) -> int | None:
+    try:
+        return codec.peek_tick(payload)
+    except ContractError:
+        return None
+
+
+def faults_of(doors: Iterable[Door]) -> list[AgentFault]:
+    """Return all recorded faults, by tick."""
+    return sorted((fault for door in doors for fault in door.faults), key=lambda fault: fault.tick)

@@ -1,0 +1,253 @@
+"""Hosts one core behind a bus: collects inputs, steps when allowed, publishes, repairs losses, says goodbye."""
+
+import os
+import queue
+import signal
+import socket
+import threading
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import gslcosim
+from gslcosim.bus.port import Bus
+from gslcosim.contract import codec
+from gslcosim.contract.participant import Core, Episode
+from gslcosim.contract.schema import contract_hash
+from gslcosim.errors import ContractError, GslCosimError, RunTimeoutError
+from gslcosim.runtime import control
+from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.gate import Missing
+from gslcosim.runtime.stepper import Sent, Stepper
+
+PROGRESS_EVERY_TICKS = 16
+KEPT_TICKS = 1024
+FIRST_RESEND_AFTER_S = 0.2
+LONGEST_RESEND_AFTER_S = 2.0
+BYE_EVERY_S = 0.5
+_Event = tuple[str, bytes]
+_LOST_LINK = "link lost"
+
+
+@dataclass
+class Kept:
+    """The last messages of each port, for readers that missed one; shared between two threads."""
+
+    n_ticks: int = KEPT_TICKS
+    _payloads: dict[str, OrderedDict[int, bytes]] = field(default_factory=dict[str, OrderedDict[int, bytes]])
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def keep(self, sent: Sent) -> None:
+        """Remember a message and forget the oldest."""
+        with self._lock:
+            payloads = self._payloads.setdefault(sent.port, OrderedDict())
+            payloads[sent.message.tick] = sent.payload
+            if len(payloads) > self.n_ticks:
+                payloads.popitem(last=False)
+
+    def answer(self, question: bytes) -> list[bytes]:
+        """Return the message asked for in a list, or an empty list when it is not here (any more, or yet)."""
+        try:
+            request = control.ResendRequest.from_bytes(question)
+        except ContractError:
+            return []
+        with self._lock:
+            payload = self._payloads.get(request.port, {}).get(request.tick)
+        return [] if payload is None else [payload]
+
+
+class ParticipantHost:
+    """Runs one participant over a bus from joining to goodbye.
+
+    `run` returns when the supervisor has dismissed the participant. It raises what the core raises, after telling the
+    supervisor, and `RunTimeoutError` when the link to the router is lost.
+    """
+
+    def __init__(self, bus: Bus, core: Core, dataflow: Dataflow, episode: Episode) -> None:
+        self._bus = bus
+        self._core = core
+        self._dataflow = dataflow
+        self._episode = episode
+        self._stepper = Stepper(core, dataflow)
+        self._gate = self._stepper.gate
+        self._name = self._stepper.spec.name
+        self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
+        self._kept = Kept()
+        self._told_tick = -1
+        self._handlers: dict[str, Callable[[bytes], None]] = {
+            control.START: lambda _: self._set_started(),
+            control.STOP: self._on_stop,
+            control.CLOSE: lambda _: self._set_dismissed(),
+            _LOST_LINK: lambda _: self._on_lost_link(),
+        }
+        self._is_started = False
+        self._is_dismissed = False
+
+    def join(self) -> None:
+        """Reset the core, listen to everything it reads, and show that it is ready (last)."""
+        self._once = self._stepper.reset(self._episode)
+        for read in self._stepper.spec.reads:
+            self._listen(read.port, lambda payload, port=read.port: self._on_input(port, payload))
+        for reader in self._dataflow.readers_of(self._name):
+            self._listen(control.progress(reader.name), lambda payload, name=reader.name: self._on_progress(name, payload))
+        for key in (control.START, control.STOP, control.CLOSE):
+            self._listen(key, self._handlers[key])
+        self._bus.answer(control.resend(self._name), self._kept.answer)
+        self._bus.answer(control.describe(self._name), lambda _: [self._description()])
+        self._bus.declare_alive(control.alive(self._name))
+
+    def link_lost(self) -> None:
+        """Tell the host, from any thread, that the link to the router is gone."""
+        self._events.put((_LOST_LINK, b""))
+
+    def run(self) -> None:
+        """Take part in the run from the start signal to the goodbye."""
+        try:
+            while not self._is_started and not self._is_dismissed:
+                self._handle(self._events.get())
+            if self._is_started:
+                self._publish(self._once)
+                self._fly()
+        except Exception as error:
+            self._report(error)
+            raise
+        self._say_goodbye()
+
+    def _fly(self) -> None:
+        while not (self._gate.is_finished or self._is_dismissed):
+            self._drain()
+            if self._gate.may_step():
+                self._publish(self._stepper.step())
+                if self._gate.next_tick - 1 - self._told_tick >= PROGRESS_EVERY_TICKS:
+                    self._tell_progress()
+            else:
+                self._tell_progress()
+                self._wait_for_input()
+
+    def _drain(self) -> None:
+        started = time.perf_counter_ns()
+        while not self._events.empty():
+            self._handle(self._events.get())
+        self._stepper.timing.receiving_ns += time.perf_counter_ns() - started
+
+    def _wait_for_input(self) -> None:
+        started = time.perf_counter_ns()
+        patience_s = FIRST_RESEND_AFTER_S
+        while not (self._gate.may_step() or self._gate.is_finished or self._is_dismissed):
+            lost = [missing for missing in self._gate.missing() if self._gate.has_later(missing)]
+            if lost:
+                self._ask_again(lost)
+            try:
+                self._handle(self._events.get(timeout=patience_s))
+            except queue.Empty:
+                self._ask_again(self._gate.missing())
+                self._tell_waiting()
+                patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
+        self._stepper.timing.waiting_ns += time.perf_counter_ns() - started
+
+    def _ask_again(self, lost: list[Missing]) -> None:
+        for missing in lost:
+            writer = self._dataflow.writer_of[missing.port]
+            question = control.ResendRequest(port=missing.port, tick=missing.tick).to_bytes()
+            self._bus.ask(
+                control.resend(writer), question, lambda _, payload, port=missing.port: self._on_resent(port, payload)
+            )
+
+    def _on_resent(self, port: str, payload: bytes) -> None:
+        self._events.put((f"resent:{port}", payload))
+
+    def _publish(self, outputs: list[Sent]) -> None:
+        announces = any(sent.message.announced_ports() for sent in outputs)
+        for sent in outputs:
+            self._kept.keep(sent)
+            is_urgent = announces or getattr(sent.message, "awaiting_command", False)
+            self._bus.publish(
+                sent.port, sent.payload, encoding=codec.encoding_of(type(sent.message)), urgent=is_urgent
+            )
+
+    def _tell_progress(self) -> None:
+        tick = self._gate.next_tick - 1
+        if tick > self._told_tick:
+            self._told_tick = tick
+            self._bus.publish(control.progress(self._name), control.TickNote(tick=tick).to_bytes())
+
+    def _tell_waiting(self) -> None:
+        note = control.WaitingNote(
+            tick=self._gate.next_tick,
+            missing=[(missing.port, missing.tick) for missing in self._gate.missing()],
+            lacking_credit=self._gate.lacking_credit(),
+        )
+        self._bus.publish(control.waiting(self._name), note.to_bytes())
+
+    def _report(self, error: Exception) -> None:
+        text = str(error) if isinstance(error, GslCosimError) else "".join(traceback.format_exception(error))
+        note = control.FaultNote(participant=self._name, tick=self._gate.next_tick - 1, text=text)
+        self._bus.publish(control.FAULT, note.to_bytes(), urgent=True)
+
+    def _say_goodbye(self) -> None:
+        close = getattr(self._core, "close", None)
+        if close is not None:
+            close()
+        self._tell_progress()
+        trails = {port: trail.as_fields() for port, trail in self._stepper.trails.items()}
+        bye = control.Bye(name=self._name, trails=trails, timing=self._stepper.timing.as_fields()).to_bytes()
+        while not self._is_dismissed:
+            self._bus.publish(control.bye(self._name), bye, urgent=True)
+            resend_at = time.monotonic() + BYE_EVERY_S
+            while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
+                try:
+                    self._handle(self._events.get(timeout=left_s))
+                except queue.Empty:
+                    break
+
+    def _listen(self, key: str, handler: Callable[[bytes], None]) -> None:
+        self._handlers[key] = handler
+        self._bus.subscribe(key, lambda at, payload: self._events.put((at, payload)))
+
+    def _handle(self, event: _Event) -> None:
+        key, payload = event
+        if key.startswith("resent:"):
+            port = key.removeprefix("resent:")
+            self._stepper.timing.n_resends += self._on_input(port, payload)
+        else:
+            self._handlers[key](payload)
+
+    def _on_input(self, port: str, payload: bytes) -> bool:
+        message = codec.decode(self._dataflow.message_types[port], payload)
+        return self._gate.deliver(port, message)
+
+    def _on_progress(self, reader: str, payload: bytes) -> None:
+        self._gate.grant(reader, control.TickNote.from_bytes(payload).tick)
+
+    def _on_stop(self, payload: bytes) -> None:
+        self._gate.final_tick = control.TickNote.from_bytes(payload).tick
+
+    def _on_lost_link(self) -> None:
+        raise RunTimeoutError(f"{self._name}: the link to the run's router was lost; the supervisor may have ended.")
+
+    def _set_started(self) -> None:
+        self._is_started = True
+
+    def _set_dismissed(self) -> None:
+        self._is_dismissed = True
+
+    def _description(self) -> bytes:
+        return control.Description(
+            name=self._name,
+            version=gslcosim.__version__,
+            contract_hash=contract_hash(),
+            pid=os.getpid(),
+            host=socket.gethostname(),
+        ).to_bytes()
+
+
+def end_with_parent() -> None:
+    """End this process when the one that started it ends, however that happens (Linux; elsewhere the link tells)."""
+    import ctypes
+    import sys
+
+    if sys.platform == "linux":
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)

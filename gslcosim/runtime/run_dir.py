@@ -1,0 +1,127 @@
+"""The run directory: everything a run leaves behind, in one place."""
+
+import hashlib
+import importlib.metadata
+import json
+import platform
+import secrets
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import gslcosim
+from gslcosim.contract.messages import Command
+from gslcosim.contract.schema import contract_hash
+
+PACKAGES = ("eclipse-zenoh", "numpy", "numba", "mujoco", "rerun-sdk", "msgpack", "pyyaml", "pydantic")
+
+
+@dataclass(frozen=True)
+class RunDir:
+    """Paths and writers of one run directory."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, runs_dir: Path, *, name: str, seed: int) -> "RunDir":
+        """Make a new directory that no other run has, however many start at once."""
+        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
+        while True:
+            path = runs_dir / f"{name}-seed{seed}-{stamp}-{secrets.token_hex(3)}"
+            try:
+                path.mkdir(parents=True)
+            except FileExistsError:
+                continue
+            (path / "logs").mkdir()
+            return cls(path)
+
+    @property
+    def run_id(self) -> str:
+        """The name of the run."""
+        return self.path.name
+
+    @property
+    def scenario(self) -> Path:
+        """The scenario as resolved."""
+        return self.path / "scenario.yaml"
+
+    @property
+    def recording(self) -> Path:
+        """The Rerun recording."""
+        return self.path / "recording.rrd"
+
+    @property
+    def digest(self) -> Path:
+        """The digests of all ports."""
+        return self.path / "digest.json"
+
+    @property
+    def setup(self) -> Path:
+        """What a service needs to build its core; see `gslcosim.runtime.assembly`."""
+        return self.path / "setup.json"
+
+    def log(self, participant: str) -> Path:
+        """Return the log file of a participant."""
+        return self.path / "logs" / f"{participant}.log"
+
+    def save_manifest(self, *, seed: int, environment_hash: str, in_process: bool) -> None:
+        """Write `manifest.json`: all that the determinism contract depends on."""
+        manifest = {
+            "run_id": self.run_id,
+            "seed": seed,
+            "in_process": in_process,
+            "environment_hash": environment_hash,
+            "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
+            "contract_hash": contract_hash(),
+            "gslcosim": gslcosim.__version__,
+            "git": _git_revision(),
+            "python": sys.version.split()[0],
+            "packages": {name: _version(name) for name in PACKAGES},
+            "platform": platform.platform(),
+            "cpu_flags": _cpu_flags(),
+        }
+        _save_json(self.path / "manifest.json", manifest)
+
+    def save_result(self, result: Mapping[str, Any]) -> None:
+        """Write `result.json`."""
+        _save_json(self.path / "result.json", result)
+
+    def log_command(self, agent: str, command: Command) -> None:
+        """Append a command that took effect to `inputs.log`, one JSON object a line."""
+        line = {"agent": agent, **command.model_dump(exclude_none=True)}
+        with (self.path / "inputs.log").open("a") as log:
+            log.write(json.dumps(line) + "\n")
+
+
+def _save_json(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2) + "\n")
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "missing"
+
+
+def _git_revision() -> str | None:
+    folder = Path(__file__).resolve().parents[2]
+    if not (folder / ".git").exists():
+        return None
+    call = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"]
+    try:
+        return subprocess.run(call, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _cpu_flags() -> str:
+    info = Path("/proc/cpuinfo")
+    if not info.exists():
+        return platform.processor()
+    flags = next((line for line in info.read_text().splitlines() if line.startswith("flags")), "")
+    return flags.partition(":")[2].strip()

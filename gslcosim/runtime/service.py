@@ -1,0 +1,46 @@
+"""The whole life of a service process, from the environment variable to the exit code."""
+
+import faulthandler
+import logging
+import signal
+import sys
+from pathlib import Path
+
+from gslcosim.bus.port import Join
+from gslcosim.errors import GslCosimError, UsageError
+from gslcosim.runtime.host import ParticipantHost, end_with_parent
+
+FAULT_EXIT_CODE = 3
+
+
+def serve(name: str) -> None:
+    """Build the core of a service, take part in the run named by `GSLCOSIM_JOIN`, and return when it is dismissed.
+
+    Exits with code 3 after a fault; the log says why.
+    """
+    end_with_parent()
+    faulthandler.enable()
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    # Ctrl-C is the supervisor's to handle; it dismisses the services in order.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        _serve(name)
+    except GslCosimError as error:
+        logging.getLogger(name).error("%s", error)  # noqa: TRY400 - the message says all; no traceback for a person
+        sys.exit(FAULT_EXIT_CODE)
+
+
+def _serve(name: str) -> None:
+    from gslcosim.bus.zenoh_bus import ZenohBus
+    from gslcosim.runtime.assembly import Setup, build_core, dataflow_of
+
+    join = Join.from_environment()
+    if join.run_dir is None:
+        raise UsageError(f"{name}: expected run_dir in the join data of a service, found none.")
+    setup = Setup.load(Path(join.run_dir))
+    core = build_core(name, setup)
+    with ZenohBus.open_member(join) as bus:
+        host = ParticipantHost(bus, core, dataflow_of(setup.scenario), setup.episode)
+        bus.on_disconnect(host.link_lost)
+        host.join()
+        host.run()

@@ -1,0 +1,108 @@
+"""One participant as the runtime sees it: a core behind its gate, checked, timed and digested."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Message
+from gslcosim.contract.participant import Core, Episode, Outbox, ParticipantSpec
+from gslcosim.errors import ModelError
+from gslcosim.runtime.dataflow import ONCE, Dataflow
+from gslcosim.runtime.digest import Trail
+from gslcosim.runtime.gate import Gate
+
+
+@dataclass(frozen=True)
+class Sent:
+    """An output with its canonical bytes."""
+
+    port: str
+    message: Message
+    payload: bytes
+
+
+@dataclass
+class Timing:
+    """Where a participant's wall time went [ns]; it has no influence on results."""
+
+    stepping_ns: int = 0
+    encoding_ns: int = 0
+    receiving_ns: int = 0
+    waiting_ns: int = 0
+    n_steps: int = 0
+    n_resends: int = 0
+
+    def as_fields(self) -> dict[str, int]:
+        """Return the figures as a message can carry them."""
+        return dict(vars(self))
+
+
+@dataclass
+class Stepper:
+    """Steps a core whenever its gate allows, and checks that it keeps its own declaration."""
+
+    core: Core
+    dataflow: Dataflow
+    trails: dict[str, Trail] = field(init=False)
+    timing: Timing = field(default_factory=Timing)
+    gate: Gate = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.spec: ParticipantSpec = self.core.spec
+        self.gate = Gate(self.dataflow, self.spec.name)
+        self.trails = {write.port: Trail() for write in self.spec.writes}
+
+    def reset(self, episode: Episode) -> list[Sent]:
+        """Reset the core and return what it writes once."""
+        outbox = self.core.reset(episode)
+        expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
+        self._check(outbox, expected, 0, "reset")
+        return [self._send(port, message) for port, message in outbox.items()]
+
+    def step(self) -> list[Sent]:
+        """Step the core once (its gate must allow it) and return what it wrote."""
+        started = time.perf_counter_ns()
+        tick, inbox = self.gate.take()
+        outbox = self.core.step(tick, inbox)
+        stepped = time.perf_counter_ns()
+        self._check(outbox, self._due(tick, outbox), tick, "step")
+        sent = [self._send(port, message) for port, message in outbox.items()]
+        timing = self.timing
+        timing.stepping_ns += stepped - started
+        timing.encoding_ns += time.perf_counter_ns() - stepped
+        timing.n_steps += 1
+        return sent
+
+    def _send(self, port: str, message: Message) -> Sent:
+        payload = codec.encode(message)
+        self.trails[port].append(message.tick, payload)
+        self.gate.wrote(port, message)
+        return Sent(port, message, payload)
+
+    def _due(self, tick: int, outbox: Outbox) -> set[str]:
+        due: set[str] = set()
+        for write in self.spec.writes:
+            if write.announced_in is None:
+                if tick % write.period_ticks == 0:
+                    due.add(write.port)
+            elif write.announced_in != ONCE and _is_announced(write.port, outbox.get(write.announced_in)):
+                due.add(write.port)
+        return due
+
+    def _check(self, outbox: Mapping[str, Message], expected: set[str], tick: int, method: str) -> None:
+        if outbox.keys() != expected:
+            raise ModelError(
+                f"{self.spec.name}.{method} at tick {tick}: expected messages on {sorted(expected)}, "
+                f"was {sorted(outbox)}."
+            )
+        for port, message in outbox.items():
+            if message.tick != tick or type(message) is not self.dataflow.message_types[port]:
+                raise ModelError(
+                    f"{self.spec.name}.{method} at tick {tick}: expected a {self.dataflow.message_types[port].__name__} "
+                    f"of this tick on {port}, was a {type(message).__name__} of tick {message.tick}."
+                )
+
+
+def _is_announced(port: str, announcer: Message | None) -> bool:
+    return announcer is not None and port in announcer.announced_ports()

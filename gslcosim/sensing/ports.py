@@ -1,0 +1,17 @@
+"""What sensing reads and writes, known without building it."""
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import Briefing, Observation
+from gslcosim.contract.participant import ParticipantSpec, Read, Write
+from gslcosim.scenario import Scenario
+
+
+def sensing_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return sensing's dataflow: poses and true samples in, one observation for each agent out, a briefing once."""
+    writes: list[Write] = []
+    for agent in scenario.agents:
+        writes.append(Write(port=keys.briefing(agent.name), message_type=Briefing, announced_in="once"))
+        writes.append(Write(port=keys.observation(agent.name), message_type=Observation))
+    return ParticipantSpec(
+        name="sensing", reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES)), writes=tuple(writes)
+    )
