@@ -2,7 +2,6 @@
 
 import os
 import queue
-import signal
 import socket
 import threading
 import time
@@ -242,12 +241,3 @@ class ParticipantHost:
             host=socket.gethostname(),
         ).to_bytes()
 
-
-def end_with_parent() -> None:
-    """End this process when the one that started it ends, however that happens (Linux; elsewhere the link tells)."""
-    import ctypes
-    import sys
-
-    if sys.platform == "linux":
-        pr_set_pdeathsig = 1
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import GslCosimError, UsageError
-from gslcosim.runtime.host import ParticipantHost, end_with_parent
+from gslcosim.runtime.host import ParticipantHost
 
 FAULT_EXIT_CODE = 3
 
@@ -18,7 +18,6 @@ def serve(name: str) -> None:
 
     Exits with code 3 after a fault; the log says why.
     """
-    end_with_parent()
     faulthandler.enable()
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     # Ctrl-C is the supervisor's to handle; it dismisses the services in order.

@@ -1,0 +1,111 @@
+"""The result of a run as `result.json` holds it, and its exit code."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+from gslcosim.contract.messages import Verdict
+from gslcosim.runtime.digest import RunDigest
+from gslcosim.runtime.door import AgentFault
+from gslcosim.ticks import seconds_from_ticks
+
+
+class ExitCode(IntEnum):
+    """What the command line returns."""
+
+    SUCCESS = 0
+    AGENT_FAILED = 1
+    USAGE = 2
+    FAULT = 3
+    TIMEOUT = 4
+    DIVERGENCE = 5
+    INTERRUPTED = 130
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceFault:
+    """Why a run is not valid: who failed, at which tick, and how."""
+
+    participant: str
+    tick: int
+    text: str
+    exit_code: ExitCode = ExitCode.FAULT
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """Everything a flight has brought in: a verdict with digests, or the fault that ended it."""
+
+    ticks_flown: int = 0
+    flight_wall_s: float = 0.0
+    start_up_s: float = 0.0
+    verdict: Verdict | None = None
+    digest: RunDigest | None = None
+    fault: ServiceFault | None = None
+    is_interrupted: bool = False
+    agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
+    timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the run counts."""
+        return self.verdict is not None and self.digest is not None and self.fault is None and not self.is_interrupted
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code of the command line."""
+        if self.is_interrupted:
+            return ExitCode.INTERRUPTED
+        if self.fault is not None:
+            return self.fault.exit_code
+        if self.verdict is None or self.digest is None:
+            return ExitCode.FAULT
+        return ExitCode.SUCCESS if self.verdict.end_reason == "success" else ExitCode.AGENT_FAILED
+
+    def as_result(self, *, run_id: str, scenario: str, seed: int, tick_ns: int, wall_s: float) -> dict[str, Any]:
+        """Return the content of `result.json`."""
+        sim_time_s = seconds_from_ticks(self.ticks_flown, tick_ns)
+        factor = sim_time_s / self.flight_wall_s if self.flight_wall_s > 0 else 0.0
+        return {
+            "schema": "gslcosim/result/1",
+            "run_id": run_id,
+            "scenario": scenario,
+            "seed": seed,
+            "valid": self.is_valid,
+            "end_reason": self._end_reason(),
+            "sim_time_s": sim_time_s,
+            "wall_time_s": round(wall_s, 3),
+            "start_up_s": round(self.start_up_s, 3),
+            "flight_wall_s": round(self.flight_wall_s, 3),
+            "real_time_factor": round(factor, 1),
+            "ticks": self.ticks_flown,
+            "digest": self.digest.hex if self.digest else None,
+            "resends": sum(timing.get("n_resends", 0) for timing in self.timing.values()),
+            "faults": self._faults(),
+            "agents": [agent.model_dump() for agent in self.verdict.agents] if self.verdict else [],
+            "timing_us_per_tick": {name: _per_tick_us(timing) for name, timing in self.timing.items()},
+        }
+
+    def _end_reason(self) -> str:
+        if self.is_interrupted:
+            return "interrupted"
+        if self.fault is not None:
+            return "timeout" if self.fault.exit_code is ExitCode.TIMEOUT else "simulation_fault"
+        return self.verdict.end_reason if self.verdict else "simulation_fault"
+
+    def _faults(self) -> list[dict[str, Any]]:
+        faults: list[dict[str, Any]] = []
+        if self.fault is not None:
+            faults.append({"participant": self.fault.participant, "tick": self.fault.tick, "text": self.fault.text})
+        faults += [{"participant": f"agent {f.agent}", "tick": f.tick, "text": f.text} for f in self.agent_faults]
+        return faults
+
+
+def _per_tick_us(timing: Mapping[str, int]) -> dict[str, float]:
+    n_steps = max(timing.get("n_steps", 0), 1)
+    return {
+        kind.removesuffix("_ns"): round(total / n_steps / 1000, 1)
+        for kind, total in timing.items()
+        if kind.endswith("_ns")
+    }
