@@ -1,5 +1,6 @@
 """Numeric arrays inside messages: raw little-endian bytes with dtype and shape."""
 
+import math
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, model_validator
 
 DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
+MAX_DIMENSIONS = 8
 
 
 class NumericArray(BaseModel):
@@ -20,7 +22,10 @@ class NumericArray(BaseModel):
 
     @model_validator(mode="after")
     def _check_size(self) -> Self:
-        expected = int(np.prod(self.shape, dtype=np.int64)) * np.dtype(DTYPES[self.dtype]).itemsize
+        if len(self.shape) > MAX_DIMENSIONS:
+            raise ValueError(f"expected at most {MAX_DIMENSIONS} dimensions, was {len(self.shape)}")
+        # With Python's own integers: numpy's wrap around, and a hostile shape would pass for an empty one.
+        expected = math.prod(self.shape) * np.dtype(DTYPES[self.dtype]).itemsize
         if any(n < 0 for n in self.shape) or len(self.data) != expected:
             raise ValueError(f"expected {expected} bytes for {self.dtype} {self.shape}, was {len(self.data)}")
         return self
