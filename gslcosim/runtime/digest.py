@@ -93,9 +93,13 @@ class RunDigest:
                 {port: Trail.from_fields(ports[port]) for port in ports},
             )
         except FileNotFoundError as error:
-            raise UsageError(f"digest.json: expected a run directory that holds it, found none.\nFile: {path}") from error
+            raise UsageError(
+                f"digest.json: expected a run directory that holds it, found none.\nFile: {path}"
+            ) from error
         except (ValueError, KeyError, TypeError) as error:
-            raise UsageError(f"digest.json: expected {SCHEMA}, found something else ({error}).\nFile: {path}") from error
+            raise UsageError(
+                f"digest.json: expected {SCHEMA}, found something else ({error}).\nFile: {path}"
+            ) from error
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,9 @@ class ParticipantHost:
         for read in self._stepper.spec.reads:
             self._listen(read.port, lambda payload, port=read.port: self._on_input(port, payload))
         for reader in self._dataflow.readers_of(self._name):
-            self._listen(control.progress(reader.name), lambda payload, name=reader.name: self._on_progress(name, payload))
+            self._listen(
+                control.progress(reader.name), lambda payload, name=reader.name: self._on_progress(name, payload)
+            )
         for key in (control.START, control.STOP, control.CLOSE):
             self._listen(key, self._handlers[key])
         self._bus.answer(control.resend(self._name), self._kept.answer)
@@ -162,9 +164,7 @@ class ParticipantHost:
         for sent in outputs:
             self._kept.keep(sent)
             is_urgent = announces or getattr(sent.message, "awaiting_command", False)
-            self._bus.publish(
-                sent.port, sent.payload, encoding=codec.encoding_of(type(sent.message)), urgent=is_urgent
-            )
+            self._bus.publish(sent.port, sent.payload, encoding=codec.encoding_of(type(sent.message)), urgent=is_urgent)
 
     def _tell_progress(self) -> None:
         tick = self._gate.next_tick - 1
@@ -240,4 +240,3 @@ class ParticipantHost:
             pid=os.getpid(),
             host=socket.gethostname(),
         ).to_bytes()
-

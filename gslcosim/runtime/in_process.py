@@ -37,7 +37,7 @@ class _Seat:
     def brief(self, briefing: Briefing) -> list[Command]:
         try:
             self.agent = self.agent_type(briefing)
-        except Exception:  # noqa: BLE001 - whatever an agent does is a result of the run
+        except (Exception, SystemExit):  # whatever an agent does is a result of the run
             return self.door.lost(f"the agent failed at its briefing: {traceback.format_exc(limit=-1).strip()}")
         return []
 
@@ -50,7 +50,7 @@ class _Seat:
             if observation.awaiting_command:
                 answer = self.agent.decide(observation)
                 commands += self.door.received(codec.encode(answer))
-        except Exception:  # noqa: BLE001 - as above
+        except (Exception, SystemExit):  # as above
             reason = f"the agent failed at tick {observation.tick}: {traceback.format_exc(limit=-1).strip()}"
             commands += self.door.lost(reason)
         return commands
@@ -91,7 +91,7 @@ class InProcessFlight:
             flying_since = time.perf_counter()
             outcome.start_up_s = flying_since - started
             self._step_all(is_interrupted, flying_since)
-        except Exception as error:  # noqa: BLE001 - a fault of any core ends the run with its name
+        except Exception as error:  # a fault of any core ends the run with its name
             text = str(error) if isinstance(error, GslCosimError) else traceback.format_exc()
             outcome.fault = ServiceFault(participant=self._culprit, tick=self._tick, text=text)
         outcome.is_interrupted = self._verdict is None and outcome.fault is None
@@ -157,7 +157,7 @@ class InProcessFlight:
             try:
                 if close is not None:
                     close()
-            except Exception:  # noqa: BLE001 - the others must still be closed
+            except Exception:  # the others must still be closed
                 fault = ServiceFault(participant=name, tick=self._tick, text=traceback.format_exc())
                 outcome.fault = outcome.fault or fault
         for seat in self._seats.values():
@@ -202,7 +202,7 @@ def _seat(agent: AgentSpec, directory: Path) -> _Seat:
 def _end_quietly(agent: Agent, reason: str) -> None:
     try:
         agent.end(reason)
-    except Exception:  # noqa: BLE001 - the run is over; nothing an agent does now counts
+    except Exception:  # the run is over; nothing an agent does now counts
         return
 
 
@@ -212,5 +212,3 @@ def _interruption() -> Iterator[Callable[[], bool]]:
 
     with Interruption() as interruption:
         yield interruption.is_set
-
-

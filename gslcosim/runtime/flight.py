@@ -1,0 +1,96 @@
+"""One flight from a loaded scenario to a run directory: the runtime's front door."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import GslCosimError
+from gslcosim.generation import prepare_environment
+from gslcosim.runtime.assembly import Setup, dataflow_of
+from gslcosim.runtime.outcome import Outcome, ServiceFault
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.runtime.supervisor import Network, Supervisor
+from gslcosim.scenario.loading import LoadedScenario, dump_resolved
+
+
+def fly(
+    loaded: LoadedScenario,
+    *,
+    runs_dir: Path,
+    in_process: bool = False,
+    network: Network | None = None,
+    report: Callable[[FlightStatus], None] = lambda _: None,
+) -> FlightResult:
+    """Fly a scenario and leave a run directory, whatever happens in between.
+
+    Args:
+        loaded: The scenario and where it came from.
+        runs_dir: Where the run directory is made.
+        in_process: Whether all cores run in this process instead of one process each.
+        network: How processes reach the run's router; ignored in one process.
+        report: Is told how preparation and flight go.
+
+    Raises:
+        GslCosimError: the scenario cannot be flown at all (its environment or dataflow is wrong).
+    """
+    began = time.perf_counter()
+    scenario = loaded.scenario
+    dataflow_of(scenario)
+    environment_dir = prepare_environment(
+        scenario,
+        scenario_dir=loaded.directory,
+        progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
+    )
+    run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
+    run_dir.scenario.write_text(dump_resolved(scenario))
+    setup = Setup(
+        run_dir=run_dir,
+        scenario=scenario,
+        environment_dir=environment_dir.resolve(),
+        environment=load_environment(environment_dir),
+    )
+    setup.save()
+    run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, in_process=in_process)
+    report(FlightStatus(state="starting"))
+    outcome = _outcome(setup, loaded.directory, network or Network(), report, in_process=in_process)
+    _repair(run_dir, outcome)
+    if outcome.digest is not None:
+        outcome.digest.save(run_dir.digest)
+    result = outcome.as_result(
+        run_id=run_dir.run_id,
+        scenario=scenario.name,
+        seed=scenario.seed,
+        tick_ns=scenario.tick_ns,
+        wall_s=time.perf_counter() - began,
+    )
+    run_dir.save_result(result)
+    report(FlightStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
+    return FlightResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
+
+
+def _outcome(
+    setup: Setup,
+    directory: Path,
+    network: Network,
+    report: Callable[[FlightStatus], None],
+    *,
+    in_process: bool,
+) -> Outcome:
+    try:
+        if in_process:
+            from gslcosim.runtime.in_process import fly_in_process
+
+            return fly_in_process(setup, directory, report)
+        return Supervisor(setup, directory, network, report).fly()
+    except GslCosimError as error:
+        return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
+
+
+def _repair(run_dir: RunDir, outcome: Outcome) -> None:
+    if outcome.is_valid or not run_dir.recording.exists():
+        return
+    from gslcosim.recording.repair import repair_recording
+
+    repair_recording(run_dir.recording)

@@ -1,0 +1,436 @@
+"""A run as independent processes: starts them around a router, watches them, and names the culprit when one fails."""
+
+import queue
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gslcosim.bus.port import Join
+from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, ZenohBus, new_password
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Command, Ending, Observation, Verdict
+from gslcosim.contract.schema import contract_hash
+from gslcosim.runtime import control
+from gslcosim.runtime.agents import start_command
+from gslcosim.runtime.assembly import Setup, dataflow_of, door_name, service_names
+from gslcosim.runtime.digest import RunDigest, Trail
+from gslcosim.runtime.door import Door, faults_of
+from gslcosim.runtime.host import PROGRESS_EVERY_TICKS, Kept
+from gslcosim.runtime.interruption import Interruption
+from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault
+from gslcosim.runtime.processes import Children, exit_text, python_command
+from gslcosim.runtime.status import FlightStatus
+from gslcosim.runtime.stepper import Sent
+from gslcosim.scenario.models import AgentSpec
+from gslcosim.ticks import seconds_from_ticks
+
+JOIN_LIMIT_S = 180.0
+STALL_LIMIT_S = 30.0
+GOODBYE_LIMIT_S = 120.0
+EXIT_LIMIT_S = 3.0
+REPEAT_AFTER_S = 1.0
+LOST_CONTACT_GRACE_S = 0.3
+STATUS_EVERY_S = 0.1
+_Event = tuple[str, str, bytes]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Network:
+    """How the run's processes reach its router.
+
+    By default a private unix socket, and the supervisor starts everything. `listen` adds endpoints for other hosts;
+    with `starts_services` off the services are started by someone else and find their join data in `run_dir/join`.
+    """
+
+    listen: tuple[str, ...] = ()
+    starts_services: bool = True
+
+
+@dataclass
+class _Seat:
+    """The supervisor's side of one agent: its door, its commands, and when it owes an answer."""
+
+    spec: AgentSpec
+    door: Door
+    trail: Trail = field(default_factory=Trail)
+    kept: Kept = field(default_factory=Kept)
+    briefing: bytes | None = None
+    observation: bytes = b""
+    asked_at: float | None = None
+    repeated_at: float = 0.0
+    told_tick: int = -1
+    is_ready: bool = False
+
+
+class _EndedError(Exception):
+    """The flight is over before its verdict; carries the fault."""
+
+    def __init__(self, fault: ServiceFault) -> None:
+        super().__init__(fault.text)
+        self.fault = fault
+
+
+class Supervisor:
+    """Flies one scenario as separate processes."""
+
+    def __init__(self, setup: Setup, directory: Path, network: Network, report: Callable[[FlightStatus], None]) -> None:
+        self._setup = setup
+        self._directory = directory
+        self._network = network
+        self._report = report
+        self._dataflow = dataflow_of(setup.scenario)
+        self._services = service_names(setup.scenario)
+        self._seats = {
+            agent.name: _Seat(agent, Door(agent.name, may_overlap=agent.latency_ticks > 1))
+            for agent in setup.scenario.agents
+        }
+        self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
+        self._ready: set[str] = set()
+        self._described: set[str] = set()
+        self._progress: dict[str, int] = dict.fromkeys(self._services, -1)
+        self._waiting: dict[str, control.WaitingNote] = {}
+        self._byes: dict[str, control.Bye] = {}
+        self._verdict: Verdict | None = None
+        self._moved_at = time.monotonic()
+        self._told_at = 0.0
+        self._started_at = 0.0
+        self._suspects: dict[str, float] = {}
+        self._is_dismissing = False
+
+    def fly(self) -> Outcome:
+        """Fly until the verdict, a fault or an interruption; no process is left when this returns."""
+        outcome = Outcome()
+        began = time.perf_counter()
+        socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
+        try:
+            with (
+                Interruption(lambda: self._events.put(("interrupted", "", b""))) as interruption,
+                Children(lambda name, code: self._events.put(("exit", name, str(code).encode()))) as children,
+                self._open_router(socket_dir) as bus,
+            ):
+                try:
+                    self._listen(bus)
+                    self._start_all(children)
+                    self._await_all_ready(bus, interruption)
+                    outcome.start_up_s = time.perf_counter() - began
+                    self._fly(bus, interruption)
+                except _EndedError as ended:
+                    outcome.fault = ended.fault
+                outcome.is_interrupted = interruption.is_set() and outcome.fault is None
+                outcome.flight_wall_s = time.perf_counter() - self._started_at if self._started_at else 0.0
+                self._dismiss(bus, children)
+        finally:
+            shutil.rmtree(socket_dir, ignore_errors=True)
+        self._complete(outcome)
+        return outcome
+
+    # ------------------------------------------------------------ start
+
+    def _open_router(self, socket_dir: Path) -> ZenohBus:
+        self._endpoint = f"unixsock-stream/{socket_dir}/router.sock"
+        self._namespace = f"gsl/{self._setup.run_dir.run_id}"
+        self._service_password = new_password()
+        self._accounts = {name: AgentUser(agent=name, password=new_password()) for name in self._seats}
+        return ZenohBus.open_router(
+            endpoints=[self._endpoint, *self._network.listen],
+            namespace=self._namespace,
+            service_password=self._service_password,
+            agents=self._accounts.values(),
+            secrets_dir=socket_dir,
+        )
+
+    def _listen(self, bus: ZenohBus) -> None:
+        def put(kind: str) -> Callable[[str, bytes], None]:
+            return lambda key, payload: self._events.put((kind, key.rsplit("/", 1)[-1], payload))
+
+        def put_agent(kind: str) -> Callable[[str, bytes], None]:
+            return lambda key, payload: self._events.put((kind, key.split("/")[1], payload))
+
+        for name in self._seats:
+            bus.subscribe(keys.briefing(name), put_agent("briefing"))
+            bus.subscribe(keys.observation(name), put_agent("observation"))
+            bus.subscribe(keys.raw_command(name), put_agent("command"))
+            bus.answer(control.resend(door_name(name)), self._seats[name].kept.answer)
+        bus.subscribe(keys.VERDICT, put("verdict"))
+        bus.subscribe(control.FAULT, put("fault"))
+        for kind in ("progress", "waiting", "bye"):
+            bus.subscribe(f"ctl/{kind}/*", put(kind))
+        bus.watch_alive("alive/*", self._on_alive("service"))
+        bus.watch_alive("agents/*/alive", self._on_alive("agent"))
+
+    def _on_alive(self, kind: str) -> Callable[[str, bool], None]:
+        def on_alive(key: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
+            self._events.put((f"{kind} {'appeared' if is_alive else 'vanished'}", key.split("/")[1], b""))
+
+        return on_alive
+
+    def _start_all(self, children: Children) -> None:
+        run_dir = self._setup.run_dir
+        for name in self._services:
+            join = self._join(name, SERVICE_USER, self._service_password, run_dir=str(run_dir.path.resolve()))
+            if self._network.starts_services:
+                command = python_command("-m", f"gslcosim_services.{name}")
+                children.start(name, command, join=join, log=run_dir.log(name))
+            else:
+                self._write_join(join)
+        for seat in self._seats.values():
+            account = self._accounts[seat.spec.name]
+            join = self._join(seat.spec.name, account.user, account.password)
+            command = start_command(seat.spec, self._directory)
+            if command is None:
+                self._write_join(join)
+            else:
+                log = run_dir.log(door_name(seat.spec.name))
+                children.start(door_name(seat.spec.name), command, join=join, log=log, cwd=self._directory)
+
+    def _join(self, name: str, user: str, password: str, *, run_dir: str | None = None) -> Join:
+        return Join(
+            name=name,
+            endpoint=self._endpoint,
+            namespace=self._namespace,
+            user=user,
+            password=password,
+            run_dir=run_dir,
+        )
+
+    # For a process somebody else starts: the file holds its password, so only the owner may read it.
+    def _write_join(self, join: Join) -> None:
+        folder = self._setup.run_dir.path / "join"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if self._network.listen:
+            join = join.model_copy(update={"endpoint": self._network.listen[0]})
+        path = folder / f"{join.name}.json"
+        path.touch(mode=0o600)
+        path.write_text(join.model_dump_json(exclude_none=True))
+
+    def _await_all_ready(self, bus: ZenohBus, interruption: Interruption) -> None:
+        deadline = time.monotonic() + JOIN_LIMIT_S
+        while lacking := self._not_ready():
+            if interruption.is_set():
+                return
+            if time.monotonic() > deadline:
+                text = f"expected to join within {JOIN_LIMIT_S:g} s, did not. Its log may say why."
+                raise _EndedError(self._fault(lacking[0], text, ExitCode.TIMEOUT))
+            self._tell(f"waiting for {', '.join(lacking)}", "starting")
+            self._handle_next(bus)
+
+    def _not_ready(self) -> list[str]:
+        services = [name for name in self._services if name not in self._described]
+        return services + [name for name, seat in self._seats.items() if not (seat.is_ready or seat.door.faults)]
+
+    # ------------------------------------------------------------ flight
+
+    def _fly(self, bus: ZenohBus, interruption: Interruption) -> None:
+        if interruption.is_set():
+            return
+        self._started_at = time.perf_counter()
+        self._moved_at = time.monotonic()
+        bus.publish(control.START, b"", urgent=True)
+        while len(self._byes) < len(self._services) and not interruption.is_set():
+            self._handle_next(bus)
+            self._check_time(bus)
+            self._tell("", "flying" if self._verdict is None else "closing")
+
+    def _handle_next(self, bus: ZenohBus) -> None:
+        try:
+            kind, name, payload = self._events.get(timeout=0.1)
+        except queue.Empty:
+            return
+        self._handle(bus, kind, name, payload)
+        while not self._events.empty():
+            self._handle(bus, *self._events.get())
+
+    def _handle(self, bus: ZenohBus, kind: str, name: str, payload: bytes) -> None:
+        if kind == "observation":
+            self._on_observation(bus, self._seats[name], payload)
+        elif kind == "command":
+            self._pass(bus, self._seats[name], self._seats[name].door.received(payload))
+        elif kind == "progress":
+            self._on_progress(name, payload)
+        elif kind == "waiting":
+            self._waiting[name] = control.WaitingNote.from_bytes(payload)
+        elif kind == "bye":
+            self._byes[name] = control.Bye.from_bytes(payload)
+            self._moved_at = time.monotonic()
+        elif kind == "verdict":
+            self._verdict = codec.decode(Verdict, payload)
+            bus.publish(control.STOP, control.TickNote(tick=self._verdict.tick).to_bytes(), urgent=True)
+        elif kind == "briefing":
+            self._seats[name].briefing = payload
+        else:
+            self._handle_life(bus, kind, name, payload)
+
+    def _handle_life(self, bus: ZenohBus, kind: str, name: str, payload: bytes) -> None:
+        if kind == "service appeared" and name in self._progress:
+            self._ready.add(name)
+            bus.ask(control.describe(name), b"", lambda _, answer: self._events.put(("described", name, answer)))
+        elif kind == "described":
+            self._on_described(control.Description.from_bytes(payload))
+        elif kind == "agent appeared" and name in self._seats:
+            self._seats[name].is_ready = True
+        elif kind == "fault":
+            note = control.FaultNote.from_bytes(payload)
+            raise _EndedError(ServiceFault(participant=note.participant, tick=note.tick, text=note.text.strip()))
+        elif kind == "exit":
+            self._on_exit(bus, name, int(payload))
+        elif kind.endswith("vanished"):
+            self._on_vanished(bus, kind.split()[0], name)
+
+    def _on_described(self, description: control.Description) -> None:
+        if description.contract_hash != contract_hash():
+            text = (
+                f"expected contract {contract_hash()}, was {description.contract_hash} "
+                f"(gslcosim {description.version} on {description.host}). Install the same version everywhere."
+            )
+            raise _EndedError(self._fault(description.name, text))
+        self._described.add(description.name)
+
+    def _on_progress(self, name: str, payload: bytes) -> None:
+        tick = control.TickNote.from_bytes(payload).tick
+        if tick > self._progress.get(name, tick):
+            self._progress[name] = tick
+            self._moved_at = time.monotonic()
+            self._waiting.pop(name, None)
+
+    def _on_observation(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
+        observation = codec.decode(Observation, payload)
+        commands = seat.door.observed(observation)
+        if observation.tick - seat.told_tick >= PROGRESS_EVERY_TICKS or observation.awaiting_command:
+            seat.told_tick = observation.tick
+            note = control.TickNote(tick=observation.tick).to_bytes()
+            bus.publish(control.progress(door_name(seat.spec.name)), note)
+        if observation.awaiting_command:
+            seat.observation = payload
+            if seat.asked_at is None:
+                seat.asked_at = seat.repeated_at = time.monotonic()
+        self._pass(bus, seat, commands)
+
+    def _pass(self, bus: ZenohBus, seat: _Seat, commands: Sequence[Command]) -> None:
+        for command in commands:
+            payload = codec.encode(command)
+            port = keys.command(seat.spec.name)
+            seat.trail.append(command.tick, payload)
+            seat.kept.keep(Sent(port, command, payload))
+            bus.publish(port, payload, encoding=codec.encoding_of(Command), urgent=True)
+            self._setup.run_dir.log_command(seat.spec.name, command)
+        if commands:
+            now = time.monotonic()
+            seat.asked_at = now if seat.door.pending else None
+            seat.repeated_at = now
+
+    # ------------------------------------------------------------ faults
+
+    def _on_exit(self, bus: ZenohBus, name: str, code: int) -> None:
+        if self._is_dismissing:
+            return
+        if name in self._progress:
+            raise _EndedError(self._fault(name, f"{exit_text(code)}; the run is not valid without it."))
+        seat = next(seat for seat in self._seats.values() if door_name(seat.spec.name) == name)
+        self._lose(bus, seat, f"the agent's process {exit_text(code)} before the end of the run.")
+
+    def _on_vanished(self, bus: ZenohBus, kind: str, name: str) -> None:
+        if self._is_dismissing:
+            return
+        if kind == "service" and name in self._progress:
+            # Its process may have ended too; that says more, and comes within a moment.
+            self._suspects.setdefault(name, time.monotonic())
+        elif name in self._seats:
+            self._lose(bus, self._seats[name], "the agent left the run before its end.")
+
+    def _lose(self, bus: ZenohBus, seat: _Seat, reason: str) -> None:
+        log = self._setup.run_dir.log(door_name(seat.spec.name))
+        tail = _last_lines(log)
+        self._pass(bus, seat, seat.door.lost(f"{reason} Its last words: {tail}" if tail else reason))
+
+    def _check_time(self, bus: ZenohBus) -> None:
+        now = time.monotonic()
+        for name, since in self._suspects.items():
+            if now - since > LOST_CONTACT_GRACE_S:
+                raise _EndedError(self._fault(name, "contact was lost: it hangs, or its link is down."))
+        for seat in self._seats.values():
+            if seat.asked_at is None:
+                continue
+            # An agent that owes an answer is not a stall of the run; it has its own deadline.
+            self._moved_at = now
+            if now - seat.asked_at > seat.spec.answer_within_s:
+                self._lose(bus, seat, f"the agent did not answer within {seat.spec.answer_within_s:g} s.")
+            elif now - seat.repeated_at > REPEAT_AFTER_S:
+                self._repeat(bus, seat, now)
+        limit_s = STALL_LIMIT_S if self._verdict is None else GOODBYE_LIMIT_S
+        if now - self._moved_at > limit_s:
+            raise _EndedError(self._stall_fault(limit_s))
+
+    # A question may have been lost on its way; repeating it is harmless.
+    def _repeat(self, bus: ZenohBus, seat: _Seat, now: float) -> None:
+        seat.repeated_at = now
+        if seat.briefing is not None:
+            bus.publish(keys.briefing(seat.spec.name), seat.briefing)
+        if seat.observation:
+            bus.publish(keys.observation(seat.spec.name), seat.observation, urgent=True)
+
+    def _stall_fault(self, limit_s: float) -> ServiceFault:
+        silent = [name for name in self._services if name not in self._waiting and name not in self._byes]
+        culprit = silent[0] if silent else min(self._progress, key=lambda name: self._progress[name])
+        lines = [f"nothing moved for {limit_s:g} s; it is at tick {self._progress[culprit] + 1}."]
+        for name, note in self._waiting.items():
+            needs = [f"{port} at tick {tick}" for port, tick in note.missing]
+            needs += [f"{reader} to catch up" for reader in note.lacking_credit]
+            lines.append(f"  {name} waits at tick {note.tick} for {', '.join(needs)}")
+        return self._fault(culprit, "\n".join(lines), ExitCode.TIMEOUT)
+
+    def _fault(self, name: str, text: str, exit_code: ExitCode = ExitCode.FAULT) -> ServiceFault:
+        log = self._setup.run_dir.log(name)
+        tail = _last_lines(log)
+        text = f"{text}\nLast lines of its log:\n{tail}" if tail else text
+        tick = max(self._progress.get(name, 0), 0)
+        return ServiceFault(participant=name, tick=tick, text=f"{text}\nLog: {log}", exit_code=exit_code)
+
+    # ------------------------------------------------------------ end
+
+    def _dismiss(self, bus: ZenohBus, children: Children) -> None:
+        self._is_dismissing = True
+        reason = self._verdict.end_reason if self._verdict else "the run was ended"
+        ending = codec.encode(Ending(tick=self._verdict.tick if self._verdict else 0, reason=reason))
+        for name in self._seats:
+            bus.publish(keys.ending(name), ending, encoding=codec.encoding_of(Ending), urgent=True)
+        bus.publish(control.CLOSE, b"", urgent=True)
+        children.wait(EXIT_LIMIT_S)
+
+    def _complete(self, outcome: Outcome) -> None:
+        outcome.verdict = self._verdict
+        outcome.agent_faults = faults_of(seat.door for seat in self._seats.values())
+        outcome.timing = {name: bye.timing for name, bye in sorted(self._byes.items())}
+        outcome.ticks_flown = self._verdict.tick if self._verdict else max(min(self._progress.values()), 0)
+        if self._verdict is not None and len(self._byes) == len(self._services):
+            outcome.digest = self._digest(self._verdict.tick)
+
+    def _digest(self, final_tick: int) -> RunDigest:
+        trails: dict[str, Trail] = {}
+        for bye in self._byes.values():
+            trails |= {port: Trail.from_fields(fields) for port, fields in bye.trails.items()}
+        for seat in self._seats.values():
+            trails[keys.command(seat.spec.name)] = seat.trail
+        writers = {port: self._dataflow.writer_of[port] for port in trails}
+        return RunDigest(final_tick, writers, {port: trail.until(final_tick) for port, trail in trails.items()})
+
+    def _tell(self, text: str, state: str) -> None:
+        now = time.monotonic()
+        if now - self._told_at < STATUS_EVERY_S:
+            return
+        self._told_at = now
+        judged = self._progress.get("referee", -1)
+        sim_time_s = seconds_from_ticks(max(judged, 0), self._setup.scenario.tick_ns)
+        wall_s = time.perf_counter() - self._started_at if self._started_at else 0.0
+        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
+        self._report(FlightStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
+
+
+def _last_lines(log: Path, n_lines: int = 5) -> str:
+    try:
+        lines = log.read_text(errors="replace").splitlines()
+    except OSError:
+        return ""
+    return "\n".join(line[:300] for line in lines[-n_lines:])
