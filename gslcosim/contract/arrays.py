@@ -12,7 +12,7 @@ MAX_DIMENSIONS = 8
 
 
 class NumericArray(BaseModel):
-    """An n-dimensional array, C order, little-endian."""
+    """An n-dimensional array, C order, little-endian, of finite numbers."""
 
     model_config = ConfigDict(frozen=True, strict=True, extra="ignore")
 
@@ -28,6 +28,8 @@ class NumericArray(BaseModel):
         expected = math.prod(self.shape) * np.dtype(DTYPES[self.dtype]).itemsize
         if any(n < 0 for n in self.shape) or len(self.data) != expected:
             raise ValueError(f"expected {expected} bytes for {self.dtype} {self.shape}, was {len(self.data)}")
+        if self.dtype.startswith("float") and not np.isfinite(np.frombuffer(self.data, DTYPES[self.dtype])).all():
+            raise ValueError("expected finite numbers, was NaN or infinity somewhere")
         return self
 
     @classmethod

@@ -56,3 +56,10 @@ def test_more_dimensions_than_anyone_needs_are_refused():
     assert NumericArray(dtype="uint8", shape=(1,) * 8, data=b"x").to_array().ndim == 8
     with pytest.raises(ValidationError, match="at most 8 dimensions"):
         NumericArray(dtype="uint8", shape=(1,) * 9, data=b"x")
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_refused(dtype, poison):
+    with pytest.raises(ValidationError, match="finite numbers"):
+        NumericArray.from_array(np.array([1.0, poison, 2.0], dtype))

@@ -1,0 +1,248 @@
+"""One line of bytes for each message, so that no change of the wire format goes unnoticed in any language."""
+
+import json
+import types
+import typing
+
+import numpy as np
+import pytest
+
+from gslcosim.contract import codec
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import (
+    AgentResult,
+    AgentScore,
+    BodyPoses,
+    BodyState,
+    Bounds,
+    Briefing,
+    Command,
+    ConcentrationSlice,
+    Declaration,
+    Ending,
+    FieldSamples,
+    FilamentCloud,
+    GasAmount,
+    Message,
+    MountSample,
+    Observation,
+    Reading,
+    Record,
+    RefereeEvent,
+    Score,
+    SensorDescription,
+    Verdict,
+)
+from gslcosim.contract.schema import message_types
+
+BODY = BodyState(
+    agent="beetle",
+    position_world_m=(1.5, -2.25, 0.1),
+    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+    velocity_world_m_s=(0.5, 0.0, -0.0),
+    angular_velocity_body_rad_s=(0.0, 0.0, 0.125),
+    phase="flying",
+    awaiting_command=False,
+    path_length_m=12.0,
+)
+RESULT = AgentResult(
+    name="beetle",
+    success=False,
+    outcome="time_limit",
+    time_to_source_s=None,
+    steps=70,
+    path_length_m=52.5,
+    straight_line_m=13.25,
+    shortest_path_m=None,
+    movement_overhead=None,
+    directness=None,
+    final_distance_m=4.5,
+    declared_error_m=None,
+)
+EXAMPLES: dict[str, Message] = {
+    "bodies_flying": BodyPoses(tick=7, bodies=(BODY,)),
+    "bodies_all_fields": BodyPoses(
+        tick=2**32,
+        bodies=(
+            BODY.model_copy(
+                update={
+                    "phase": "holding",
+                    "awaiting_command": True,
+                    "waypoint_world_m": (3.0, 4.0, 2.0),
+                    "contacts": ("floor", "wall_x_min"),
+                    "rejected_command": "the waypoint lies outside the room",
+                }
+            ),
+            BODY.model_copy(update={"agent": "second", "phase": "failed"}),
+        ),
+    ),
+    "samples": FieldSamples(
+        tick=1,
+        samples=(
+            MountSample(
+                agent="beetle",
+                sensor="nose",
+                gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=3.1415926535),),
+                wind_world_m_s=(0.5, -0.25, 0.0),
+            ),
+            MountSample(agent="beetle", sensor="wind", gases=(), wind_world_m_s=(1e-300, 1e300, -1.0)),
+        ),
+    ),
+    "filaments_none": FilamentCloud(
+        tick=0,
+        gases=("ethanol",),
+        position_world_m=NumericArray.from_array(np.zeros((0, 3), np.float32)),
+        sigma_m=NumericArray.from_array(np.zeros(0, np.float32)),
+        gas_index=NumericArray.from_array(np.zeros(0, np.uint8)),
+    ),
+    "filaments_two": FilamentCloud(
+        tick=10,
+        gases=("ethanol", "methane"),
+        position_world_m=NumericArray.from_array(np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], np.float32)),
+        sigma_m=NumericArray.from_array(np.array([0.1, 0.2], np.float32)),
+        gas_index=NumericArray.from_array(np.array([0, 1], np.uint8)),
+        slices=(
+            ConcentrationSlice(
+                gas="ethanol",
+                origin_m=(0.0, 0.0),
+                cell_m=0.25,
+                height_m=2.0,
+                mixing_ratio_ppm=NumericArray.from_array(np.arange(6, dtype=np.float32).reshape(2, 3)),
+            ),
+        ),
+    ),
+    "briefing": Briefing(
+        tick=0,
+        agent="beetle",
+        contract_version="1.0",
+        mission="Find the source of ethanol: come within 1 m of it in 300 s.",
+        tick_ns=100_000_000,
+        seed=1_234_567,
+        mode="latency",
+        latency_ticks=5,
+        gas="ethanol",
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 15.0, 8.0)),
+        search_height_m=2.0,
+        hold_s=2.0,
+        time_limit_s=300.0,
+        sensors=(
+            SensorDescription(
+                name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.05)
+            ),
+        ),
+    ),
+    "observation": Observation(
+        tick=65,
+        agent="beetle",
+        time_s=6.5,
+        position_world_m=(12.0, 12.0, 2.0),
+        yaw_rad=-1.5,
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        status="holding",
+        awaiting_command=True,
+        readings=(
+            Reading(sensor="nose", quantity="resistance", unit="ohm", values=(48_211.5,), is_saturated=True),
+            Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.25, 3.0)),
+        ),
+        notice="Ω outside the room",
+    ),
+    "command_waypoint": Command(tick=65, kind="waypoint", position_world_m=(11.2, 12.0, 2.0), hold_s=1.5),
+    "command_declaration": Command(
+        tick=66,
+        kind="declare_source",
+        declaration=Declaration(position_world_m=(5.0, 1.0, 2.0), confidence=0.75),
+        reason="the belief has converged",
+    ),
+    "command_noop": Command(tick=67, kind="noop"),
+    "ending": Ending(tick=900, reason="success"),
+    "score": Score(
+        tick=12,
+        agents=(AgentScore(agent="beetle", distance_to_source_m=9.5, path_length_m=3.0, n_commands=2),),
+    ),
+    "score_final": Score(
+        tick=900,
+        agents=(),
+        events=(
+            RefereeEvent(agent="beetle", kind="success", text="has found the source"),
+            RefereeEvent(agent=None, kind="note", text="é"),
+        ),
+        is_final=True,
+    ),
+    "verdict": Verdict(
+        tick=900,
+        end_reason="success",
+        agents=(
+            RESULT,
+            RESULT.model_copy(
+                update={
+                    "name": "second",
+                    "success": True,
+                    "outcome": "success",
+                    "time_to_source_s": 90.0,
+                    "shortest_path_m": 12.5,
+                    "movement_overhead": 3.2,
+                    "directness": 0.25,
+                    "declared_error_m": 0.5,
+                }
+            ),
+        ),
+    ),
+}
+
+
+def as_json(message: Message) -> dict[str, object]:
+    dumped = json.dumps(message.model_dump(), default=lambda data: {"bin": data.hex()})
+    return json.loads(dumped)
+
+
+def records_in(value: object) -> list[Record]:
+    if isinstance(value, tuple):
+        return [record for item in value for record in records_in(item)]
+    if not isinstance(value, Record):
+        return []
+    return [value, *records_in(tuple(value.__dict__.values()))]
+
+
+def optional_fields(record_type: type[Record]) -> set[str]:
+    return {
+        name
+        for name, field in record_type.model_fields.items()
+        if not field.is_required() or _accepts_none(field.annotation)
+    }
+
+
+def _accepts_none(annotation: object) -> bool:
+    return typing.get_origin(annotation) in (typing.Union, types.UnionType) and type(None) in typing.get_args(
+        annotation
+    )
+
+
+def test_the_bytes_of_every_message_are_the_golden_ones(golden):
+    vectors = [
+        {
+            "name": name,
+            "encoding": codec.encoding_of(type(message)),
+            "fields": as_json(message),
+            "hex": codec.encode(message).hex(),
+        }
+        for name, message in EXAMPLES.items()
+    ]
+    golden("wire_vectors.json", json.dumps(vectors, indent=1, ensure_ascii=False) + "\n")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_comes_back_from_its_bytes(name):
+    assert codec.decode(type(EXAMPLES[name]), codec.encode(EXAMPLES[name])) == EXAMPLES[name]
+
+
+def test_every_message_type_has_an_example():
+    assert {type(message) for message in EXAMPLES.values()} == set(message_types())
+
+
+def test_every_optional_field_appears_with_a_value_in_some_example():
+    records = records_in(tuple(EXAMPLES.values()))
+    for record_type in {type(record) for record in records}:
+        for name in optional_fields(record_type):
+            default = record_type.model_fields[name].default
+            values = [getattr(record, name) for record in records if type(record) is record_type]
+            assert any(value is not None and value != default for value in values), f"{record_type.__name__}.{name}"

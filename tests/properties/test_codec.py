@@ -1,0 +1,156 @@
+"""Whatever the schema allows survives the wire, and nothing else does."""
+
+import math
+import types
+import typing
+from typing import Any
+
+import msgpack
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
+from pydantic import BaseModel, StringConstraints, ValidationError
+
+from gslcosim.contract import codec
+from gslcosim.contract.arrays import DTYPES, NumericArray
+from gslcosim.contract.messages import Command, Message
+from gslcosim.contract.schema import message_types
+from gslcosim.errors import ContractError
+
+shapes = st_numpy.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)
+arrays = st.sampled_from(sorted(DTYPES)).flatmap(
+    lambda dtype: st_numpy.arrays(
+        dtype,
+        shapes,
+        elements={"allow_nan": False, "allow_infinity": False} if dtype.startswith("float") else None,
+    )
+)
+
+
+def values_of(annotation: Any, constraints: tuple[Any, ...] = ()) -> st.SearchStrategy[Any]:
+    """Return a strategy for all values that a message field of this type may hold."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Annotated:
+        return values_of(arguments[0], (*constraints, *arguments[1:]))
+    if origin is typing.Literal:
+        return st.sampled_from(arguments)
+    if origin in (typing.Union, types.UnionType):
+        return st.one_of(*(values_of(argument) for argument in arguments))
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return st.lists(values_of(arguments[0]), max_size=3).map(tuple)
+    if origin is tuple:
+        return st.tuples(*(values_of(argument) for argument in arguments))
+    if annotation is NumericArray:
+        return arrays.map(NumericArray.from_array)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return records_of(annotation)
+    return scalars_of(annotation, constraints)
+
+
+def scalars_of(annotation: Any, constraints: tuple[Any, ...]) -> st.SearchStrategy[Any]:
+    flat = [item for constraint in constraints for item in (getattr(constraint, "metadata", None) or [constraint])]
+    low = max((item.ge for item in flat if getattr(item, "ge", None) is not None), default=None)
+    high = min((item.le for item in flat if getattr(item, "le", None) is not None), default=None)
+    if annotation is bool:
+        return st.booleans()
+    if annotation is int:
+        return st.integers(-(2**63) if low is None else low, 2**64 - 1 if high is None else high)
+    if annotation is float:
+        return st.floats(low, high, allow_nan=False, allow_infinity=False)
+    if annotation is str:
+        text = next((item for item in flat if isinstance(item, StringConstraints)), StringConstraints())
+        if text.pattern:
+            return st.from_regex(text.pattern, fullmatch=True)
+        return st.text(max_size=min(20, text.max_length or 20))
+    assert annotation is types.NoneType, annotation
+    return st.none()
+
+
+def records_of(model: type[BaseModel]) -> st.SearchStrategy[Any]:
+    fields = {name: values_of(field.annotation, tuple(field.metadata)) for name, field in model.model_fields.items()}
+    return (
+        st.fixed_dictionaries(fields).map(lambda values: built(model, values)).filter(lambda record: record is not None)
+    )
+
+
+def built(model: type[BaseModel], values: dict[str, Any]) -> BaseModel | None:
+    """Return the record, or None where a rule between fields forbids it."""
+    try:
+        return model(**values)
+    except ValidationError:
+        assert model is Command
+        return None
+
+
+any_message = st.one_of(*(records_of(message_type) for message_type in message_types()))
+generous = settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+
+
+@pytest.mark.slow
+@generous
+@given(any_message)
+def test_every_message_comes_back_equal_and_byte_for_byte(message: Message):
+    payload = codec.encode(message)
+    back = codec.decode(type(message), payload)
+    assert back == message
+    assert codec.encode(back) == payload
+
+
+@pytest.mark.slow
+@generous
+@given(any_message, st.sampled_from([math.nan, math.inf, -math.inf]), st.randoms(use_true_random=False))
+def test_not_a_number_anywhere_is_refused(message: Message, poison: float, random: Any):
+    fields = message.model_dump()
+    if poison_one_float(fields, poison, random):
+        with pytest.raises(ContractError, match="finite number"):
+            codec.decode(type(message), msgpack.packb(fields))
+
+
+def poison_one_float(fields: dict[str, Any], poison: float, random: Any) -> bool:
+    places = list(floats_in(fields))
+    if not places:
+        return False
+    *way, last = random.choice(places)
+    holder: Any = fields
+    for step in way:
+        if isinstance(holder[step], tuple):
+            holder[step] = list(holder[step])
+        holder = holder[step]
+    holder[last] = poison
+    return True
+
+
+def floats_in(value: Any, way: tuple[Any, ...] = ()) -> Any:
+    if isinstance(value, float):
+        yield way
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from floats_in(item, (*way, key))
+    elif isinstance(value, tuple | list):
+        for index, item in enumerate(value):
+            yield from floats_in(item, (*way, index))
+
+
+@pytest.mark.slow
+@generous
+@given(any_message, st.dictionaries(st.text("xyz", min_size=9), st.integers() | st.text(), max_size=3))
+def test_unknown_keys_are_ignored(message: Message, more: dict[str, Any]):
+    more = {key: value for key, value in more.items() if isinstance(value, str) or -(2**63) <= value < 2**64}
+    assert codec.decode(type(message), msgpack.packb(message.model_dump() | more)) == message
+
+
+@generous
+@given(st.binary(max_size=200), st.sampled_from(message_types()))
+def test_arbitrary_bytes_are_refused_with_a_contract_error(payload: bytes, message_type: type[Message]):
+    with pytest.raises(ContractError, match=message_type.__name__):
+        codec.decode(message_type, payload)
+
+
+@pytest.mark.slow
+@generous
+@given(any_message, st.data())
+def test_a_truncated_message_is_refused(message: Message, data: st.DataObject):
+    payload = codec.encode(message)
+    with pytest.raises(ContractError):
+        codec.decode(type(message), payload[: data.draw(st.integers(0, len(payload) - 1))])

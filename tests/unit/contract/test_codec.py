@@ -1,0 +1,115 @@
+"""What a participant must not get away with, and what it is told."""
+
+import msgpack
+import pytest
+
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Command, Ending, Observation, Score
+from gslcosim.errors import ContractError
+
+
+def packed(**fields) -> bytes:
+    return msgpack.packb(fields)
+
+
+WAYPOINT = {"tick": 3, "kind": "waypoint", "position_world_m": [1.0, 2.0, 3.0]}
+
+
+def nested(depth: int) -> bytes:
+    """A map with an unknown key that holds arrays within arrays."""
+    return b"\x83\xa4tick\x03\xa4kind\xa4noop\xa4junk" + b"\x91" * depth + b"\xc0"
+
+
+MUST_REJECT = {
+    "nan": (packed(**WAYPOINT | {"position_world_m": [1.0, float("nan"), 3.0]}), "position_world_m.1"),
+    "infinity": (packed(**WAYPOINT | {"hold_s": float("inf")}), "hold_s"),
+    "float_tick": (packed(**WAYPOINT | {"tick": 3.0}), "tick: input should be a valid integer, was 3.0"),
+    "text_tick": (packed(**WAYPOINT | {"tick": "3"}), "tick: input should be a valid integer, was '3'"),
+    "boolean_tick": (packed(**WAYPOINT | {"tick": True}), "tick: input should be a valid integer, was True"),
+    "negative_tick": (packed(**WAYPOINT | {"tick": -1}), "tick: input should be greater than or equal to 0, was -1"),
+    "huge_tick": (packed(**WAYPOINT | {"tick": 2**53 + 1}), "tick: input should be less than or equal"),
+    "missing_tick": (packed(kind="noop"), "tick: field required"),
+    "missing_kind": (packed(tick=3), "kind: field required"),
+    "unknown_kind": (packed(tick=3, kind="jump"), "kind: input should be 'waypoint', 'hold'"),
+    "waypoint_without_place": (packed(tick=3, kind="waypoint"), "a waypoint command needs position_world_m"),
+    "declaration_without_place": (packed(tick=3, kind="declare_source"), "needs declaration"),
+    "two_coordinates": (packed(**WAYPOINT | {"position_world_m": [1.0, 2.0]}), "position_world_m.2: field required"),
+    "four_coordinates": (packed(**WAYPOINT | {"position_world_m": [1.0, 2.0, 3.0, 4.0]}), "position_world_m"),
+    "text_coordinate": (packed(**WAYPOINT | {"position_world_m": [1.0, "2", 3.0]}), "position_world_m.1"),
+    "confidence_above_one": (
+        packed(tick=3, kind="declare_source", declaration={"position_world_m": [1.0, 2.0, 3.0], "confidence": 1.5}),
+        "declaration.confidence",
+    ),
+    "long_reason": (packed(tick=3, kind="noop", reason="x" * 501), "reason: string should have at most 500"),
+    "hold_for_ever": (packed(tick=3, kind="hold", hold_s=1e9), "hold_s: input should be less than or equal to 3600"),
+    "array": (msgpack.packb([1, 2, 3]), "expected a msgpack map, was tuple"),
+    "number": (msgpack.packb(7), "expected a msgpack map, was int"),
+    "nil": (msgpack.packb(None), "expected a msgpack map, was NoneType"),
+    "nothing": (b"", "expected a msgpack map, was 0 bytes"),
+    "json": (b'{"tick": 3, "kind": "noop"}', "expected a msgpack map"),
+    "trailing_bytes": (packed(tick=3, kind="noop") + b"\x00", "expected a msgpack map"),
+    "two_messages": (packed(tick=3, kind="noop") * 2, "expected a msgpack map"),
+    "integer_keys": (msgpack.packb({1: 2}), "expected a msgpack map"),
+    "bytes_keys": (msgpack.packb({b"tick": 3, b"kind": "noop"}), "field required"),
+    "not_utf_8": (b"\x82\xa4tick\x03\xa4kind\xa4\xff\xfe\xfd\xfc", "expected a msgpack map"),
+    "reserved_byte": (b"\xc1", "expected a msgpack map"),
+    "length_beyond_the_end": (b"\xdf\xff\xff\xff\xff", "expected a msgpack map"),
+    "deep_nesting": (nested(100_000), "expected a msgpack map"),
+}
+
+
+@pytest.mark.parametrize("name", MUST_REJECT)
+def test_a_bad_command_is_refused_and_the_text_says_what_was_expected(name):
+    payload, expected_text = MUST_REJECT[name]
+    with pytest.raises(ContractError) as caught:
+        codec.decode(Command, payload)
+    assert str(caught.value).startswith("Command: ")
+    assert expected_text in str(caught.value)
+
+
+def test_a_big_payload_is_refused_before_it_is_read():
+    with pytest.raises(ContractError, match=r"Command: expected at most 1000 bytes, was 100000\."):
+        codec.decode(Command, bytes(100_000), max_bytes=1000)
+
+
+def test_an_error_stays_short_however_much_is_wrong():
+    many = {"tick": 1, "agents": [{"agent": "X" * 10_000}] * 1000}
+    with pytest.raises(ContractError) as caught:
+        codec.decode(Score, msgpack.packb(many))
+    assert len(str(caught.value)) < 2000
+
+
+def test_all_problems_are_told_at_once():
+    with pytest.raises(ContractError, match=r"Ending: tick: .*, was -1; reason: field required\."):
+        codec.decode(Ending, packed(tick=-1))
+
+
+def test_whole_numbers_pass_for_reals_because_some_languages_know_no_others():
+    command = codec.decode(Command, packed(**WAYPOINT | {"position_world_m": [1, 2, 3]}))
+    assert command.position_world_m == (1.0, 2.0, 3.0)
+    assert all(type(value) is float for value in command.position_world_m)
+
+
+def test_keys_may_come_in_any_order_and_optional_ones_may_be_absent():
+    assert codec.decode(Command, msgpack.packb({"kind": "noop", "tick": 3})) == Command(tick=3, kind="noop")
+
+
+def test_reals_travel_as_float64():
+    command = codec.decode(Command, packed(**WAYPOINT | {"position_world_m": [1, 2, 3]}))
+    assert codec.encode(command).count(b"\xcb") == 3
+
+
+def test_peek_tick_reads_the_tick_of_anything():
+    assert codec.peek_tick(packed(tick=41, nonsense=[])) == 41
+
+
+@pytest.mark.parametrize(
+    "payload", [packed(tick=1.0), packed(tick=True), packed(), b"", b"\x00", msgpack.packb("tick")]
+)
+def test_peek_tick_refuses_what_has_no_whole_tick(payload):
+    with pytest.raises(ContractError):
+        codec.peek_tick(payload)
+
+
+def test_the_encoding_names_message_and_major_version():
+    assert codec.encoding_of(Observation) == "application/msgpack;gslcosim.Observation/1"

@@ -1,0 +1,91 @@
+import pytest
+from pydantic import ValidationError
+
+from gslcosim.contract import keys, messages
+from gslcosim.contract.messages import BodyPoses, BodyState, Command, Message, Observation, Reading, Score
+from gslcosim.contract.schema import contract_hash, message_types
+
+
+def body(agent: str, *, awaiting_command: bool) -> BodyState:
+    return BodyState(
+        agent=agent,
+        position_world_m=(0.0, 0.0, 0.0),
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+        phase="holding",
+        awaiting_command=awaiting_command,
+        path_length_m=0.0,
+    )
+
+
+def test_bodies_announce_the_commands_of_the_agents_that_are_asked():
+    poses = BodyPoses(tick=1, bodies=(body("a", awaiting_command=True), body("b", awaiting_command=False)))
+    assert poses.announced_ports() == {keys.command("a")}
+
+
+def test_only_a_final_score_announces_the_verdict():
+    assert Score(tick=1, agents=()).announced_ports() == frozenset()
+    assert Score(tick=1, agents=(), is_final=True).announced_ports() == {keys.VERDICT}
+
+
+def test_only_a_failed_command_closes_its_port():
+    assert Command(tick=1, kind="failed").closes_port
+    assert not Command(tick=1, kind="noop").closes_port
+
+
+def test_messages_are_frozen():
+    command = Command(tick=1, kind="noop")
+    with pytest.raises(ValidationError, match="frozen"):
+        command.tick = 2
+
+
+@pytest.mark.parametrize("message_type", message_types())
+def test_every_message_is_frozen_strict_and_open_for_later_keys(message_type):
+    config = message_type.model_config
+    assert (config["frozen"], config["strict"], config["extra"], config["allow_inf_nan"]) == (
+        True,
+        True,
+        "ignore",
+        False,
+    )
+
+
+def test_readings_are_found_by_the_name_of_the_sensor():
+    reading = Reading(sensor="nose", quantity="resistance", unit="ohm", values=(1.0,))
+    observation = Observation(
+        tick=0,
+        agent="a",
+        time_s=0.0,
+        position_world_m=(0.0, 0.0, 0.0),
+        yaw_rad=0.0,
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        status="on_ground",
+        awaiting_command=False,
+        readings=(reading,),
+    )
+    assert observation.reading("nose") is reading
+    with pytest.raises(KeyError, match=r"no sensor 'nase'; there are \['nose'\]"):
+        observation.reading("nase")
+
+
+@pytest.mark.parametrize("name", ["", "Beetle", "1st", "a/b", "a*", "a b", "x" * 41, "ä", "a\n"])
+def test_names_are_safe_as_parts_of_keys(name):
+    with pytest.raises(ValidationError, match="pattern"):
+        body(name, awaiting_command=False)
+
+
+def test_the_contract_hash_changes_with_any_message(monkeypatch):
+    class Extra(Message):
+        value: float
+
+    before = contract_hash.__wrapped__()
+    assert contract_hash() == before
+    monkeypatch.setattr(messages, "Extra", Extra, raising=False)
+    assert contract_hash.__wrapped__() != before
+
+
+def test_what_agents_may_see_is_never_under_truth():
+    for function in (keys.briefing, keys.observation, keys.raw_command, keys.ending):
+        assert function("beetle").startswith("agents/beetle/")
+    assert all(key.startswith("truth/") for key in (keys.BODIES, keys.SAMPLES, keys.FILAMENTS))
