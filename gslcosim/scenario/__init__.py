@@ -1,5 +1,7 @@
 """Scenario files: YAML read once into frozen models; all problems of a file in one error."""
 
+from gslcosim.scenario.dumping import dump_resolved
+from gslcosim.scenario.loading import LoadedScenario, load_scenario
 from gslcosim.scenario.models import Scenario
 
-__all__ = ["Scenario"]
+__all__ = ["LoadedScenario", "Scenario", "dump_resolved", "load_scenario"]

@@ -1,8 +1,10 @@
 """The frozen models of a scenario file: every field with unit, default and range."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from gslcosim.scenario.rules import broken_rule
 
 SCHEMA = "gslcosim/scenario/1"
 
@@ -10,6 +12,14 @@ Vec3 = tuple[float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+
+
+# The gases and sensors that there are; the tables with their figures are in gslcosim.fields and gslcosim.sensing.
+Gas = Literal[
+    "ethanol", "methane", "hydrogen", "propanol", "chlorine", "fluorine", "acetone", "neon", "helium", "biogas",
+    "butane", "carbon_dioxide", "carbon_monoxide", "smoke",
+]  # fmt: skip
+SensorModel = Literal["tgs2600", "anemometer"]
 
 
 class Spec(BaseModel):
@@ -25,12 +35,35 @@ class BoxSpec(Spec):
     min_m: Vec3
     max_m: Vec3
 
+    @model_validator(mode="after")
+    def _check_corners(self) -> Self:
+        if not all(low < high for low, high in zip(self.min_m, self.max_m, strict=True)):
+            raise broken_rule(
+                key="max_m",
+                expected=f"each number greater than that of min_m, {_shown(self.min_m)}",
+                found=_shown(self.max_m),
+                remedy="min_m and max_m are opposite corners.",
+            )
+        return self
+
 
 class OpeningSpec(Spec):
     """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
 
     min_m: Vec3
     max_m: Vec3
+
+    @model_validator(mode="after")
+    def _check_corners(self) -> Self:
+        sides_m = [high - low for low, high in zip(self.min_m, self.max_m, strict=True)]
+        if sum(side_m > 0 for side_m in sides_m) != 2 or min(sides_m) != 0:
+            raise broken_rule(
+                key="max_m",
+                expected=f"one number equal to that of min_m, {_shown(self.min_m)}, and two greater",
+                found=_shown(self.max_m),
+                remedy="An opening is a rectangle on one side of the room.",
+            )
+        return self
 
 
 class LayoutSpec(Spec):
@@ -51,6 +84,16 @@ class EnvironmentSpec(Spec):
     layout: LayoutSpec | None = None
     path: str | None = None
 
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        if (self.layout is None) == (self.path is None):
+            raise broken_rule(
+                expected="exactly one of layout and path",
+                found="neither" if self.layout is None else "both",
+                remedy="layout generates a room, path takes the folder of one made before.",
+            )
+        return self
+
 
 class WindSpec(Spec):
     """The air's motion. `uniform` is `inlet_velocity_m_s` everywhere; `built_in` solves the flow.
@@ -64,6 +107,18 @@ class WindSpec(Spec):
     cell_m: Positive = 0.2
     end_time_s: Positive = 60.0
     average_from_s: NonNegative | None = 30.0
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if self.solver == "built_in" and self.average_from_s is not None and self.average_from_s >= self.end_time_s:
+            is_default = "average_from_s" not in self.model_fields_set
+            raise broken_rule(
+                key="average_from_s",
+                expected=f"less than end_time_s, {self.end_time_s:g}",
+                found=f"{self.average_from_s:g}{' (the default)' if is_default else ''}",
+                remedy=f"For example {self.end_time_s / 2:g}, or null for the wind at the end of the solve.",
+            )
+        return self
 
 
 class SourceSpec(Spec):
@@ -83,7 +138,7 @@ class GasSpec(Spec):
     """
 
     model: Literal["filament"] = "filament"
-    gas: str = "ethanol"
+    gas: Gas = "ethanol"
     sources: Annotated[tuple[SourceSpec, ...], Field(min_length=1)]
     growth_m2_s: NonNegative = 0.001
     eddy_diffusivity_m2_s: NonNegative = 0.002
@@ -97,6 +152,17 @@ class StartSpec(Spec):
     python: str | None = None
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     attach: bool = False
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        given = [key for key in ("python", "command", "attach") if getattr(self, key)]
+        if len(given) != 1:
+            raise broken_rule(
+                expected="exactly one of python, command and attach: true",
+                found=" and ".join(given) or "none",
+                remedy="For example start: {python: dung_beetle}.",
+            )
+        return self
 
 
 class VehicleSpec(Spec):
@@ -113,7 +179,7 @@ class VehicleSpec(Spec):
 class SensorSpec(Spec):
     """A sensor on the vehicle; `mount_m` is its place in the body frame [m]."""
 
-    model: Literal["tgs2600", "anemometer"]
+    model: SensorModel
     name: Name
     mount_m: Vec3 = (0.0, 0.0, 0.0)
     speed_noise_std_m_s: NonNegative = 0.01
@@ -199,3 +265,7 @@ class Scenario(Spec):
     def tick_ns(self) -> int:
         """Length of a tick [ns]."""
         return self.tick_ms * 1_000_000
+
+
+def _shown(numbers: Vec3) -> str:
+    return f"[{', '.join(f'{number:g}' for number in numbers)}]"

@@ -94,10 +94,9 @@ class InvalidScenarioError(ScenarioError):
         super().__init__("\n".join(lines))
 
 
-def invalid_scenario(problems: Iterable[ProblemLike], marks: Marks) -> InvalidScenarioError:
-    """Return the error that tells all problems with the places where their causes were written."""
-    located = [LocatedProblem(place=marks.place_of(problem.path), problem=problem) for problem in problems]
-    return InvalidScenarioError(located, name=marks.root.source)
+def locate(problems: Iterable[ProblemLike], marks: Marks) -> tuple[LocatedProblem, ...]:
+    """Return problems with the places where their causes were written."""
+    return tuple(LocatedProblem(place=marks.place_of(problem.path), problem=problem) for problem in problems)
 
 
 def child_path(parent: str, key: str | int) -> str:

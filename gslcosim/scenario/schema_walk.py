@@ -57,6 +57,18 @@ def paths_of_key(key: str) -> list[str]:
     return [path for path, model in _all_blocks(Scenario, "") if key in keys_of(model)]
 
 
+def words_of(annotation: Any) -> list[str]:
+    """Return the fixed words that are allowed by an annotation, such as the names of the wind solvers."""
+    kinds = _kinds_of_union(annotation) or [annotation]
+    literals = [kind for kind in kinds if typing.get_origin(kind) is Literal]
+    return [str(word) for literal in literals for word in typing.get_args(literal)]
+
+
+def holds_blocks(annotation: Any) -> bool:
+    """Return whether a list of blocks belongs here."""
+    return _model_in(_item_annotation(annotation)) is not None
+
+
 def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
     yield path, model
     for name, field in model.model_fields.items():
@@ -127,7 +139,7 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
     constraints = (*inner, *constraints)
     in_unit = f" in {unit}" if unit and not unit.startswith("per") else f" {unit}" if unit else ""
     if kinds := _kinds_of_union(kind):
-        return " or ".join(_describe(each, (), unit) for each in kinds)
+        return " or ".join(_describe(each, (), unit).removeprefix("one of ") for each in kinds)
     if typing.get_origin(kind) is Literal:
         return _alternatives([str(value) for value in typing.get_args(kind)])
     if typing.get_origin(kind) is tuple:

@@ -25,7 +25,8 @@ _WRITTEN_UNITS = {
     "ms": ("_s", 0.001), "min": ("_s", 60.0), "minute": ("_s", 60.0), "minutes": ("_s", 60.0), "h": ("_s", 3600.0),
     "m/s": ("_m_s", 1.0), "cm/s": ("_m_s", 0.01), "km/h": ("_m_s", 1 / 3.6),
     "m/s2": ("_m_s2", 1.0), "m/s^2": ("_m_s2", 1.0), "m2/s": ("_m2_s", 1.0), "m^2/s": ("_m2_s", 1.0),
-    "rad": ("_rad", 1.0), "deg": ("_rad", math.pi / 180), "degrees": ("_rad", math.pi / 180), "°": ("_rad", math.pi / 180),
+    "rad": ("_rad", 1.0), "°": ("_rad", math.pi / 180), "deg": ("_rad", math.pi / 180),
+    "degrees": ("_rad", math.pi / 180),
     "ppm": ("_ppm", 1.0), "ppb": ("_ppm", 0.001), "1/s": ("_per_s", 1.0), "/s": ("_per_s", 1.0), "hz": ("_per_s", 1.0),
 }  # fmt: skip
 

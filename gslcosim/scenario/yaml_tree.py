@@ -17,7 +17,7 @@ from gslcosim.scenario.problems import (
     Place,
     Problem,
     child_path,
-    invalid_scenario,
+    locate,
 )
 
 # Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
@@ -35,17 +35,22 @@ class YamlTree:
 
     values: Any
     marks: Marks
-    problems: tuple[Problem, ...] = ()
+    problems: tuple[LocatedProblem, ...] = ()
+
+    @property
+    def block(self) -> dict[str, Any] | None:
+        """The values when they are a block with keys, as they should be."""
+        return cast("dict[str, Any]", self.values) if isinstance(self.values, dict) else None
 
 
-class _CoreLoader(yaml.SafeLoader):
+class CoreLoader(yaml.SafeLoader):
     """Composes nodes with YAML 1.2's core schema in place of PyYAML's YAML 1.1."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
 
 def _resolve(kind: str, pattern: str, first_characters: list[str]) -> None:
-    cast("Any", _CoreLoader).add_implicit_resolver(_TAG + kind, re.compile(pattern), first_characters)
+    cast("Any", CoreLoader).add_implicit_resolver(_TAG + kind, re.compile(pattern), first_characters)
 
 
 _resolve("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF"))
@@ -71,7 +76,7 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
     """
     root = Place(source=source, line=1, column=1)
     try:
-        node: yaml.Node | None = cast("Any", yaml).compose(text, Loader=_CoreLoader)
+        node: yaml.Node | None = cast("Any", yaml).compose(text, Loader=CoreLoader)
         if node is None:
             return YamlTree(None, Marks(root))
         reader = _NodeReader(source)
@@ -80,8 +85,9 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
         raise _syntax_error(error, text, source) from error
     except RecursionError as error:
         problem = Problem(path="", expected="values some levels deep", found="a nest of hundreds of levels")
-        raise invalid_scenario([problem], Marks(root)) from error
-    return YamlTree(values, Marks(root, reader.places), tuple(reader.problems))
+        raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
+    marks = Marks(root, reader.places)
+    return YamlTree(values, marks, locate(reader.problems, marks))
 
 
 class _NodeReader:

@@ -1,0 +1,176 @@
+"""Rules between distant parts of a scenario, checked on its plain values so that other problems do not hide them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+from gslcosim.scenario.models import GasSpec, RecordingSpec, Scenario, Spec, StopSpec
+from gslcosim.scenario.problems import Problem, child_path
+from gslcosim.scenario.programs import problem_of_command, problem_of_python
+from gslcosim.ticks import NS_PER_S, seconds_from_ticks
+
+PHYSICS_STEP_MS = 4
+_NS_PER_MS = 1_000_000
+
+
+def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[Problem]:
+    """Return the problems of plain values that no single block shows.
+
+    Values of a wrong kind are passed over: the models complain about them.
+
+    Args:
+        values: The scenario as dicts, lists and scalars.
+        directory: The scenario's folder; relative paths start there.
+    """
+    return [
+        *_repeated_names(values),
+        *_missing_programs(values, directory),
+        *_missing_environment(values, directory),
+        *_broken_times(values),
+    ]
+
+
+def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
+    agents = _blocks(values, "agents")
+    yield from _repeats("agents", agents)
+    for i, agent in agents:
+        yield from _repeats(f"agents[{i}].sensors", _blocks(agent, "sensors"))
+    layout = _block(_block(values, "environment"), "layout")
+    yield from _repeats("environment.layout.obstacles", _blocks(layout, "obstacles"))
+
+
+def _repeats(path: str, blocks: list[tuple[int, dict[str, Any]]]) -> Iterator[Problem]:
+    first: dict[str, str] = {}
+    for i, block in blocks:
+        name = block.get("name")
+        if not isinstance(name, str):
+            continue
+        place = child_path(child_path(path, i), "name")
+        if name in first:
+            yield Problem(
+                path=place,
+                expected=f"a name that no other of {path} has",
+                found=f"'{name}', as {first[name]}",
+                remedy=f"For example {name}_{i + 1}.",
+            )
+        first.setdefault(name, place)
+
+
+def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
+    for i, agent in _blocks(values, "agents"):
+        start = _block(agent, "start")
+        python, command = start.get("python"), start.get("command")
+        path = f"agents[{i}].start"
+        problem = None
+        if isinstance(python, str):
+            problem = problem_of_python(python, directory=directory, path=f"{path}.python")
+        elif words := _words(command):
+            problem = problem_of_command(words, directory=directory, path=f"{path}.command")
+        if problem:
+            yield problem
+
+
+def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
+    path = _block(values, "environment").get("path")
+    if isinstance(path, str) and not (directory / path).is_dir():
+        folder = (directory / path).resolve()
+        yield Problem(
+            path="environment.path",
+            expected="the folder of an environment",
+            found=f"'{path}'",
+            remedy=f"There is no {'folder' if not folder.exists() else 'folder but a file'} {folder}.",
+        )
+
+
+def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
+    tick_ms = _number(values, "tick_ms", Scenario)
+    if tick_ms is None or tick_ms <= 0 or tick_ms != int(tick_ms):
+        return
+    if tick_ms % PHYSICS_STEP_MS:
+        below = max(1, int(tick_ms // PHYSICS_STEP_MS)) * PHYSICS_STEP_MS
+        yield Problem(
+            path="tick_ms",
+            expected=f"a multiple of the physics step of {PHYSICS_STEP_MS} ms",
+            found=f"{tick_ms:g}",
+            remedy=f"Nearest: {below} or {below + PHYSICS_STEP_MS}.",
+        )
+    tick_ns = int(tick_ms) * _NS_PER_MS
+    gas, recording, stop = _block(values, "gas"), _block(values, "recording"), _block(values, "referee", "stop")
+    yield from _not_whole_ticks("recording.gas_every_s", _number(recording, "gas_every_s", RecordingSpec), tick_ns)
+    yield from _not_whole_ticks("referee.stop.time_limit_s", _number(stop, "time_limit_s", StopSpec), tick_ns)
+    yield from _broken_gas_times(_number(gas, "step_s", GasSpec), _number(gas, "warm_up_s", GasSpec), tick_ns)
+
+
+def _not_whole_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
+    if duration_s is None or duration_s <= 0 or _is_whole(duration_s, tick_ns):
+        return
+    below = int(duration_s * NS_PER_S // tick_ns)
+    nearest = [f"{seconds_from_ticks(n, tick_ns):g}" for n in (below, below + 1) if n >= 1]
+    yield Problem(
+        path=path,
+        expected=f"a whole number of {tick_ns / _NS_PER_MS:g} ms ticks",
+        found=f"{duration_s:g} s",
+        remedy=f"Nearest: {' or '.join(nearest)}.",
+    )
+
+
+# The fields core steps its gas a whole number of times a tick, or every whole number of ticks.
+def _broken_gas_times(step_s: float | None, warm_up_s: float | None, tick_ns: int) -> Iterator[Problem]:
+    if step_s is None or step_s <= 0:
+        return
+    step_ns = round(step_s * NS_PER_S)
+    if not step_ns or (step_ns % tick_ns and tick_ns % step_ns):
+        yield Problem(
+            path="gas.step_s",
+            expected=f"a whole multiple or a whole fraction of the tick of {tick_ns / NS_PER_S:g} s",
+            found=f"{step_s:g} s",
+            remedy=f"Nearest: {_nearest_step_s(step_ns, tick_ns):g}.",
+        )
+    elif warm_up_s is not None and warm_up_s > 0 and not _is_whole(warm_up_s, step_ns):
+        steps = int(warm_up_s * NS_PER_S // step_ns)
+        yield Problem(
+            path="gas.warm_up_s",
+            expected=f"a whole number of gas steps of {step_s:g} s",
+            found=f"{warm_up_s:g} s",
+            remedy=f"Nearest: {steps * step_ns / NS_PER_S:g} or {(steps + 1) * step_ns / NS_PER_S:g}.",
+        )
+
+
+def _nearest_step_s(step_ns: int, tick_ns: int) -> float:
+    if step_ns > tick_ns:
+        return round(step_ns / tick_ns) * tick_ns / NS_PER_S
+    n = round(tick_ns / max(step_ns, 1))
+    while tick_ns % n:
+        n -= 1
+    return tick_ns // n / NS_PER_S
+
+
+def _is_whole(duration_s: float, part_ns: int) -> bool:
+    n = round(duration_s * NS_PER_S / part_ns)
+    return n >= 1 and abs(n * part_ns - duration_s * NS_PER_S) <= 0.5
+
+
+def _block(values: dict[str, Any], *keys: str) -> dict[str, Any]:
+    for key in keys:
+        inner = values.get(key)
+        values = cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
+    return values
+
+
+def _blocks(values: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
+    items = values.get(key)
+    if not isinstance(items, list):
+        return []
+    return [(i, item) for i, item in enumerate(cast("list[Any]", items)) if isinstance(item, dict)]
+
+
+def _words(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list):
+        return ()
+    words = cast("list[Any]", value)
+    return tuple(words) if all(isinstance(word, str) for word in words) else ()
+
+
+def _number(block: dict[str, Any], key: str, model: type[Spec]) -> float | None:
+    value = block[key] if key in block else model.model_fields[key].default
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -1,0 +1,77 @@
+"""A scenario as resolved, back to YAML."""
+
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from gslcosim.scenario.models import AgentSpec, Scenario
+from gslcosim.scenario.yaml_tree import CoreLoader
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes every text that YAML 1.1 or 1.2 would take for something else, and keeps short lists on one line."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write values that occur twice in full."""
+        return True
+
+
+for _first, _resolvers in CoreLoader.yaml_implicit_resolvers.items():
+    for _tag, _pattern in _resolvers:
+        cast("Any", _Dumper).add_implicit_resolver(_tag, _pattern, [_first])
+
+
+def _represent_list(dumper: Any, items: list[Any]) -> yaml.Node:
+    is_flat = not any(isinstance(item, dict | list) for item in items)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=is_flat)
+
+
+cast("Any", _Dumper).add_representer(list, _represent_list)
+
+
+def dump_resolved(scenario: Scenario, *, directory: Path | None = None) -> str:
+    """Return the YAML of a scenario with all defaults and overrides filled in; it loads back equal.
+
+    Args:
+        scenario: A valid scenario.
+        directory: The scenario's folder. When given, relative paths are written absolute, so that the text may be
+            saved in another folder.
+    """
+    if directory is not None:
+        scenario = _with_absolute_paths(scenario, directory)
+    return cast("Any", yaml).dump(_plain(scenario), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+
+
+# None is left out where it is the default anyway.
+def _plain(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        fields = {
+            field.alias or name: getattr(value, name)
+            for name, field in type(value).model_fields.items()
+            if getattr(value, name) is not None or field.default not in (None, PydanticUndefined)
+        }
+        return {key: _plain(inner) for key, inner in fields.items()}
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in cast("dict[str, Any]", value).items()}
+    return [_plain(item) for item in cast("tuple[Any, ...]", value)] if isinstance(value, tuple) else value
+
+
+def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:
+    environment = scenario.environment
+    if environment.path is not None:
+        environment = environment.model_copy(update={"path": str((directory / environment.path).resolve())})
+    agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)
+    return scenario.model_copy(update={"environment": environment, "agents": agents})
+
+
+def _with_absolute_program(agent: AgentSpec, directory: Path) -> AgentSpec:
+    start = agent.start
+    if start.python is not None and (directory / start.python).is_file():
+        start = start.model_copy(update={"python": str((directory / start.python).resolve())})
+    if start.command is not None and "/" in start.command[0]:
+        program = str((directory / start.command[0]).resolve())
+        start = start.model_copy(update={"command": (program, *start.command[1:])})
+    return agent.model_copy(update={"start": start})

@@ -1,0 +1,137 @@
+"""Pydantic's complaints about a scenario's values, said as place, expected, found and remedy."""
+
+import json
+import re
+import typing
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from gslcosim.scenario.problems import Problem, child_path, parent_of
+from gslcosim.scenario.rules import RULE
+from gslcosim.scenario.schema_walk import Segment, Slot, holds_blocks, keys_of, paths_of_key, slot_at, words_of
+from gslcosim.scenario.suggestions import did_you_mean, nearest_key
+from gslcosim.scenario.units import ending_of, number_in_unit_of, read_quantity, unit_of
+
+MISSING = "missing"
+_UNKNOWN_KEY = "an unknown key"
+
+
+def problems_of(error: ValidationError) -> list[Problem]:
+    """Return each problem of a validation once, at the deepest place that the models know."""
+    problems: dict[str, Problem] = {}
+    for details in error.errors(include_url=False):
+        problem = _problem_of(details)
+        if problem is not None:
+            problems.setdefault(problem.path, problem)
+    suggested = {place for problem in problems.values() if (place := _suggested_path(problem))}
+    return [p for p in problems.values() if not (p.found == MISSING and p.path in suggested)]
+
+
+# A misspelled key is one problem, not two: the key that it stands for is then missing as well.
+def _suggested_path(problem: Problem) -> str | None:
+    match = re.match(r"Did you mean (\w+)\?", problem.remedy)
+    return child_path(parent_of(problem.path), match[1]) if match and problem.found == _UNKNOWN_KEY else None
+
+
+def _problem_of(details: ErrorDetails) -> Problem | None:
+    location: tuple[Segment, ...] = details["loc"]
+    value = details["input"]
+    slot = slot_at(location)
+    match details["type"]:
+        case rule if rule == RULE:
+            context = details.get("ctx", {})
+            path = child_path(slot.path, context["key"]) if context["key"] else slot.path
+            return Problem(path=path, expected=context["expected"], found=context["found"], remedy=context["remedy"])
+        case "extra_forbidden":
+            return _unknown_key(location[:-1], str(location[-1]), value)
+        case "missing" if isinstance(location[-1], int):
+            return _wrong_value(slot_at(location[:-1]), value)
+        case "missing":
+            return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
+        case "too_short" if isinstance(value, list) and typing.cast("list[Any]", value):
+            return None  # pydantic counts only the valid items; those that are not have their own problems
+        case _:
+            return _wrong_value(slot, value)
+
+
+def _wrong_value(slot: Slot, value: Any) -> Problem:
+    return Problem(path=slot.path, expected=slot.describe(), found=shown(value), remedy=_value_remedy(slot, value))
+
+
+def _unknown_key(location: tuple[Segment, ...], key: str, value: Any) -> Problem:
+    block = slot_at(location)
+    keys = keys_of(block.model) if block.model else []
+    path = child_path(block.path, key)
+    expected = f"one of the keys {', '.join(keys)}"
+    match = nearest_key(key, keys)
+    homes = [home for home in paths_of_key(key) if home != block.path]
+    if match:
+        remedy = f"Did you mean {match}?{_unit_hint(key, slot_at((*location, match)), value)}"
+    elif homes:
+        remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
+    else:
+        remedy = ""
+    return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+
+
+def _unit_hint(key: str, meant: Slot, value: Any) -> str:
+    unit = unit_of(meant.key)
+    if not unit or ending_of(key) == ending_of(meant.key):
+        return ""
+    written = read_quantity(value) if isinstance(value, str) and meant.annotation in (int, float) else None
+    number = written and number_in_unit_of(meant.key, written)
+    return f" It is in {unit}." if number is None else f" Write {meant.key}: {number:.6g}, in {unit}."
+
+
+def shown(value: Any) -> str:
+    """Return a value as people write it in YAML, shortened."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, float):
+        return repr(value)
+    text = f"'{value}'" if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _value_remedy(slot: Slot, value: Any) -> str:
+    kind = slot.annotation
+    if words := words_of(kind):
+        return did_you_mean(value, words) if isinstance(value, str) else ""
+    if kind in (float, int):
+        return _number_remedy(slot, value)
+    if kind is bool:
+        return "Write true or false." if isinstance(value, str | int) else ""
+    if kind is str:
+        return _name_remedy(value) if slot.constraints else _text_remedy(value)
+    if holds_blocks(kind) and not isinstance(value, list):
+        return "Begin each block with a dash."
+    if typing.get_origin(kind) is tuple and not isinstance(value, list):
+        return "Put it in brackets: [ … ]."
+    return ""
+
+
+def _number_remedy(slot: Slot, value: Any) -> str:
+    if isinstance(value, float) and slot.annotation is int and value.is_integer():
+        return f"Write {int(value)}."
+    quantity = read_quantity(value) if isinstance(value, str) else None
+    if quantity is None:
+        return ""
+    number = number_in_unit_of(slot.key, quantity)
+    if not quantity.unit:
+        return f"Write it without quotes: {quantity.number:.15g}."
+    unit = unit_of(slot.key)
+    if number is None:
+        return f"Give the number in {unit} without a unit." if unit else "Give the number without a unit."
+    return f"Give the number in {unit} without a unit: {number:.6g}."
+
+
+def _name_remedy(value: Any) -> str:
+    words = re.sub(r"[^a-z0-9]+", "_", str(value).lower()).strip("_")
+    name = words if words[:1].isalpha() else f"n_{words}"
+    return f"For example {name[:40]}." if words and isinstance(value, str) else ""
+
+
+def _text_remedy(value: Any) -> str:
+    return f"Put it in quotes: '{shown(value)}'." if isinstance(value, int | float) else ""

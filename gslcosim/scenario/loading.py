@@ -1,0 +1,171 @@
+"""Scenario files to frozen models, with every problem of a file told at once."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario.bundled import bundled_scenarios
+from gslcosim.scenario.cross_checks import problems_between_parts
+from gslcosim.scenario.explain import problems_of, shown
+from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.overrides import apply_overrides
+from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
+from gslcosim.scenario.schema_walk import slot_at
+from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
+
+Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
+
+_ENDINGS = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadedScenario:
+    """A valid scenario and where it came from.
+
+    `directory` is where the scenario's relative paths start; `text` is the file as read, without overrides.
+    """
+
+    scenario: Scenario
+    path: Path
+    directory: Path
+    text: str
+
+    @property
+    def name(self) -> str:
+        """The scenario's name."""
+        return self.scenario.name
+
+
+def load_scenario(
+    source: str | Path, *, overrides: Sequence[str] = (), seed: int | None = None, checks: Sequence[Check] = ()
+) -> LoadedScenario:
+    """Read, change and check a scenario.
+
+    Args:
+        source: A file, or the name of a bundled scenario.
+        overrides: Values to replace, such as `agents[0].vehicle.hold_s=1`.
+        seed: Replaces the scenario's seed.
+        checks: Further rules, for example about places in the room. Each is given the scenario and its folder, and is
+            asked even when other parts of the file have problems, as long as the places are known.
+
+    Raises:
+        ScenarioError: there is no such scenario, or it has problems: all of them in one error.
+    """
+    path = find_scenario(source)
+    text = _read_text(path)
+    tree = apply_overrides(read_yaml(text, source=_shown_path(source, path)), overrides, seed=seed)
+    directory = path.parent.resolve()
+    scenario, problems = _check(tree, directory)
+    problems += _check_places(tree, scenario, problems, directory, checks)
+    if scenario is None or problems or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
+    return LoadedScenario(scenario=scenario, path=path, directory=directory, text=text)
+
+
+def find_scenario(source: str | Path) -> Path:
+    """Return the file of a scenario that is named by path, or by name when it is bundled.
+
+    Raises:
+        ScenarioError: there is none.
+    """
+    path = Path(source)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise ScenarioError(f"{source}: expected a scenario file, was a folder.")
+    bundled = bundled_scenarios()
+    if str(source) in bundled:
+        return bundled[str(source)]
+    if path.suffix in _ENDINGS or len(path.parts) > 1:
+        siblings = [p.name for p in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+        hint = did_you_mean(path.name, siblings)
+        if not hint and path.stem in bundled:
+            hint = f"{path.stem} is bundled: give its name alone."
+        raise ScenarioError(f"{source}: expected a scenario file, found none. {hint}".rstrip())
+    raise ScenarioError(
+        f"{source}: expected a file or a bundled scenario ({', '.join(bundled)}), found neither. "
+        f"{did_you_mean(str(source), bundled)}".rstrip()
+    )
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(
+            f"{path}: expected UTF-8 text, was something else from byte {error.start} on. Save the file as UTF-8."
+        ) from error
+    except OSError as error:
+        raise ScenarioError(
+            f"{path}: expected a file that can be read, was one that cannot ({error.strerror})."
+        ) from error
+
+
+def _shown_path(source: str | Path, path: Path) -> str:
+    return str(source) if Path(source).is_file() else str(path)
+
+
+def _check(tree: YamlTree, directory: Path) -> tuple[Scenario | None, list[ProblemLike]]:
+    values = tree.block
+    if values is None:
+        expected = slot_at(()).describe()
+        return None, [Problem(path="", expected=expected, found=shown(tree.values))]
+    scenario, problems = _validate(values)
+    problems += problems_between_parts(values, directory=directory)
+    spoilt = [located.problem.path for located in tree.problems]
+    return scenario, [p for p in problems if not any(_is_inside(p.path, path) for path in spoilt)]
+
+
+# JSON, because strict models take its lists as tuples and its whole numbers as reals, but no text as a number.
+def _validate(values: Any) -> tuple[Scenario | None, list[Problem]]:
+    try:
+        return Scenario.model_validate_json(json.dumps(values), strict=True), []
+    except ValidationError as error:
+        return None, problems_of(error)
+
+
+def _check_places(
+    tree: YamlTree, scenario: Scenario | None, problems: list[ProblemLike], directory: Path, checks: Sequence[Check]
+) -> list[ProblemLike]:
+    if scenario is None and tree.block is not None:
+        scenario = _scenario_of_places(tree.block, problems)
+    return [] if scenario is None else [problem for check in checks for problem in check(scenario, directory)]
+
+
+# Places can be checked while other parts are wrong: those are left out, and nothing that says where things are is
+# guessed.
+def _scenario_of_places(values: dict[str, Any], problems: list[ProblemLike]) -> Scenario | None:
+    says_where = ("environment", "wind", "gas.sources")
+    if any(_is_inside(p.path, part) for p in problems for part in says_where) or any(
+        ".vehicle" in p.path or p.path in ("", "agents", "gas") for p in problems
+    ):
+        return None
+    agents = [
+        {
+            "name": f"agent_{i}",
+            "start": {"attach": True},
+            "vehicle": agent["vehicle"],
+            "sensors": [{"model": "anemometer", "name": "wind"}],
+        }
+        for i, agent in enumerate(cast("list[dict[str, Any]]", values["agents"]))
+    ]
+    places = {
+        "schema": "gslcosim/scenario/1",
+        "name": "places",
+        "environment": values["environment"],
+        "gas": {"sources": values["gas"]["sources"]},
+        "agents": agents,
+    }
+    if "wind" in values:
+        places["wind"] = values["wind"]
+    return _validate(places)[0]
+
+
+def _is_inside(path: str, part: str) -> bool:
+    return path == part or path.startswith((f"{part}.", f"{part}["))

@@ -1,0 +1,70 @@
+"""Whether the programs that a scenario names for its agents are there, checked before anything starts."""
+
+import os
+import shutil
+from pathlib import Path
+
+from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.scenario.problems import Problem, child_path
+from gslcosim.scenario.suggestions import did_you_mean
+
+_SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
+
+
+def problem_of_python(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
+    """Return what is wrong with `start.python`, or nothing when the agent's file is there.
+
+    Args:
+        name_or_file: A file relative to `directory`, or the name of a bundled agent.
+        directory: The scenario's folder.
+        path: The place in the scenario.
+    """
+    known = bundled_agents()
+    file = (directory / name_or_file).resolve()
+    if file.is_file() or name_or_file in known:
+        return None
+    if "/" in name_or_file or name_or_file.endswith(".py"):
+        return Problem(path=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
+    beside = f"{name_or_file}.py"
+    return Problem(
+        path=path,
+        expected=f"a bundled agent ({', '.join(sorted(known))}) or a file like ./my_agent.py",
+        found=f"'{name_or_file}'",
+        remedy=f"Did you mean ./{beside}?" if (directory / beside).is_file() else did_you_mean(name_or_file, known),
+    )
+
+
+def problem_of_command(command: tuple[str, ...], *, directory: Path, path: str) -> Problem | None:
+    """Return what is wrong with `start.command`, or nothing when its program, and script if it names one, are there.
+
+    Args:
+        command: Program and arguments; a program with a slash is relative to `directory`, others are on the PATH.
+        directory: The scenario's folder, where the program starts.
+        path: The place in the scenario.
+    """
+    found = f"'{command[0]}'"
+    place = child_path(path, 0)
+    if "/" not in command[0]:
+        if shutil.which(command[0]):
+            return _problem_of_script(command, directory, path)
+        is_beside = (directory / command[0]).is_file()
+        remedy = f"Did you mean ./{command[0]}?" if is_beside else "Is it installed?"
+        return Problem(
+            path=place, expected="a program on the PATH, or a path like ./my_agent", found=found, remedy=remedy
+        )
+    file = (directory / command[0]).resolve()
+    if not file.is_file():
+        return Problem(path=place, expected="a program", found=found, remedy=f"There is no {file}.")
+    if not os.access(file, os.X_OK):
+        return Problem(
+            path=place, expected="a program that may be executed", found=found, remedy=f"Run: chmod +x {file}"
+        )
+    return _problem_of_script(command, directory, path)
+
+
+def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> Problem | None:
+    script = command[1] if len(command) > 1 else ""
+    if not script.endswith(_SCRIPT_ENDINGS) or (directory / script).is_file():
+        return None
+    remedy = f"There is no {(directory / script).resolve()}."
+    return Problem(path=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)

@@ -1,0 +1,35 @@
+"""Did you mean …: the known word nearest to one that is not known."""
+
+import difflib
+from collections.abc import Iterable
+
+from gslcosim.scenario.units import UNIT_OF_ENDING, ending_of
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that somebody most likely meant, or nothing when none is near."""
+    by_folded = {name.lower().replace("-", "_"): name for name in known}
+    folded = word.lower().replace("-", "_").replace(" ", "_")
+    if folded in by_folded:
+        return by_folded[folded]
+    matches = difflib.get_close_matches(folded, by_folded, n=1, cutoff=0.6)
+    return by_folded[matches[0]] if matches else None
+
+
+def nearest_key(word: str, known: Iterable[str]) -> str | None:
+    """Return the key that somebody most likely meant: `hold` and `hold_ms` both mean `hold_s`."""
+    keys = list(known)
+    stem = word.removesuffix(ending_of(word)).lower()
+    for key in keys:
+        if ending_of(key) and key.removesuffix(ending_of(key)) == stem:
+            return key
+    for key in keys:
+        if stem and any(key == f"{stem}{ending}" for ending in UNIT_OF_ENDING):
+            return key
+    return nearest(word, keys)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return `Did you mean x?` for the nearest known word, or an empty text."""
+    match = nearest(word, known)
+    return f"Did you mean {match}?" if match else ""
