@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.cross_checks import problems_between_parts
+from gslcosim.scenario.dumping import dump_resolved
 from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.models import Scenario
 from gslcosim.scenario.overrides import apply_overrides
@@ -18,6 +19,8 @@ from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLik
 from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
+
+__all__ = ["Check", "LoadedScenario", "dump_resolved", "find_scenario", "load_scenario"]
 
 Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
 

@@ -85,8 +85,8 @@ def _check_step(holder: Any, segment: str | int, path: str, so_far: str) -> None
         if n is None:
             raise _refusal(path, f"{place} to be a list", _kind(holder), f"Leave out [{segment}].")
         if segment >= n:
-            counts = f"one of {place}[0] to {place}[{n - 1}]" if n else f"items in {place}"
-            raise _refusal(path, counts, f"{place}[{segment}]", "")
+            counts = f"an index below {n}, as {place} has {n} item{'s' * (n != 1)}"
+            raise _refusal(path, counts, f"[{segment}]", "")
     elif not isinstance(holder, dict):
         remedy = f"Write {so_far}[0].{segment}." if isinstance(holder, list) else ""
         raise _refusal(path, f"{place} to be a block with keys", _kind(holder), remedy)

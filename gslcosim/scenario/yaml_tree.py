@@ -40,7 +40,8 @@ class YamlTree:
     @property
     def block(self) -> dict[str, Any] | None:
         """The values when they are a block with keys, as they should be."""
-        return cast("dict[str, Any]", self.values) if isinstance(self.values, dict) else None
+        values: object = self.values
+        return cast("dict[str, Any]", values) if isinstance(values, dict) else None
 
 
 class CoreLoader(yaml.SafeLoader):
