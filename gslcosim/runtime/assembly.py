@@ -12,6 +12,7 @@ from gslcosim.contract.participant import Core, Episode, ParticipantSpec, Read, 
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.door import door_name
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
@@ -49,11 +50,6 @@ class Setup:
             environment_dir=environment_dir,
             environment=load_environment(environment_dir),
         )
-
-
-def door_name(agent: str) -> str:
-    """Return the name of the participant that stands for an agent."""
-    return f"agent_{agent}"
 
 
 def door_spec(agent: AgentSpec) -> ParticipantSpec:

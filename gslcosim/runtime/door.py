@@ -12,6 +12,11 @@ MAX_EARLY = 16
 MAX_FAULTS = 50
 
 
+def door_name(agent: str) -> str:
+    """Return the name of the participant that stands for an agent."""
+    return f"agent_{agent}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class AgentFault:
     """Something an agent did wrong: what was expected and what came. It is a result of the run, not an error in it."""

@@ -12,9 +12,9 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Message, Observation, Verdict
 from gslcosim.errors import GslCosimError, UsageError
 from gslcosim.runtime.agents import find_python_agent, load_python_agent
-from gslcosim.runtime.assembly import Setup, build_core, dataflow_of, door_name, service_names
+from gslcosim.runtime.assembly import Setup, build_core, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import Door, faults_of
+from gslcosim.runtime.door import Door, door_name, faults_of
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Stepper

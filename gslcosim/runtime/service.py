@@ -25,7 +25,7 @@ def serve(name: str) -> None:
     try:
         _serve(name)
     except GslCosimError as error:
-        logging.getLogger(name).error("%s", error)  # noqa: TRY400 - the message says all; no traceback for a person
+        logging.getLogger(name).error("%s", error)
         sys.exit(FAULT_EXIT_CODE)
 
 

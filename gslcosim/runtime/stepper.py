@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
-from gslcosim.contract.participant import Core, Episode, Outbox, ParticipantSpec
+from gslcosim.contract.participant import Core, Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.errors import ModelError
 from gslcosim.runtime.dataflow import ONCE, Dataflow
 from gslcosim.runtime.digest import Trail
@@ -66,7 +66,7 @@ class Stepper:
         tick, inbox = self.gate.take()
         outbox = self.core.step(tick, inbox)
         stepped = time.perf_counter_ns()
-        self._check(outbox, self._due(tick, outbox), tick, "step")
+        self._check(outbox, self._due(tick, inbox, outbox), tick, "step")
         sent = [self._send(port, message) for port, message in outbox.items()]
         timing = self.timing
         timing.stepping_ns += stepped - started
@@ -80,14 +80,16 @@ class Stepper:
         self.gate.wrote(port, message)
         return Sent(port, message, payload)
 
-    def _due(self, tick: int, outbox: Outbox) -> set[str]:
+    def _due(self, tick: int, inbox: Inbox, outbox: Outbox) -> set[str]:
         due: set[str] = set()
         for write in self.spec.writes:
             if write.announced_in is None:
                 if tick % write.period_ticks == 0:
                     due.add(write.port)
-            elif write.announced_in != ONCE and _is_announced(write.port, outbox.get(write.announced_in)):
-                due.add(write.port)
+            elif write.announced_in != ONCE:
+                announcer = outbox.get(write.announced_in) or inbox.get(write.announced_in)
+                if announcer is not None and write.port in announcer.announced_ports():
+                    due.add(write.port)
         return due
 
     def _check(self, outbox: Mapping[str, Message], expected: set[str], tick: int, method: str) -> None:
@@ -98,11 +100,9 @@ class Stepper:
             )
         for port, message in outbox.items():
             if message.tick != tick or type(message) is not self.dataflow.message_types[port]:
+                expected_type = self.dataflow.message_types[port].__name__
                 raise ModelError(
-                    f"{self.spec.name}.{method} at tick {tick}: expected a {self.dataflow.message_types[port].__name__} "
-                    f"of this tick on {port}, was a {type(message).__name__} of tick {message.tick}."
+                    f"{self.spec.name}.{method} at tick {tick}: expected a {expected_type} of this tick on {port}, "
+                    f"was a {type(message).__name__} of tick {message.tick}."
                 )
 
-
-def _is_announced(port: str, announcer: Message | None) -> bool:
-    return announcer is not None and port in announcer.announced_ports()

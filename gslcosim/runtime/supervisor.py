@@ -15,9 +15,9 @@ from gslcosim.contract.messages import Command, Ending, Observation, Verdict
 from gslcosim.contract.schema import contract_hash
 from gslcosim.runtime import control
 from gslcosim.runtime.agents import start_command
-from gslcosim.runtime.assembly import Setup, dataflow_of, door_name, service_names
+from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import Door, faults_of
+from gslcosim.runtime.door import Door, door_name, faults_of
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS, Kept
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault

@@ -1,0 +1,199 @@
+"""Small cores with the shape of a real run, for tests of the runtime."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.contract import keys
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import (
+    AgentScore,
+    BodyPoses,
+    BodyState,
+    Command,
+    FieldSamples,
+    FilamentCloud,
+    Message,
+    MountSample,
+    Observation,
+    Score,
+    Verdict,
+)
+from gslcosim.contract.participant import Episode, ParticipantSpec, Read, Write
+from gslcosim.runtime.door import door_name
+from gslcosim.runtime.dataflow import Dataflow
+
+COMMAND = keys.command("beetle")
+OBSERVATION = keys.observation("beetle")
+
+
+def body(x: float, *, awaiting: bool) -> BodyState:
+    return BodyState(
+        agent="beetle",
+        position_world_m=(x, 0.0, 0.0),
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+        phase="flying",
+        awaiting_command=awaiting,
+        path_length_m=0.0,
+    )
+
+
+@dataclass
+class ToyCore:
+    spec: ParticipantSpec
+    state: float = 0.0
+
+    def reset(self, episode: Episode) -> Mapping[str, Message]:
+        self.state = float(episode.seed)
+        return {}
+
+
+class ToyWorld(ToyCore):
+    """Asks at every seventh tick and moves by what it is told."""
+
+    def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
+        command = inbox.get(COMMAND)
+        if isinstance(command, Command) and command.position_world_m:
+            self.state += 0.1 * command.position_world_m[0] + tick
+        return {keys.BODIES: BodyPoses(tick=tick, bodies=(body(self.state, awaiting=tick % 7 == 3),))}
+
+
+class ToyFields(ToyCore):
+    def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
+        poses = inbox[keys.BODIES]
+        assert isinstance(poses, BodyPoses)
+        assert poses.tick == tick
+        wind = (poses.bodies[0].position_world_m[0] * 1.5 + tick, 0.0, 0.0)
+        sample = MountSample(agent="beetle", sensor="nose", gases=(), wind_world_m_s=wind)
+        outbox: dict[str, Message] = {keys.SAMPLES: FieldSamples(tick=tick, samples=(sample,))}
+        if tick % 5 == 0:
+            empty = NumericArray.from_array(np.zeros((0, 3), np.float32))
+            none = NumericArray.from_array(np.zeros(0, np.float32))
+            index = NumericArray.from_array(np.zeros(0, np.uint8))
+            outbox[keys.FILAMENTS] = FilamentCloud(
+                tick=tick, gases=("ethanol",), position_world_m=empty, sigma_m=none, gas_index=index
+            )
+        return outbox
+
+
+class ToySensing(ToyCore):
+    def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
+        poses, samples = inbox[keys.BODIES], inbox[keys.SAMPLES]
+        assert isinstance(poses, BodyPoses)
+        assert isinstance(samples, FieldSamples)
+        assert poses.tick == samples.tick == tick
+        return {
+            OBSERVATION: Observation(
+                tick=tick,
+                agent="beetle",
+                time_s=tick * 0.1,
+                position_world_m=samples.samples[0].wind_world_m_s,
+                yaw_rad=0.0,
+                velocity_world_m_s=(0.0, 0.0, 0.0),
+                status="flying",
+                awaiting_command=poses.bodies[0].awaiting_command,
+                readings=(),
+            )
+        }
+
+
+class ToyReferee(ToyCore):
+    """Ends the run at a tick it is given."""
+
+    final_tick = 100
+
+    def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
+        poses = inbox[keys.BODIES]
+        assert isinstance(poses, BodyPoses)
+        assert (COMMAND in inbox) == poses.bodies[0].awaiting_command
+        self.state += COMMAND in inbox
+        score = AgentScore(agent="beetle", distance_to_source_m=0.0, path_length_m=0.0, n_commands=int(self.state))
+        is_final = tick == self.final_tick
+        outbox: dict[str, Message] = {keys.SCORE: Score(tick=tick, agents=(score,), is_final=is_final)}
+        if is_final:
+            outbox[keys.VERDICT] = Verdict(tick=tick, end_reason="time_limit", agents=())
+        return outbox
+
+
+class ToyAgent(ToyCore):
+    """Stands where the door stands in a real run: answers an observation that awaits a command."""
+
+    def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
+        observation = inbox[OBSERVATION]
+        assert isinstance(observation, Observation)
+        if not observation.awaiting_command:
+            return {}
+        self.state += observation.position_world_m[0]
+        return {COMMAND: Command(tick=tick, kind="waypoint", position_world_m=(self.state % 10.0, 0.0, 0.0))}
+
+
+def toy_cores() -> dict[str, ToyCore]:
+    """Return the cores of a run with one agent that is asked every seventh tick."""
+    return {
+        "world": ToyWorld(
+            ParticipantSpec(
+                name="world",
+                reads=(Read(port=COMMAND, delay_ticks=1),),
+                writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
+            )
+        ),
+        "fields": ToyFields(
+            ParticipantSpec(
+                name="fields",
+                reads=(Read(port=keys.BODIES),),
+                writes=(
+                    Write(port=keys.SAMPLES, message_type=FieldSamples),
+                    Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=5),
+                ),
+            )
+        ),
+        "sensing": ToySensing(
+            ParticipantSpec(
+                name="sensing",
+                reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES)),
+                writes=(Write(port=OBSERVATION, message_type=Observation),),
+            )
+        ),
+        door_name("beetle"): ToyAgent(
+            ParticipantSpec(
+                name=door_name("beetle"),
+                reads=(Read(port=OBSERVATION), Read(port=keys.BODIES)),
+                writes=(Write(port=COMMAND, message_type=Command, announced_in=keys.BODIES),),
+            )
+        ),
+        "referee": ToyReferee(
+            ParticipantSpec(
+                name="referee",
+                reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), Read(port=COMMAND)),
+                writes=(
+                    Write(port=keys.SCORE, message_type=Score),
+                    Write(port=keys.VERDICT, message_type=Verdict, announced_in=keys.SCORE),
+                ),
+            )
+        ),
+        "recorder": ToyRecorder(
+            ParticipantSpec(
+                name="recorder",
+                reads=tuple(
+                    Read(port=port)
+                    for port in (keys.BODIES, keys.SAMPLES, keys.FILAMENTS, OBSERVATION, COMMAND, keys.SCORE)
+                ),
+                writes=(),
+                window_ticks=200,
+            )
+        ),
+    }
+
+
+class ToyRecorder(ToyCore):
+    def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
+        assert all(message.tick == tick for message in inbox.values())
+        assert (keys.FILAMENTS in inbox) == (tick % 5 == 0)
+        return {}
+
+
+def toy_dataflow() -> Dataflow:
+    return Dataflow(tuple(core.spec for core in toy_cores().values()))
