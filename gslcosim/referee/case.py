@@ -1,0 +1,230 @@
+"""What the referee knows of one agent: a state machine fed with one tick at a time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from gslcosim.contract.messages import (
+    AgentResult,
+    AgentScore,
+    BodyState,
+    Command,
+    MountSample,
+    RefereeEvent,
+)
+from gslcosim.referee import metrics
+from gslcosim.ticks import seconds_from_ticks
+
+Vec3 = tuple[float, float, float]
+Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
+
+# What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that
+# any of the sensors' models tells from clean air.
+GAS_CONTACT_PPM = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rules:
+    """By what an agent is judged; positions and lengths in the world frame [m].
+
+    `success_of` says whether the vehicle or its declaration has to be within `within_m` of a source; `floors` are the
+    names of the boxes a vehicle may touch on the ground; `min_m` and `max_m` are the corners of the room's air.
+    """
+
+    tick_ns: int
+    sources_m: tuple[Vec3, ...]
+    within_m: float
+    success_of: Literal["source", "declaration"]
+    ends_on_collision: bool
+    floors: frozenset[str]
+    min_m: Vec3
+    max_m: Vec3
+
+
+class AgentCase:
+    """Follows one agent from tick 0 to its end and keeps what its result is made of.
+
+    Within one tick the first of these holds: the agent failed, it touched something, it left the room, it succeeded,
+    it declared a wrong place. So a vehicle that hits an obstacle in the tick in which it comes near enough has not
+    succeeded. After the end nothing is counted any more, although the vehicle may go on flying.
+    """
+
+    def __init__(self, name: str, rules: Rules) -> None:
+        self.name = name
+        self.outcome: Outcome | None = None
+        self._rules = rules
+        self._start_m: Vec3 | None = None
+        self._body: BodyState | None = None
+        self._end_tick = 0
+        self._n_commands = 0
+        self._declared_error_m: float | None = None
+        self._rejection: str | None = None
+        self._has_taken_off = False
+        self._has_met_gas = False
+        self._is_touching = False
+
+    def observe(
+        self, tick: int, body: BodyState, samples: Sequence[MountSample], command: Command | None
+    ) -> list[RefereeEvent]:
+        """Take note of one tick and return what happened in it.
+
+        Args:
+            tick: The tick that ended.
+            body: The agent's vehicle at its end.
+            samples: True field values at the vehicle's sensors.
+            command: The agent's command that takes effect in this tick, if there is one.
+        """
+        if self.outcome is not None:
+            return []
+        if self._start_m is None:
+            self._start_m = body.position_world_m
+        self._body = body
+        self._end_tick = tick
+        events = [
+            *self._note_command(command),
+            *self._note_rejection(body, command),
+            *self._note_take_off(body),
+            *self._note_gas(samples),
+            *self._note_contact(body),
+        ]
+        if outcome := self._outcome_of(body, command):
+            reason = command.reason if command is not None and command.kind == "failed" else ""
+            events.append(self.end(outcome, reason=reason))
+        return events
+
+    def end(self, outcome: Outcome, *, reason: str = "") -> RefereeEvent:
+        """Close the case with the state of the last observed tick and return the event that says so."""
+        assert self._body is not None
+        self.outcome = outcome
+        time_s = seconds_from_ticks(self._end_tick, self._rules.tick_ns)
+        distance_m = self._distance_m(self._body.position_world_m)
+        text = f"{_OUTCOME_TEXTS[outcome]} after {time_s:g} s, {distance_m:.2f} m from the source"
+        return self._event(outcome, f"{text}: {reason}" if reason else text)
+
+    def score(self, body: BodyState) -> AgentScore:
+        """Return how the agent stands; commands are counted up to its end, distances are those of now."""
+        return AgentScore(
+            agent=self.name,
+            distance_to_source_m=self._distance_m(body.position_world_m),
+            path_length_m=body.path_length_m,
+            n_commands=self._n_commands,
+        )
+
+    def result(self, shortest_path_m: float | None) -> AgentResult:
+        """Return the final figures.
+
+        Args:
+            shortest_path_m: The shortest collision-free way from the start that suffices for success [m], if any.
+        """
+        assert self._body is not None
+        assert self._start_m is not None
+        is_success = self.outcome == "success"
+        end_m, path_length_m = self._body.position_world_m, self._body.path_length_m
+        source_m = metrics.nearest(self._start_m, self._rules.sources_m)
+        return AgentResult(
+            name=self.name,
+            success=is_success,
+            outcome=self.outcome or "time_limit",
+            time_to_source_s=seconds_from_ticks(self._end_tick, self._rules.tick_ns) if is_success else None,
+            steps=self._n_commands,
+            path_length_m=path_length_m,
+            straight_line_m=metrics.distance_m(self._start_m, source_m),
+            shortest_path_m=shortest_path_m,
+            movement_overhead=metrics.movement_overhead(path_length_m, shortest_path_m) if is_success else None,
+            directness=metrics.directness(self._start_m, end_m, source_m, path_length_m),
+            final_distance_m=self._distance_m(end_m),
+            declared_error_m=self._declared_error_m,
+        )
+
+    def _note_command(self, command: Command | None) -> list[RefereeEvent]:
+        if command is None or command.kind == "failed":
+            return []
+        self._n_commands += 1
+        if command.declaration is None or command.kind != "declare_source":
+            return []
+        x, y, z = command.declaration.position_world_m
+        self._declared_error_m = self._distance_m(command.declaration.position_world_m)
+        text = (
+            f"declares the source at ({x:.2f}, {y:.2f}, {z:.2f}) m with confidence "
+            f"{command.declaration.confidence:g}, {self._declared_error_m:.2f} m off"
+        )
+        return [self._event("declaration", text)]
+
+    # A refusal may stay in the state for several ticks: it is new when its text changes or a command came in.
+    def _note_rejection(self, body: BodyState, command: Command | None) -> list[RefereeEvent]:
+        is_new = body.rejected_command is not None and (command is not None or body.rejected_command != self._rejection)
+        self._rejection = body.rejected_command
+        return [self._event("refused", f"command refused: {body.rejected_command}")] if is_new else []
+
+    def _note_take_off(self, body: BodyState) -> list[RefereeEvent]:
+        if self._has_taken_off or body.phase in ("on_ground", "failed"):
+            return []
+        self._has_taken_off = True
+        return [self._event("take_off", "takes off")]
+
+    def _note_gas(self, samples: Sequence[MountSample]) -> list[RefereeEvent]:
+        if self._has_met_gas:
+            return []
+        for sample in samples:
+            for gas in sample.gases:
+                if gas.mixing_ratio_ppm > GAS_CONTACT_PPM:
+                    self._has_met_gas = True
+                    text = (
+                        f"first contact with {gas.gas}: {gas.mixing_ratio_ppm:.2f} ppm at {sample.sensor} "
+                        f"(more than {GAS_CONTACT_PPM:g} ppm)"
+                    )
+                    return [self._event("gas_contact", text)]
+        return []
+
+    def _note_contact(self, body: BodyState) -> list[RefereeEvent]:
+        contacts = self._forbidden_contacts(body)
+        is_new = bool(contacts) and not self._is_touching
+        self._is_touching = bool(contacts)
+        return [self._event("contact", f"touches {', '.join(contacts)} while {_words(body.phase)}")] if is_new else []
+
+    # On the ground and while leaving it the floor is no collision; once in the air everything is.
+    def _forbidden_contacts(self, body: BodyState) -> tuple[str, ...]:
+        if not body.contacts or body.phase == "failed":
+            return ()
+        if body.phase in ("on_ground", "taking_off"):
+            return tuple(name for name in body.contacts if name not in self._rules.floors)
+        return body.contacts
+
+    def _outcome_of(self, body: BodyState, command: Command | None) -> Outcome | None:
+        rules = self._rules
+        if body.phase == "failed" or (command is not None and command.kind == "failed"):
+            return "agent_failed"
+        if self._is_touching and rules.ends_on_collision:
+            return "collision"
+        if not _is_inside(body.position_world_m, rules.min_m, rules.max_m):
+            return "out_of_bounds"
+        if rules.success_of == "source":
+            return "success" if self._distance_m(body.position_world_m) <= rules.within_m else None
+        if command is None or command.kind != "declare_source" or self._declared_error_m is None:
+            return None
+        return "success" if self._declared_error_m <= rules.within_m else "declared"
+
+    # To the nearest of the sources.
+    def _distance_m(self, point_m: Vec3) -> float:
+        return metrics.distance_m(point_m, metrics.nearest(point_m, self._rules.sources_m))
+
+    def _event(self, kind: str, text: str) -> RefereeEvent:
+        return RefereeEvent(agent=self.name, kind=kind, text=text)
+
+
+_OUTCOME_TEXTS: dict[Outcome, str] = {
+    "success": "has found the source",
+    "time_limit": "has not found the source in time and stopped",
+    "collision": "has collided and stopped",
+    "agent_failed": "has failed",
+    "declared": "has declared a wrong place and stopped",
+    "out_of_bounds": "has left the room and stopped",
+}
+
+
+def _is_inside(point_m: Vec3, min_m: Vec3, max_m: Vec3) -> bool:
+    return all(low <= value <= high for value, low, high in zip(point_m, min_m, max_m, strict=True))
+
+
+def _words(phase: str) -> str:
+    return phase.replace("_", " ")

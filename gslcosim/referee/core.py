@@ -1,0 +1,164 @@
+"""The referee as a participant: reads truth and commands, writes the score of every tick and one verdict."""
+
+from collections.abc import Sequence
+from typing import cast
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    AgentResult,
+    BodyPoses,
+    BodyState,
+    Command,
+    FieldSamples,
+    MountSample,
+    RefereeEvent,
+    Score,
+    Verdict,
+)
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.environment.model import Environment
+from gslcosim.environment.paths import shortest_path_m
+from gslcosim.errors import ModelError
+from gslcosim.referee.case import AgentCase, Outcome, Rules
+from gslcosim.referee.metrics import way_to_success_m
+from gslcosim.referee.ports import referee_spec
+from gslcosim.scenario import Scenario
+from gslcosim.ticks import seconds_from_ticks
+
+Vec3 = tuple[float, float, float]
+
+# The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
+CLEARANCE_M = 0.35
+
+
+class RefereeCore:
+    """Judges all agents of a run.
+
+    Reads `truth/bodies`, `truth/samples` and every agent's commands (delay 0); writes `referee/score` every tick and
+    `referee/verdict` once. A command counts at the tick at which it takes effect in the world (`latency_ticks` after
+    the observation it answers), so that a slow agent's declaration is as late as its waypoints.
+
+    The run ends at the first tick at which every agent has ended, or at which the simulated time reaches the limit;
+    one agent's end does not end the others. The reason is `success` if any agent succeeded, otherwise that of the
+    agent that ended last (of several in one tick: the last in the scenario).
+
+    Raises ModelError when the truth lacks an agent; the runtime then stops the run.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        self._environment = environment
+        self._limit_s = scenario.referee.stop.time_limit_s
+        self._rules = _rules(scenario, environment)
+        self._names = tuple(agent.name for agent in scenario.agents)
+        self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
+        self._spec = referee_spec(scenario)
+        self._begin()
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Forget the last run; the referee draws no random numbers and writes nothing before tick 0."""
+        del episode
+        self._begin()
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Judge one tick; the score comes every tick, the verdict with the one that is final."""
+        bodies = self._bodies(tick, inbox)
+        if tick == 0:
+            # Here and not at the verdict: nobody waits for the referee now, at the end everybody does.
+            self._shortest_m = {name: self._shortest_way_m(bodies[name].position_world_m) for name in self._names}
+        samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
+        events: list[RefereeEvent] = []
+        for case in self._cases:
+            events += self._judge(case, tick, bodies[case.name], samples, inbox)
+        is_final = self._is_final(tick, events)
+        score = Score(
+            tick=tick,
+            agents=tuple(case.score(bodies[case.name]) for case in self._cases),
+            events=tuple(events),
+            is_final=is_final,
+        )
+        if not is_final:
+            return {keys.SCORE: score}
+        self._is_over = True
+        return {keys.SCORE: score, keys.VERDICT: self._verdict(tick)}
+
+    def _begin(self) -> None:
+        self._cases = [AgentCase(name, self._rules) for name in self._names]
+        self._shortest_m: dict[str, float | None] = {}
+        self._answers: dict[str, dict[int, Command]] = {name: {} for name in self._names}
+        self._last_outcome: Outcome = "time_limit"
+        self._is_over = False
+
+    def _bodies(self, tick: int, inbox: Inbox) -> dict[str, BodyState]:
+        bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
+        for name in self._names:
+            if name not in bodies:
+                raise ModelError(f"referee, tick {tick}: expected a body for {name!r}, was {sorted(bodies)}.")
+        return bodies
+
+    def _judge(
+        self, case: AgentCase, tick: int, body: BodyState, samples: Sequence[MountSample], inbox: Inbox
+    ) -> list[RefereeEvent]:
+        if case.outcome is not None:
+            return []
+        own = [sample for sample in samples if sample.agent == case.name]
+        events = case.observe(tick, body, own, self._command_in_effect(case.name, tick, inbox))
+        if case.outcome is not None:
+            self._last_outcome = case.outcome
+        return events
+
+    def _command_in_effect(self, name: str, tick: int, inbox: Inbox) -> Command | None:
+        answers = self._answers[name]
+        if answer := cast(Command | None, inbox.get(keys.command(name))):
+            answers[tick + self._latency_ticks[name]] = answer
+        return answers.pop(tick, None)
+
+    # Appends the ends by time limit to the events of this tick.
+    def _is_final(self, tick: int, events: list[RefereeEvent]) -> bool:
+        if self._is_over:
+            return False
+        going_on = [case for case in self._cases if case.outcome is None]
+        if going_on and seconds_from_ticks(tick, self._rules.tick_ns) >= self._limit_s:
+            events += [case.end("time_limit") for case in going_on]
+            self._last_outcome = "time_limit"
+            return True
+        return not going_on
+
+    def _verdict(self, tick: int) -> Verdict:
+        results = tuple(self._result(case) for case in self._cases)
+        has_success = any(result.success for result in results)
+        return Verdict(tick=tick, end_reason="success" if has_success else self._last_outcome, agents=results)
+
+    def _result(self, case: AgentCase) -> AgentResult:
+        return case.result(self._shortest_m[case.name])
+
+    # To the source that is nearest by way, not by air; as far as needed for success when that is by coming near.
+    def _shortest_way_m(self, start_m: Vec3) -> float | None:
+        ways = (
+            shortest_path_m(self._environment, start_m, source_m, clearance_m=CLEARANCE_M)
+            for source_m in self._rules.sources_m
+        )
+        reachable_m = [way_m for way_m in ways if way_m is not None]
+        if not reachable_m:
+            return None
+        spared_m = self._rules.within_m if self._rules.success_of == "source" else 0.0
+        return way_to_success_m(min(reachable_m), spared_m)
+
+
+def _rules(scenario: Scenario, environment: Environment) -> Rules:
+    success = scenario.referee.success
+    return Rules(
+        tick_ns=scenario.tick_ns,
+        sources_m=tuple(source.position_m for source in scenario.gas.sources),
+        within_m=success.within_m,
+        success_of=success.of,
+        ends_on_collision=scenario.referee.stop.on_collision,
+        floors=frozenset(box.name for box in environment.boxes if box.kind == "floor"),
+        min_m=environment.grid.origin_m,
+        max_m=environment.grid.max_m,
+    )
