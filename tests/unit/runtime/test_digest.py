@@ -1,0 +1,59 @@
+"""Digests are equal for equal runs, and name the first place where two runs differ."""
+
+import pytest
+
+from gslcosim.errors import UsageError
+from gslcosim.runtime.digest import RunDigest, Trail, first_divergence
+
+WRITERS = {"truth/bodies": "world", "referee/score": "referee"}
+
+
+def run(*, n_ticks=10, final_tick=8, changed=None):
+    trails = {port: Trail() for port in WRITERS}
+    for port, trail in trails.items():
+        for tick in range(n_ticks):
+            trail.append(tick, b"x" if changed and port in changed and tick >= changed[port] else b"message")
+    return RunDigest(final_tick, dict(WRITERS), {port: trail.until(final_tick) for port, trail in trails.items()})
+
+
+def test_what_was_computed_past_the_verdict_does_not_count():
+    """A run that had run ahead further has the same digest."""
+    assert run(n_ticks=10).hex == run(n_ticks=60).hex
+    assert run(changed={"truth/bodies": 9}).hex == run().hex
+
+
+def test_any_difference_before_the_verdict_counts():
+    """One message, or the tick of the end, changes the digest."""
+    assert run(changed={"truth/bodies": 8}).hex != run().hex
+    assert run(final_tick=7).hex != run().hex
+
+
+def test_the_first_divergence_is_the_earliest_and_most_upstream():
+    """Of two ports that differ from the same tick on, the cause is named, not its consequence."""
+    found = first_divergence(run(), run(changed={"referee/score": 4, "truth/bodies": 4}))
+    assert (found.tick, found.participant, found.port) == (4, "world", "truth/bodies")
+    found = first_divergence(run(), run(changed={"referee/score": 2, "truth/bodies": 4}))
+    assert (found.tick, found.participant) == (2, "referee")
+    assert first_divergence(run(), run()) is None
+
+
+def test_a_longer_run_diverges_where_the_other_ends():
+    """The tick is that of the first message that only one run has."""
+    assert first_divergence(run(final_tick=8), run(final_tick=5)).tick == 6
+
+
+def test_a_saved_digest_loads_equal(tmp_path):
+    """What is written is what is read."""
+    run().save(tmp_path / "digest.json")
+    assert RunDigest.load(tmp_path / "digest.json") == run()
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"schema": "gslcosim/digest/9"}', "[1]"])
+def test_a_file_that_is_no_digest_is_refused(tmp_path, content):
+    """The error names the file and what was expected."""
+    path = tmp_path / "digest.json"
+    path.write_text(content)
+    with pytest.raises(UsageError, match="expected gslcosim/digest/1"):
+        RunDigest.load(path)
+    with pytest.raises(UsageError, match="found none"):
+        RunDigest.load(tmp_path / "none.json")

@@ -1,0 +1,100 @@
+"""Hosts over a bus: the same digest as in one thread, also when messages get lost; failures reach the supervisor."""
+
+import queue
+import threading
+
+import pytest
+from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
+
+from gslcosim.bus.in_memory import InMemoryHub
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Verdict
+from gslcosim.contract.participant import Episode
+from gslcosim.runtime import control
+from gslcosim.runtime.digest import RunDigest, Trail
+from gslcosim.runtime.host import ParticipantHost
+
+FINAL_TICK = 100
+
+
+def fly(hub, cores):
+    """Run a host for each core in a thread; return the digest, the timings and the reported faults."""
+    events = queue.Queue()
+    ours = hub.open()
+    for key in ("ctl/bye/*", control.FAULT, keys.VERDICT):
+        ours.subscribe(key, lambda at, payload: events.put((at, payload)))
+    hosts = [ParticipantHost(hub.open(), core, toy_dataflow(), Episode(seed=7)) for core in cores.values()]
+    for host in hosts:
+        host.join()
+    threads = [threading.Thread(target=_run_quietly, args=(host,), daemon=True) for host in hosts]
+    for thread in threads:
+        thread.start()
+    ours.publish(control.START, b"")
+    byes, faults = {}, []
+    while len(byes) < len(hosts) and not faults:
+        key, payload = events.get(timeout=30)
+        if key == keys.VERDICT:
+            stop = control.TickNote(tick=codec.decode(Verdict, payload).tick)
+            ours.publish(control.STOP, stop.to_bytes())
+        elif key == control.FAULT:
+            faults.append(control.FaultNote.from_bytes(payload))
+        else:
+            bye = control.Bye.from_bytes(payload)
+            byes[bye.name] = bye
+    ours.publish(control.CLOSE, b"")
+    for thread in threads:
+        thread.join(timeout=10)
+        assert not thread.is_alive()
+    trails = {port: Trail.from_fields(fields) for bye in byes.values() for port, fields in bye.trails.items()}
+    digest = RunDigest(FINAL_TICK, {}, {port: trail.until(FINAL_TICK) for port, trail in trails.items()})
+    return digest, byes, faults
+
+
+def _run_quietly(host):
+    try:
+        host.run()
+    except Exception:
+        return
+
+
+@pytest.mark.slow
+def test_lost_messages_are_asked_for_again_and_change_nothing():
+    """With 2 % of all messages lost the digest is that of a run without loss, and the resends are counted."""
+    clean, byes, _ = fly(InMemoryHub(), toy_cores())
+    assert sum(bye.timing["n_resends"] for bye in byes.values()) == 0
+    hub = InMemoryHub(loss_frac=0.02, seed=3)
+    cores = toy_cores()
+    lossy, byes, _ = fly(hub, cores)
+    assert hub.n_lost > 0
+    assert sum(bye.timing["n_resends"] for bye in byes.values()) > 0
+    assert lossy.hex == clean.hex
+
+
+def test_a_core_that_fails_is_named():
+    """The supervisor learns who failed, at which tick and how."""
+
+    class Broken(ToyFields):
+        def step(self, tick, inbox):
+            if tick == 5:
+                raise ArithmeticError("the field has burst")
+            return super().step(tick, inbox)
+
+    cores = toy_cores()
+    cores["fields"] = Broken(cores["fields"].spec)
+    _, _, (fault,) = fly(InMemoryHub(), cores)
+    assert (fault.participant, fault.tick) == ("fields", 5)
+    assert "the field has burst" in fault.text
+
+
+def test_a_core_that_breaks_its_declaration_is_named():
+    """A message too many is an error of the core, not of its readers."""
+
+    class Chatty(ToyAgent):
+        def step(self, tick, inbox):
+            return {**super().step(tick, inbox), keys.BODIES: None}
+
+    cores = toy_cores()
+    cores["agent_beetle"] = Chatty(cores["agent_beetle"].spec)
+    _, _, (fault,) = fly(InMemoryHub(), cores)
+    assert fault.participant == "agent_beetle"
+    assert "expected messages on []" in fault.text
