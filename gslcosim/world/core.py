@@ -1,0 +1,265 @@
+"""World: vehicles in a room, flown by physics, one tick at a time."""
+# MuJoCo is compiled and comes without stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import BodyPoses, BodyState, Command
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
+from gslcosim.environment.model import Environment
+from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.scenario.models import AgentSpec, Scenario
+from gslcosim.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.world import records
+from gslcosim.world.flight_kernels import fly_substeps_inplace
+from gslcosim.world.mission import Mission
+from gslcosim.world.mujoco_kernels import step_address
+from gslcosim.world.scene import Scene, build_scene
+from gslcosim.world.space import FlightSpace
+from gslcosim.world.vehicle import VehicleModel, load_vehicle
+
+Vec3 = tuple[float, float, float]
+
+PHYSICS_STEP_MS = 4
+
+# A start within this of its support stands on it [m]; a higher one starts hovering in the air.
+_STANDS_WITHIN_M = 0.5
+
+
+class WorldCore:
+    """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz.
+
+    Reads `command/<agent>` with the agent's latency; writes `truth/bodies` every tick.
+    Invariants: every vehicle's state is finite; every waypoint flown to is free and inside the room.
+    Raises ModelError when a state explodes, naming the agent; the runtime then ends the run as invalid.
+    It draws no random numbers: the seed does not matter to it.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        self._tick_ns = scenario.tick_ns
+        self._n_substeps = _substeps_in_tick(scenario.tick_ms)
+        self._environment = environment
+        self._agents = scenario.agents
+        models = [load_vehicle(agent.vehicle.model) for agent in self._agents]
+        self._spaces = [FlightSpace(environment=environment, radius_m=m.parameters.radius_m) for m in models]
+        dt_s = PHYSICS_STEP_MS * 1e-3
+        self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
+        self._starts = [
+            _resting_place(agent, space, half_height_m)
+            for agent, space, half_height_m in zip(self._agents, self._spaces, self._scene.half_height_m, strict=True)
+        ]
+        _check_starts(self._agents, self._spaces, self._starts)
+        self._constants = _constants(self._scene, self._agents, models, dt_s)
+        self._states = np.zeros(len(self._agents), records.STATE)
+        self._missions = [
+            Mission(agent, space, self._tick_ns) for agent, space in zip(self._agents, self._spaces, strict=True)
+        ]
+        self._data = mujoco.MjData(self._scene.model)
+        self._set_loop_arguments()
+        self._tick = -1
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return ParticipantSpec(
+            name="world",
+            reads=tuple(Read(port=keys.command(a.name), delay_ticks=a.latency_ticks) for a in self._agents),
+            writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
+        )
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled MuJoCo scene."""
+        return self._scene.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state of the MuJoCo scene."""
+        return self._data
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Put every vehicle at rest at its start; nothing is written once."""
+        del episode
+        mujoco.mj_resetData(self._scene.model, self._data)
+        self._states[:] = np.zeros((), records.STATE)
+        for k, (mission, (position_m, is_flying)) in enumerate(zip(self._missions, self._starts, strict=True)):
+            mission.start(position_m)
+            self._data.qpos[7 * k : 7 * k + 7] = (*position_m, 1.0, 0.0, 0.0, 0.0)
+            if is_flying:
+                self._states[k]["rotor_speed_rad_s"] = records.hover_rotor_speed_rad_s(self._constants[k])
+        mujoco.mj_forward(self._scene.model, self._data)
+        self._path_length_m = [0.0] * len(self._agents)
+        self._positions_m = [position_m for position_m, _ in self._starts]
+        self._touched: list[set[str]] = [set() for _ in self._agents]
+        self._tick = -1
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Fly all vehicles to the end of a tick and return their states.
+
+        Args:
+            tick: 0 is the state at rest.
+            inbox: Commands that take effect at the start of this tick.
+
+        Raises:
+            ModelError: ticks are not in order, or a vehicle's state exploded.
+        """
+        if tick != self._tick + 1:
+            raise ModelError(f"world: expected tick {self._tick + 1}, was {tick}.")
+        self._tick = tick
+        for touched in self._touched:
+            touched.clear()
+        if tick == 0:
+            self._note_contacts()
+            self._supports = [frozenset(touched) for touched in self._touched]
+        else:
+            self._obey(tick, inbox)
+            self._fly(tick)
+        return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(self._body(k) for k in range(len(self._agents))))}
+
+    def _obey(self, tick: int, inbox: Inbox) -> None:
+        for k, (agent, mission) in enumerate(zip(self._agents, self._missions, strict=True)):
+            command = inbox.get(keys.command(agent.name))
+            before = mission.trajectory
+            mission.begin_tick(tick, command if isinstance(command, Command) else None)
+            if mission.trajectory is not before:
+                self._follow(k)
+
+    def _follow(self, k: int) -> None:
+        self._states[k]["is_armed"] = 1
+        records.set_trajectory(self._states[k], self._missions[k].trajectory)
+
+    def _fly(self, tick: int) -> None:
+        wind = self._environment.wind
+        frame = self._wind_m_s[wind.frame_at(seconds_from_ticks(tick - 1, self._tick_ns))]
+        i_substep = 0
+        while i_substep < self._n_substeps:
+            i_substep, i_unsound = fly_substeps_inplace(
+                i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self._states,
+                *self._views, frame, *self._loop_arguments,
+            )  # fmt: skip
+            if i_unsound >= 0:
+                raise ModelError(self._unsound_text(i_unsound))
+            if self._data.ncon:
+                self._note_contacts()
+        for k, mission in enumerate(self._missions):
+            position_m, velocity_m_s = self._position_m(k), self._velocity_m_s(k)
+            self._path_length_m[k] += math.dist(position_m, self._positions_m[k])
+            self._positions_m[k] = position_m
+            before = mission.trajectory
+            mission.end_tick(tick, position_m, velocity_m_s)
+            if mission.trajectory is not before:
+                self._follow(k)
+
+    def _note_contacts(self) -> None:
+        scene = self._scene
+        for geom_a, geom_b in self._data.contact.geom.tolist():
+            agent_a, agent_b = scene.agent_of_geom[geom_a], scene.agent_of_geom[geom_b]
+            if agent_a >= 0:
+                self._touched[agent_a].add(scene.thing_of_geom[geom_b])
+            if agent_b >= 0:
+                self._touched[agent_b].add(scene.thing_of_geom[geom_a])
+
+    def _body(self, k: int) -> BodyState:
+        mission, qpos, qvel = self._missions[k], self._data.qpos, self._data.qvel
+        # A vehicle that fails before its take-off is over has not collided with what it stood on.
+        is_leaving = mission.phase == "failed" and not mission.has_taken_off
+        touched = self._touched[k] - self._supports[k] if is_leaving else self._touched[k]
+        w, x, y, z = qpos[7 * k + 3 : 7 * k + 7].tolist()
+        omega_x, omega_y, omega_z = qvel[6 * k + 3 : 6 * k + 6].tolist()
+        return BodyState(
+            agent=self._agents[k].name,
+            position_world_m=self._positions_m[k],
+            quaternion_wxyz=(w, x, y, z),
+            velocity_world_m_s=self._velocity_m_s(k),
+            angular_velocity_body_rad_s=(omega_x, omega_y, omega_z),
+            phase=mission.phase,
+            awaiting_command=mission.awaiting_command,
+            path_length_m=self._path_length_m[k],
+            waypoint_world_m=mission.waypoint_world_m,
+            contacts=tuple(sorted(touched)),
+            rejected_command=mission.notice,
+        )
+
+    def _position_m(self, k: int) -> Vec3:
+        x_m, y_m, z_m = self._data.qpos[7 * k : 7 * k + 3].tolist()
+        return x_m, y_m, z_m
+
+    def _velocity_m_s(self, k: int) -> Vec3:
+        u, v, w = self._data.qvel[6 * k : 6 * k + 3].tolist()
+        return u, v, w
+
+    def _unsound_text(self, k: int) -> str:
+        return (
+            f"world: expected a finite, plausible state of {self._agents[k].name}'s vehicle at tick {self._tick}, "
+            f"was position {self._position_m(k)} m, velocity {self._velocity_m_s(k)} m/s."
+        )
+
+    # Views of MuJoCo's arrays and addresses stay valid as long as model and data live. The wind is handed over
+    # read-only, as it comes from a memory map, so that one compiled kernel serves all.
+    def _set_loop_arguments(self) -> None:
+        model, data, grid = self._scene.model, self._data, self._environment.grid
+        if model.nq != 7 * len(self._agents):
+            raise ModelError(f"world: expected one free joint a vehicle, was {model.njnt} joints.")
+        wind = self._environment.wind.velocity_m_s
+        if wind.dtype != np.float32 or not wind.flags.c_contiguous:
+            raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
+        self._wind_m_s = wind.view()
+        self._wind_m_s.flags.writeable = False
+        self._views = (data.qpos, data.qvel, data.qfrc_applied, data.qfrc_constraint)
+        addresses = (step_address(), model._address, data._address)
+        self._loop_arguments = (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
+
+
+def _substeps_in_tick(tick_ms: int) -> int:
+    n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)
+    if rest_ms or not n_substeps:
+        below = max(1, n_substeps) * PHYSICS_STEP_MS
+        raise ScenarioError(
+            f"tick_ms: expected a whole number of {PHYSICS_STEP_MS} ms physics steps, was {tick_ms} ms. "
+            f"Nearest: {below} ms or {below + PHYSICS_STEP_MS} ms."
+        )
+    return n_substeps
+
+
+# Where a vehicle is at tick 0, and whether it hovers there instead of standing.
+def _resting_place(agent: AgentSpec, space: FlightSpace, half_height_m: float) -> tuple[Vec3, bool]:
+    x_m, y_m, z_m = agent.vehicle.start_m
+    standing_m = space.support_height_m(agent.vehicle.start_m) + half_height_m
+    if abs(z_m - standing_m) <= _STANDS_WITHIN_M:
+        return (x_m, y_m, standing_m), False
+    return (x_m, y_m, z_m), True
+
+
+def _check_starts(
+    agents: Sequence[AgentSpec], spaces: Sequence[FlightSpace], starts: Sequence[tuple[Vec3, bool]]
+) -> None:
+    problems = []
+    for i, (agent, space, (start_m, _)) in enumerate(zip(agents, spaces, starts, strict=True)):
+        name = f"agents.{agent.name}.vehicle"
+        x_m, y_m, _ = start_m
+        problems.append(space.start_refusal(f"{name}.start_m", start_m))
+        problems.append(space.refusal(f"{name}.search_height_m", (x_m, y_m, agent.vehicle.search_height_m)))
+        for other, other_space, (other_m, _) in list(zip(agents, spaces, starts, strict=True))[:i]:
+            apart_m, needed_m = math.dist(start_m, other_m), space.radius_m + other_space.radius_m
+            if apart_m < needed_m:
+                problems.append(
+                    f"{name}.start_m: expected at least {needed_m:g} m from {other.name}'s vehicle, was {apart_m:g} m."
+                )
+    if any(problems):
+        raise ScenarioError("\n".join(problem for problem in problems if problem))
+
+
+def _constants(
+    scene: Scene, agents: Sequence[AgentSpec], models: Sequence[VehicleModel], dt_s: float
+) -> NDArray[np.void]:
+    constants = np.zeros(len(agents), records.CONSTANTS)
+    for k, (agent, model) in enumerate(zip(agents, models, strict=True)):
+        records.set_constants(constants[k], model, scene.model, f"{agent.name}/", dt_s)
+    return constants

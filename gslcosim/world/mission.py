@@ -1,0 +1,162 @@
+"""What one vehicle is doing: take off, fly to waypoints, hold, ask the agent; the state machine above the control."""
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+from gslcosim.contract.messages import Command
+from gslcosim.scenario.models import AgentSpec
+from gslcosim.ticks import seconds_from_ticks, ticks_from_seconds
+from gslcosim.world.space import FlightSpace
+from gslcosim.world.trajectory import Limits, Trajectory, Vec3, fly_at, fly_to, stay_at
+
+Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed"]
+
+# When a vehicle counts as being at its waypoint, and how long after the end of its trajectory it may take.
+ARRIVED_WITHIN_M = 0.15
+ARRIVED_BELOW_M_S = 0.2
+GIVE_UP_AFTER_S = 10.0
+
+_AT_REST: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Mission:
+    """The mission of one vehicle: which trajectory it follows, and when its agent is asked.
+
+    A tick goes: `begin_tick` with the agent's command, physics along `trajectory`, `end_tick` with the true state.
+    A command takes effect at the start of the tick.
+
+    State: phase, trajectory, target, the tick until which it holds, a waypoint kept for after take-off, the notice
+    about a refused command (kept until the next command), and whether the vehicle has left the ground.
+    """
+
+    def __init__(self, agent: AgentSpec, space: FlightSpace, tick_ns: int) -> None:
+        self._agent = agent
+        self._space = space
+        self._tick_ns = tick_ns
+        vehicle = agent.vehicle
+        self._limits = Limits(max_speed_m_s=vehicle.max_speed_m_s, max_acceleration_m_s2=vehicle.max_acceleration_m_s2)
+        self.start(_AT_REST)
+
+    def start(self, position_world_m: Vec3) -> None:
+        """Return to the state at rest on the ground at tick 0."""
+        self.trajectory: Trajectory = stay_at(position_world_m, 0)
+        self.phase: Phase = "on_ground"
+        self.target_world_m: Vec3 | None = None
+        self.awaiting_command = self._agent.is_asked_every_tick
+        self.notice: str | None = None
+        self.has_taken_off = False
+        self._is_asked = False
+        self._hold_ticks = 0
+        self._hold_until_tick = 0
+        self._kept_waypoint_m: Vec3 | None = None
+
+    @property
+    def waypoint_world_m(self) -> Vec3 | None:
+        """Where the vehicle is going; nothing when it holds."""
+        return self.target_world_m if self.phase in ("taking_off", "flying") else None
+
+    def begin_tick(self, tick: int, command: Command | None) -> None:
+        """Take off at the first tick and obey a command; the trajectory then holds for this tick.
+
+        Args:
+            tick: The tick that begins, >= 1.
+            command: The agent's command that takes effect now, if there is one.
+        """
+        if self.phase == "on_ground":
+            self._take_off(tick - 1)
+        self._is_asked = False
+        if command is None or self.phase == "failed":
+            return
+        self.notice = None
+        if command.kind == "failed":
+            self._fail(tick - 1)
+        elif command.kind != "noop":
+            self._obey(tick - 1, command)
+
+    def end_tick(self, tick: int, position_world_m: Vec3, velocity_world_m_s: Vec3) -> None:
+        """Notice an arrival and decide whether the agent is asked.
+
+        Args:
+            tick: The tick that ends.
+            position_world_m: True position, world frame [m].
+            velocity_world_m_s: True velocity, world frame [m/s].
+        """
+        if not self.has_taken_off and self.trajectory.is_over(tick, self._tick_ns):
+            self.has_taken_off = True
+        if self.phase in ("taking_off", "flying"):
+            self._check_arrival(tick, position_world_m, velocity_world_m_s)
+        if self._agent.is_asked_every_tick:
+            self.awaiting_command = self.phase != "failed"
+            return
+        self.awaiting_command = self.phase == "holding" and tick >= self._hold_until_tick
+        self._is_asked = self.awaiting_command
+
+    def _take_off(self, tick: int) -> None:
+        x_m, y_m, _ = self.trajectory.end_world_m
+        self._fly_to(tick, (x_m, y_m, self._agent.vehicle.search_height_m), self._agent.vehicle.hold_s)
+        self.phase = "taking_off"
+
+    def _obey(self, tick: int, command: Command) -> None:
+        hold_s = self._agent.vehicle.hold_s if command.hold_s is None else command.hold_s
+        if command.kind != "waypoint" or command.position_world_m is None:
+            self._hold(tick, hold_s)
+            return
+        waypoint_m = command.position_world_m
+        self.notice = self._space.refusal("waypoint", waypoint_m)
+        if self.notice is not None:
+            self._hold(tick, self._agent.vehicle.hold_s)
+        elif self.phase == "taking_off":
+            self._kept_waypoint_m = waypoint_m
+        elif not (self._agent.is_asked_every_tick and waypoint_m == self.target_world_m):
+            self._fly_to(tick, waypoint_m, hold_s)
+
+    def _fly_to(self, tick: int, waypoint_m: Vec3, hold_s: float) -> None:
+        self.trajectory = fly_to(self.trajectory.state_at(tick, self._tick_ns), waypoint_m, self._limits, tick)
+        self.target_world_m = waypoint_m
+        self.phase = "flying"
+        self._hold_ticks = ticks_from_seconds(hold_s, self._tick_ns)
+
+    # A take-off is always finished: just above the floor is no place to hold.
+    def _hold(self, tick: int, hold_s: float) -> None:
+        if self.phase == "taking_off":
+            self._kept_waypoint_m = None
+            return
+        self._stop(tick)
+        self.phase = "holding"
+        self._hold_until_tick = tick + ticks_from_seconds(hold_s, self._tick_ns)
+
+    def _stop(self, tick: int) -> None:
+        self.target_world_m = None
+        if not self.trajectory.is_over(tick, self._tick_ns) or self.trajectory.end_velocity_world_m_s != _AT_REST:
+            self.trajectory = fly_at(self.trajectory.state_at(tick, self._tick_ns), _AT_REST, self._limits, tick)
+
+    def _fail(self, tick: int) -> None:
+        if self.phase != "taking_off":
+            self._stop(tick)
+        self.target_world_m = None
+        self.phase = "failed"
+
+    def _check_arrival(self, tick: int, position_m: Vec3, velocity_m_s: Sequence[float]) -> None:
+        if not self.trajectory.is_over(tick, self._tick_ns):
+            return
+        end_m = self.trajectory.end_world_m
+        distance_m = math.dist(position_m, end_m)
+        if distance_m > ARRIVED_WITHIN_M or math.hypot(*velocity_m_s) >= ARRIVED_BELOW_M_S:
+            late_s = seconds_from_ticks(tick - self.trajectory.start_tick, self._tick_ns) - self.trajectory.duration_s
+            if late_s < GIVE_UP_AFTER_S:
+                return
+            # Staying where it is, not pushing on against whatever is in the way.
+            self.trajectory = stay_at(position_m, tick)
+            self.notice = (
+                f"waypoint: expected to arrive within {GIVE_UP_AFTER_S:g} s of the planned time, "
+                f"was still {distance_m:.2f} m away; the vehicle holds where it is."
+            )
+        self._arrive(tick)
+
+    def _arrive(self, tick: int) -> None:
+        kept, self._kept_waypoint_m = self._kept_waypoint_m, None
+        self.phase = "holding"
+        self._hold_until_tick = tick + self._hold_ticks
+        if kept is not None:
+            self._fly_to(tick, kept, self._agent.vehicle.hold_s)

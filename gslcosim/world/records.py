@@ -1,0 +1,116 @@
+"""What the compiled loop knows of each vehicle: one record of constants and one of state."""
+# MuJoCo is compiled and comes without stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import ModelError
+from gslcosim.world.trajectory import Trajectory
+from gslcosim.world.vehicle import VehicleModel
+
+# Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
+CONSTANTS = np.dtype(
+    [
+        ("mass_kg", np.float64),
+        ("gravity_m_s2", np.float64),
+        ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
+        ("wrench_from_thrusts", np.float64, (4, 4)),  # rows thrust, torque xyz; columns rotors
+        ("thrusts_from_wrench", np.float64, (4, 4)),
+        ("thrust_coefficient_n_s2", np.float64),
+        ("max_rotor_speed_rad_s", np.float64),
+        ("response_up", np.float64),  # share of a speed difference that is closed in one sub-step
+        ("response_down", np.float64),
+        ("rotor_drag_n_s2_m", np.float64, (3,)),
+        ("half_density_drag_area_kg_m", np.float64, (3,)),
+        ("expected_drag_s", np.float64),  # horizontal rotor drag in hover per mass and speed [1/s]
+        ("position_gain_s2", np.float64),
+        ("velocity_gain_s", np.float64),
+        ("integral_gain_s3", np.float64),
+        ("integral_limit_m_s2", np.float64),
+        ("max_tilt_tangent", np.float64),
+        ("attitude_gain_s2", np.float64, (3,)),
+        ("rate_gain_s", np.float64, (3,)),
+    ]
+)
+
+# State of one vehicle beside MuJoCo's own, and the reference it follows.
+STATE = np.dtype(
+    [
+        ("is_armed", np.int64),
+        ("rotor_speed_rad_s", np.float64, (4,)),
+        ("integral_m_s2", np.float64, (3,)),
+        ("start_tick", np.int64),
+        ("coefficients", np.float64, (3, 6)),
+        ("duration_s", np.float64),
+        ("end_world_m", np.float64, (3,)),
+        ("end_velocity_world_m_s", np.float64, (3,)),
+    ]
+)
+
+
+def set_constants(record: Any, vehicle: VehicleModel, model: mujoco.MjModel, prefix: str, dt_s: float) -> None:
+    """Fill a record of `CONSTANTS` from a vehicle's parameters and its compiled body.
+
+    Args:
+        record: The record to fill.
+        vehicle: Its model.
+        model: The compiled scene.
+        prefix: What stands before the names of the vehicle's parts in the scene.
+        dt_s: Length of a sub-step [s].
+    """
+    parameters = vehicle.parameters
+    body = model.body(f"{prefix}body").id
+    record["mass_kg"] = mass_kg = float(model.body_mass[body])
+    record["gravity_m_s2"] = gravity_m_s2 = -float(model.opt.gravity[2])
+    record["inertia_kg_m2"] = model.body_inertia[body]
+    record["wrench_from_thrusts"] = wrench_from_thrusts = _wrench_from_thrusts(vehicle, model, prefix)
+    record["thrusts_from_wrench"] = np.linalg.inv(wrench_from_thrusts)
+    record["thrust_coefficient_n_s2"] = parameters.thrust_coefficient_n_s2
+    record["max_rotor_speed_rad_s"] = parameters.max_rotor_speed_rad_s
+    record["response_up"] = -math.expm1(-dt_s / parameters.time_constant_up_s)
+    record["response_down"] = -math.expm1(-dt_s / parameters.time_constant_down_s)
+    record["rotor_drag_n_s2_m"] = parameters.rotor_drag_n_s2_m
+    record["half_density_drag_area_kg_m"] = 0.5 * parameters.air_density_kg_m3 * np.array(parameters.drag_area_m2)
+    hover_speed_rad_s = math.sqrt(mass_kg * gravity_m_s2 / (4 * parameters.thrust_coefficient_n_s2))
+    if hover_speed_rad_s >= parameters.max_rotor_speed_rad_s:
+        raise ModelError(
+            f"vehicle {vehicle.name}: expected rotors that can carry it, was {hover_speed_rad_s:.0f} rad/s in hover "
+            f"at a limit of {parameters.max_rotor_speed_rad_s:.0f} rad/s."
+        )
+    record["expected_drag_s"] = 4 * hover_speed_rad_s * parameters.rotor_drag_n_s2_m[0] / mass_kg
+    record["position_gain_s2"] = parameters.position_gain_s2
+    record["velocity_gain_s"] = parameters.velocity_gain_s
+    record["integral_gain_s3"] = parameters.integral_gain_s3
+    record["integral_limit_m_s2"] = parameters.integral_limit_m_s2
+    record["max_tilt_tangent"] = math.tan(parameters.max_tilt_rad)
+    record["attitude_gain_s2"] = parameters.attitude_gain_s2
+    record["rate_gain_s"] = parameters.rate_gain_s
+
+
+def set_trajectory(record: Any, trajectory: Trajectory) -> None:
+    """Write a trajectory into a record of `STATE`."""
+    record["start_tick"] = trajectory.start_tick
+    record["coefficients"] = trajectory.coefficients
+    record["duration_s"] = trajectory.duration_s
+    record["end_world_m"] = trajectory.end_world_m
+    record["end_velocity_world_m_s"] = trajectory.end_velocity_world_m_s
+
+
+def hover_rotor_speed_rad_s(record: Any) -> float:
+    """Return the rotor speed [rad/s] at which four rotors carry the vehicle of a record of `CONSTANTS`."""
+    weight_n = record["mass_kg"] * record["gravity_m_s2"]
+    return float(np.sqrt(weight_n / (4 * record["thrust_coefficient_n_s2"])))
+
+
+# Rotor i at (x, y) pushes along body z: torque (y, -x, -direction * torque_per_thrust) per unit of thrust.
+def _wrench_from_thrusts(vehicle: VehicleModel, model: mujoco.MjModel, prefix: str) -> NDArray[np.float64]:
+    columns = []
+    for i, direction in enumerate(vehicle.parameters.rotor_directions):
+        x_m, y_m, _ = model.site(f"{prefix}rotor_{i}").pos
+        columns.append([1.0, y_m, -x_m, -direction * vehicle.parameters.torque_per_thrust_m])
+    return np.array(columns).T

@@ -1,0 +1,227 @@
+"""Minimum-jerk polynomials: coefficients, values, peaks, and the shortest feasible duration."""
+# pyright: basic
+
+import math
+
+import numba
+import numpy as np
+
+# Peak speed and acceleration of the rest-to-rest quintic, in units of d/T and d/T^2 (see `rest_to_rest_duration`).
+PEAK_SPEED_FACTOR = 15.0 / 8.0
+PEAK_ACCELERATION_FACTOR = 10.0 / math.sqrt(3.0)
+
+_N_SAMPLES = 32
+_SHORTEST_S = 0.02
+_GROWTH = 1.04
+_N_DURATIONS = 250
+
+
+@numba.njit(cache=True, nogil=True)
+def rest_to_rest_duration(distance_m, max_speed_m_s, max_acceleration_m_s2):
+    """Return the shortest duration of a rest-to-rest minimum-jerk leg within the limits.
+
+    T = max(15/8 d / v_max, sqrt(10/sqrt(3) d / a_max))
+    [s] = [m] / [m/s] = sqrt([m] / [m/s^2])
+
+    The quintic is x = d (10 s^3 - 15 s^4 + 6 s^5), s = t/T; its speed peaks at s = 1/2, its acceleration at
+    s = (1 -+ 1/sqrt(3))/2.
+
+    Args:
+        distance_m: Length of the leg [m], >= 0.
+        max_speed_m_s: Greatest speed [m/s], > 0.
+        max_acceleration_m_s2: Greatest acceleration [m/s^2], > 0.
+
+    Returns:
+        Duration [s]; 0 for a leg of no length.
+
+    Source:
+        Flash and Hogan 1985, doi:10.1523/JNEUROSCI.05-07-01688.1985 (the quintic); peaks by differentiation.
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    by_speed = PEAK_SPEED_FACTOR * distance_m / max_speed_m_s
+    by_acceleration = math.sqrt(PEAK_ACCELERATION_FACTOR * distance_m / max_acceleration_m_s2)
+    return max(by_speed, by_acceleration)
+
+
+@numba.njit(cache=True, nogil=True)
+def set_quintic_to_rest_inplace(coefficients, start, end_world_m, duration_s):
+    """Write the minimum-jerk polynomial that ends at rest at a point.
+
+    x(t) = c0 + c1 t + … + c5 t^5 with x, v, a given at t = 0 and x = x_end, v = a = 0 at t = T
+    [m] = [m/s^i] [s]^i
+
+    Args:
+        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
+        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
+        end_world_m: (3,) end point, world frame [m].
+        duration_s: T [s], > 0.
+
+    Source:
+        Mueller, Hehn and D'Andrea 2015, doi:10.1109/TRO.2015.2479878 (fully defined end state), in powers of t.
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    T = duration_s
+    for i in range(3):
+        h = end_world_m[i] - start[0, i]
+        v = start[1, i] * T
+        a = start[2, i] * T * T
+        coefficients[i, 0] = start[0, i]
+        coefficients[i, 1] = start[1, i]
+        coefficients[i, 2] = 0.5 * start[2, i]
+        coefficients[i, 3] = (10.0 * h - 6.0 * v - 1.5 * a) / T**3
+        coefficients[i, 4] = (-15.0 * h + 8.0 * v + 1.5 * a) / T**4
+        coefficients[i, 5] = (6.0 * h - 3.0 * v - 0.5 * a) / T**5
+
+
+@numba.njit(cache=True, nogil=True)
+def set_quartic_to_velocity_inplace(coefficients, start, end_velocity_world_m_s, duration_s):
+    """Write the minimum-jerk polynomial that reaches a velocity, wherever that is.
+
+    v(t) = v0 + a0 t + b t^2 + c t^3,  b = 3 dv/T^2 - 2 a0/T,  c = -2 dv/T^3 + a0/T^2,  dv = v_end - v0
+    [m/s] = [m/s^(i+1)] [s]^i
+
+    It ends with v = v_end and no acceleration; the way to there is T (v0 + v_end)/2 + T^2 a0/12, and for a0 = 0 the
+    acceleration peaks at 1.5 dv/T.
+
+    Args:
+        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
+        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
+        end_velocity_world_m_s: (3,) velocity at the end, world frame [m/s].
+        duration_s: T [s], > 0.
+
+    Source:
+        Mueller, Hehn and D'Andrea 2015, doi:10.1109/TRO.2015.2479878 (free end position).
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    T = duration_s
+    for i in range(3):
+        dv = end_velocity_world_m_s[i] - start[1, i]
+        a0 = start[2, i]
+        coefficients[i, 0] = start[0, i]
+        coefficients[i, 1] = start[1, i]
+        coefficients[i, 2] = 0.5 * a0
+        coefficients[i, 3] = (3.0 * dv / T - 2.0 * a0) / (3.0 * T)
+        coefficients[i, 4] = (-2.0 * dv / T + a0) / (4.0 * T * T)
+        coefficients[i, 5] = 0.0
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def polynomial_at(coefficients, axis, t_s):
+    """Return position, velocity, acceleration and jerk of one axis of a polynomial (Horner's scheme).
+
+    Args:
+        coefficients: (…, 3, 6) axis xyz, power 0 to 5 [m/s^i].
+        axis: 0, 1 or 2.
+        t_s: Time since the polynomial's start [s].
+
+    Returns:
+        ([m], [m/s], [m/s^2], [m/s^3]).
+
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    c0 = coefficients[axis, 0]
+    c1 = coefficients[axis, 1]
+    c2 = coefficients[axis, 2]
+    c3 = coefficients[axis, 3]
+    c4 = coefficients[axis, 4]
+    c5 = coefficients[axis, 5]
+    t = t_s
+    position = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+    velocity = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))
+    acceleration = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))
+    jerk = 6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5)
+    return position, velocity, acceleration, jerk
+
+
+@numba.njit(cache=True, nogil=True)
+def peak_speed_and_acceleration(coefficients, duration_s):
+    """Return the greatest speed [m/s] and acceleration [m/s^2] of a polynomial, from 33 equally spaced instants.
+
+    The true peaks of the rest-to-rest quintic lie above the sampled ones by less than 0.5 %.
+
+    Args:
+        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
+        duration_s: Length of the polynomial [s], > 0.
+
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    peak_speed = 0.0
+    peak_acceleration = 0.0
+    for k in range(_N_SAMPLES + 1):
+        t = duration_s * k / _N_SAMPLES
+        speed = 0.0
+        acceleration = 0.0
+        for i in range(3):
+            _, v, a, _ = polynomial_at(coefficients, i, t)
+            speed += v * v
+            acceleration += a * a
+        peak_speed = max(peak_speed, speed)
+        peak_acceleration = max(peak_acceleration, acceleration)
+    return math.sqrt(peak_speed), math.sqrt(peak_acceleration)
+
+
+@numba.njit(cache=True, nogil=True)
+def _set_polynomial(coefficients, start, end, is_velocity, duration_s):
+    if is_velocity:
+        set_quartic_to_velocity_inplace(coefficients, start, end, duration_s)
+    else:
+        set_quintic_to_rest_inplace(coefficients, start, end, duration_s)
+
+
+@numba.njit(cache=True, nogil=True)
+def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_acceleration_m_s2):
+    """Write the quickest minimum-jerk polynomial within the limits and return its duration [s].
+
+    From rest to a point and from steady flight to a velocity the duration is in closed form. Otherwise durations grow
+    by 4 % from a short one until both peaks are within the limits; a start that already breaks a limit raises that
+    limit to itself, and where no duration is feasible (speed at its limit and still accelerating) the one that breaks
+    the limits least is taken.
+
+    Args:
+        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
+        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
+        end: (3,) where to come to rest [m], or the velocity to reach [m/s]; world frame.
+        is_velocity: Whether `end` is a velocity.
+        max_speed_m_s: Greatest speed [m/s], > 0.
+        max_acceleration_m_s2: Greatest acceleration [m/s^2], > 0.
+
+    Returns:
+        Duration [s], >= 0.02.
+
+    Held by:
+        tests/analytic/test_world_trajectory.py, tests/properties/test_world_trajectory_laws.py
+    """
+    speed = math.sqrt(start[1, 0] ** 2 + start[1, 1] ** 2 + start[1, 2] ** 2)
+    acceleration = math.sqrt(start[2, 0] ** 2 + start[2, 1] ** 2 + start[2, 2] ** 2)
+    row = 1 if is_velocity else 0
+    change = math.sqrt((end[0] - start[row, 0]) ** 2 + (end[1] - start[row, 1]) ** 2 + (end[2] - start[row, 2]) ** 2)
+    if is_velocity:
+        shortest = max(_SHORTEST_S, 1.5 * change / max_acceleration_m_s2)
+    else:
+        shortest = max(_SHORTEST_S, rest_to_rest_duration(change, max_speed_m_s, max_acceleration_m_s2))
+    if acceleration == 0.0 and (is_velocity or speed == 0.0):
+        _set_polynomial(coefficients, start, end, is_velocity, shortest)
+        return shortest
+
+    speed_limit = max(max_speed_m_s, speed)
+    acceleration_limit = max(max_acceleration_m_s2, acceleration)
+    duration = max(_SHORTEST_S, 0.3 * shortest)
+    best_duration = duration
+    least = np.inf
+    for _ in range(_N_DURATIONS):
+        _set_polynomial(coefficients, start, end, is_velocity, duration)
+        peak_speed, peak_acceleration = peak_speed_and_acceleration(coefficients, duration)
+        excess = max(peak_speed / speed_limit, peak_acceleration / acceleration_limit)
+        if excess < least:
+            least = excess
+            best_duration = duration
+        if excess <= 1.0 + 1e-9:
+            break
+        duration *= _GROWTH
+    _set_polynomial(coefficients, start, end, is_velocity, best_duration)
+    return best_duration
