@@ -1,0 +1,257 @@
+"""The filament model: a plume of growing Gaussian puffs that wind and eddies carry through a room."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Vec3
+from gslcosim.environment.model import Cell, Environment
+from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.fields.filament_kernels import NOT_FINITE, move_filaments_inplace
+from gslcosim.fields.gases import air_density_mol_m3
+from gslcosim.fields.release import ConstantRelease
+from gslcosim.rng import stream
+
+FIRST_CAPACITY = 1024
+# Filament ids leave this many numbers to each source, so that one source never changes the draws of another.
+IDS_PER_SOURCE = 2**40
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasSource:
+    """A point source.
+
+    `sigma_m` and `amount_mol` are a filament's size at birth and the gas it carries, `gas_index` says which gas,
+    `drift_m_s` is the vertical velocity of the gas relative to the air, upward.
+    """
+
+    position_world_m: Vec3
+    release: ConstantRelease
+    sigma_m: float
+    amount_mol: float
+    gas_index: int = 0
+    drift_m_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filaments:
+    """Filaments at one instant; what the concentration is summed from.
+
+    `position_world_m` (n, 3) centres [m], `sigma_m` (n,) standard deviations [m], `source_index` (n,) int32 into the
+    tables `amount_mol` (n_sources,) [mol per filament] and `gas_index` (n_sources,) int32.
+    """
+
+    position_world_m: NDArray[np.float64]
+    sigma_m: NDArray[np.float64]
+    source_index: NDArray[np.int32]
+    amount_mol: NDArray[np.float64]
+    gas_index: NDArray[np.int32]
+
+    @property
+    def n_gases(self) -> int:
+        """Number of gases, at least one."""
+        return int(self.gas_index.max(initial=0)) + 1
+
+
+def amount_of_filament_mol(
+    ppm: float, sigma_m: float, air_mol_m3: float | None = None
+) -> float:
+    """Return the moles of gas in a filament with a given mixing ratio at its centre.
+
+    N = ppm 1e-6 n_air (2 pi)^(3/2) sigma^3
+    [mol] = [1] [mol/m3] [m3]
+
+    Args:
+        ppm: Mixing ratio at the centre, parts per million by volume.
+        sigma_m: Standard deviation [m].
+        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
+
+    Source:
+        GADEN, gaden_filament_simulator, with the full pi instead of 3.14159.
+    Held by:
+        tests/unit/fields/test_filaments.py (6.440745139e-06 mol for 10 ppm and 0.1 m)
+    """
+    density = air_density_mol_m3() if air_mol_m3 is None else air_mol_m3
+    return ppm * 1e-6 * density * (2.0 * math.pi) ** 1.5 * sigma_m**3
+
+
+def open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return 1 where a cell and its 26 neighbours are free (the border of the grid counts as a wall), else 0."""
+    is_free = np.pad(occupancy == Cell.FREE, 1, constant_values=False)
+    for axis in range(3):
+        ahead, behind = np.roll(is_free, 1, axis), np.roll(is_free, -1, axis)
+        is_free = is_free & ahead & behind
+    return np.ascontiguousarray(is_free[1:-1, 1:-1, 1:-1]).astype(np.uint8)
+
+
+class FilamentPlume:
+    """All filaments of a run; advances them step by step, births and outflow included.
+
+    State: filaments in order of birth (source by source within a step) and the number of the step. Equal seeds give
+    equal plumes, whatever the order or number of the sources: every draw is keyed by (seed, step, filament).
+    """
+
+    def __init__(
+        self,
+        environment: Environment,
+        sources: tuple[GasSource, ...],
+        *,
+        step_s: float,
+        growth_m2_s: float,
+        diffusivity_m2_s: float,
+        seed: int,
+    ) -> None:
+        _check_sources(environment, sources)
+        _check_wind(environment)
+        self._environment = environment
+        self._sources = sources
+        self._step_s = step_s
+        self._growth_m2_s = growth_m2_s
+        self._diffusivity_m2_s = diffusivity_m2_s
+        self._occupancy = np.ascontiguousarray(environment.occupancy, np.uint8)
+        self._is_open = open_cells(self._occupancy)
+        self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
+        self._amount_mol = np.array([source.amount_mol for source in sources])
+        self._gas_index = np.array([source.gas_index for source in sources], np.int32)
+        self._sigma0_m = np.array([source.sigma_m for source in sources])
+        self._drift_m_s = np.array([source.drift_m_s for source in sources])
+        self._allocate(FIRST_CAPACITY)
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        """Return to a room without gas at time 0."""
+        self._key = stream(seed, "fields.disperse").integers(2**64, dtype=np.uint64)
+        self._n_born = [0] * len(self._sources)
+        self._n = 0
+        self._step = 0
+
+    @property
+    def n(self) -> int:
+        """Number of filaments in the room."""
+        return self._n
+
+    @property
+    def n_born(self) -> int:
+        """Number of filaments born since the start."""
+        return sum(self._n_born)
+
+    @property
+    def step(self) -> int:
+        """Number of steps made."""
+        return self._step
+
+    @property
+    def time_s(self) -> float:
+        """Time since the first birth could happen [s]."""
+        return self._step * self._step_s
+
+    @property
+    def filaments(self) -> Filaments:
+        """The filaments now; views that the next step overwrites."""
+        return Filaments(
+            position_world_m=self._position_m[: self._n],
+            sigma_m=self._sigma_m[: self._n],
+            source_index=self._source_index[: self._n],
+            amount_mol=self._amount_mol,
+            gas_index=self._gas_index,
+        )
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Advance by steps: wind of the step's start, births spread over the step.
+
+        Raises:
+            ModelError: the wind or a filament is not finite.
+        """
+        for _ in range(n_steps):
+            self._advance_one()
+
+    def _advance_one(self) -> None:
+        start_s = self._step * self._step_s
+        self._step += 1
+        for i in range(len(self._sources)):
+            self._release(i, start_s)
+        grid = self._environment.grid
+        i_frame = self._environment.wind.frame_at(start_s)
+        n_left = move_filaments_inplace(
+            self._position_m,
+            self._sigma_m,
+            self._birth_steps,
+            self._filament_id,
+            self._source_index,
+            self._n,
+            self._sigma0_m,
+            self._drift_m_s,
+            self._wind_m_s[i_frame],
+            self._occupancy,
+            self._is_open,
+            grid.origin_m,
+            grid.cell_m,
+            self._step,
+            self._step_s,
+            self._diffusivity_m2_s,
+            self._growth_m2_s,
+            self._key,
+        )
+        if n_left == NOT_FINITE:
+            raise ModelError(f"fields: a filament's movement is not finite in gas step {self._step}.")
+        self._n = n_left
+
+    def _release(self, i_source: int, start_s: float) -> None:
+        source = self._sources[i_source]
+        births_s = source.release.births_s(start_s, self._step * self._step_s)
+        n_new = len(births_s)
+        if n_new == 0:
+            return
+        self._reserve(self._n + n_new)
+        new = slice(self._n, self._n + n_new)
+        self._position_m[new] = source.position_world_m
+        self._birth_steps[new] = births_s / self._step_s
+        first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
+        self._filament_id[new] = np.arange(first_id, first_id + n_new)
+        self._source_index[new] = i_source
+        self._n_born[i_source] += n_new
+        self._n += n_new
+
+    def _allocate(self, capacity: int) -> None:
+        self._position_m = np.zeros((capacity, 3))
+        self._sigma_m = np.zeros(capacity)
+        self._birth_steps = np.zeros(capacity)
+        self._filament_id = np.zeros(capacity, np.int64)
+        self._source_index = np.zeros(capacity, np.int32)
+
+    def _reserve(self, n_needed: int) -> None:
+        if n_needed <= len(self._sigma_m):
+            return
+        old = (self._position_m, self._sigma_m, self._birth_steps, self._filament_id, self._source_index)
+        self._allocate(max(n_needed, 2 * len(self._sigma_m)))
+        new = (self._position_m, self._sigma_m, self._birth_steps, self._filament_id, self._source_index)
+        for source, target in zip(old, new, strict=True):
+            target[: self._n] = source[: self._n]
+
+
+def _check_sources(environment: Environment, sources: tuple[GasSource, ...]) -> None:
+    problems: list[str] = []
+    for i, source in enumerate(sources):
+        cell = environment.grid.cell_of(np.array(source.position_world_m))
+        if not environment.grid.contains_cell(cell):
+            found = "outside the room"
+        elif environment.occupancy[tuple(cell)] == Cell.SOLID:
+            found = "inside a solid"
+        else:
+            continue
+        place = ", ".join(f"{x:g}" for x in source.position_world_m)
+        problems.append(f"gas.sources[{i}].position_m: expected a place in the air, was ({place}), {found}.")
+    if problems:
+        raise ScenarioError("\n".join(problems))
+
+
+def _check_wind(environment: Environment) -> None:
+    velocity_m_s = environment.wind.velocity_m_s
+    expected = (*environment.grid.shape, 3)
+    if velocity_m_s.shape[1:] != expected or velocity_m_s.dtype != np.float32 or len(velocity_m_s) == 0:
+        raise ModelError(
+            f"fields: expected wind frames of shape (t, {', '.join(map(str, expected))}) float32, "
+            f"was {velocity_m_s.shape} {velocity_m_s.dtype}."
+        )
