@@ -1,5 +1,6 @@
 """The one grid type: which cell holds a point, and where a cell's centre is."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,5 +33,13 @@ class Grid:
 
     def centres_m(self) -> NDArray[np.float64]:
         """Return the (nx, ny, nz, 3) cell centres, world frame [m]."""
-        axes = [o + (np.arange(n) + 0.5) * self.cell_m for o, n in zip(self.origin_m, self.shape, strict=True)]
+        axes = [
+            o + (np.arange(n, dtype=np.float64) + 0.5) * self.cell_m
+            for o, n in zip(self.origin_m, self.shape, strict=True)
+        ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def point_text(point_m: Sequence[float]) -> str:
+    """Return a point as a scenario file would have it, such as `[5, 1, 2]`."""
+    return "[" + ", ".join(f"{coordinate_m:.6g}" for coordinate_m in point_m) + "]"

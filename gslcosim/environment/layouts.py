@@ -1,0 +1,227 @@
+"""Layouts: from a scenario's few numbers to a room of named boxes, with its inlet and outlet."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from gslcosim.environment.grid import Grid, Vec3, point_text
+from gslcosim.environment.model import Box, Opening
+from gslcosim.environment.openings import (
+    are_overlapping,
+    default_inlet,
+    default_outlet,
+    face_of,
+    notice_of_snapping,
+    problems_of_inflow,
+    problems_of_opening,
+    snapped,
+)
+from gslcosim.environment.problems import raise_if_any
+from gslcosim.scenario.models import BoxSpec, LayoutSpec, OpeningSpec, WindSpec
+from gslcosim.scenario.problems import Problem
+
+LAYOUT_PATH = "environment.layout"
+# More cells than this would not fit into the memory of a common machine together with the solver's fields.
+MAX_CELLS = 200_000_000
+WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
+
+FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
+CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
+OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A room on paper: where its air, its solids and its openings are.
+
+    `grid` covers exactly the air, from the corner (0, 0, 0) to the layout's `size_m`; walls, floor and ceiling lie
+    outside it. Openings are whole cells; walls are closed behind them, so that no vehicle leaves the room.
+    `notices` are sentences on what was done differently from what the layout says.
+    """
+
+    name: str
+    grid: Grid
+    boxes: tuple[Box, ...]
+    openings: tuple[Opening, ...]
+    notices: tuple[str, ...] = ()
+
+
+def plan_room(layout: LayoutSpec, wind: WindSpec) -> Plan:
+    """Lay out a room.
+
+    Args:
+        layout: What the scenario says of the room.
+        wind: Gives the cell of the grid and the velocity at the inlet.
+
+    Raises:
+        ScenarioError: `problems_of_layout` has any.
+    """
+    raise_if_any(problems_of_layout(layout, wind))
+    grid = _grid(layout, wind.cell_m)
+    openings, notices = _openings(layout, wind, grid)
+    return Plan(
+        name=layout.kind,
+        grid=grid,
+        boxes=(*_walls(layout), *(_obstacle(spec) for spec in layout.obstacles)),
+        openings=openings,
+        notices=notices,
+    )
+
+
+def problems_of_layout(layout: LayoutSpec, wind: WindSpec) -> list[Problem]:
+    """Return all that makes a layout impossible, with the places in the scenario; empty when it can be built."""
+    problems = _problems_of_size(layout.size_m, wind.cell_m)
+    problems += _problems_of_obstacles(layout)
+    if problems:
+        # Openings are checked against the grid of the room, which there is not yet.
+        return problems
+    grid = _grid(layout, wind.cell_m)
+    inlet, outlet = _opening_specs(layout)
+    inlet_path, outlet_path = f"{LAYOUT_PATH}.inlet", f"{LAYOUT_PATH}.outlet"
+    problems = problems_of_opening(inlet, grid, inlet_path) + problems_of_opening(outlet, grid, outlet_path)
+    if problems:
+        return problems
+    if wind.solver != "uniform" and (face := face_of(inlet, grid)):
+        problems += problems_of_inflow(wind.inlet_velocity_m_s, face)
+    (first, second), _ = _openings(layout, wind, grid)
+    if are_overlapping(first, second, grid):
+        problems.append(
+            Problem(
+                path=inlet_path if layout.inlet else outlet_path,
+                expected="inlet and outlet apart from each other",
+                found=f"an inlet {point_text(first.min_m)} to {point_text(first.max_m)} m and an outlet "
+                f"{point_text(second.min_m)} to {point_text(second.max_m)} m that overlap",
+                remedy="Move one of them.",
+            )
+        )
+    return problems
+
+
+def _problems_of_size(size_m: Vec3, cell_m: float) -> list[Problem]:
+    n_cells = math.prod(length_m / cell_m for length_m in size_m)
+    if n_cells > MAX_CELLS:
+        coarser_m = cell_m * (n_cells / MAX_CELLS) ** (1 / 3)
+        return [
+            Problem(
+                path="wind.cell_m",
+                expected=f"cells that divide the room into at most {MAX_CELLS:.3g}",
+                found=f"{cell_m:g} m, which makes {n_cells:.3g}",
+                remedy=f"Take cells of at least {_rounded_up(coarser_m):g} m, or a smaller room.",
+            )
+        ]
+    return [
+        problem
+        for axis, length_m in enumerate(size_m)
+        if (problem := _problem_of_length(length_m, cell_m, f"{LAYOUT_PATH}.size_m[{axis}]"))
+    ]
+
+
+# A room of another size than the scenario says would surprise more than this error does: the walls a vehicle
+# touches, the air that flows and the figures of a report would not agree.
+def _problem_of_length(length_m: float, cell_m: float, path: str) -> Problem | None:
+    n = length_m / cell_m
+    if round(n) >= 1 and abs(n - round(n)) < 1e-6:
+        return None
+    below = max(1, math.floor(n))
+    return Problem(
+        path=path,
+        expected=f"a whole number of the {cell_m:g} m cells of wind.cell_m",
+        found=f"{length_m:g} m, which is {n:.4g} cells",
+        remedy=f"Nearest: {below * cell_m:g} m or {(below + 1) * cell_m:g} m; "
+        f"or wind.cell_m {length_m / max(1, round(n)):.6g}.",
+    )
+
+
+def _problems_of_obstacles(layout: LayoutSpec) -> list[Problem]:
+    problems: list[Problem] = []
+    names: set[str] = set(WALL_NAMES)
+    for i, spec in enumerate(layout.obstacles):
+        path = f"{LAYOUT_PATH}.obstacles[{i}]"
+        if spec.name in names:
+            problems.append(
+                Problem(
+                    path=f"{path}.name",
+                    expected="a name that no other box of the room has",
+                    found=spec.name,
+                    remedy=f"For example {spec.name}_{i + 1}.",
+                )
+            )
+        names.add(spec.name)
+        problems += _problems_of_extent(spec, layout.size_m, path)
+    return problems
+
+
+def _problems_of_extent(spec: BoxSpec, size_m: Vec3, path: str) -> list[Problem]:
+    problems: list[Problem] = []
+    for axis, (low_m, high_m, length_m) in enumerate(zip(spec.min_m, spec.max_m, size_m, strict=True)):
+        if low_m >= high_m:
+            problems.append(
+                Problem(
+                    path=f"{path}.max_m[{axis}]",
+                    expected=f"{'xyz'[axis]} of max_m above that of min_m ({low_m:g} m)",
+                    found=f"{high_m:g} m",
+                )
+            )
+        elif low_m < 0.0 or high_m > length_m + 1e-9:
+            problems.append(
+                Problem(
+                    path=path,
+                    expected=f"{'xyz'[axis]} inside the room, from 0 to {length_m:g} m",
+                    found=f"{low_m:g} to {high_m:g} m",
+                    remedy=_clipped_text(low_m, high_m, length_m),
+                )
+            )
+    return problems
+
+
+def _clipped_text(low_m: float, high_m: float, length_m: float) -> str:
+    low_m, high_m = max(low_m, 0.0), min(high_m, length_m)
+    return f"Cut it to {low_m:g} to {high_m:g} m." if low_m < high_m else "It lies outside altogether."
+
+
+def _grid(layout: LayoutSpec, cell_m: float) -> Grid:
+    nx, ny, nz = (round(length_m / cell_m) for length_m in layout.size_m)
+    return Grid(origin_m=(0.0, 0.0, 0.0), cell_m=cell_m, shape=(nx, ny, nz))
+
+
+def _opening_specs(layout: LayoutSpec) -> tuple[OpeningSpec, OpeningSpec]:
+    return layout.inlet or default_inlet(layout.size_m), layout.outlet or default_outlet(layout.size_m)
+
+
+def _openings(layout: LayoutSpec, wind: WindSpec, grid: Grid) -> tuple[tuple[Opening, Opening], tuple[str, ...]]:
+    inlet_spec, outlet_spec = _opening_specs(layout)
+    inlet = _opening("inlet", inlet_spec, grid, wind.inlet_velocity_m_s)
+    outlet = _opening("outlet", outlet_spec, grid, (0.0, 0.0, 0.0))
+    notices = (
+        notice_of_snapping(opening.name, spec, (opening.min_m, opening.max_m), grid.cell_m)
+        for opening, spec in ((inlet, inlet_spec), (outlet, outlet_spec))
+    )
+    return (inlet, outlet), tuple(notice for notice in notices if notice)
+
+
+def _opening(kind: Literal["inlet", "outlet"], spec: OpeningSpec, grid: Grid, velocity_m_s: Vec3) -> Opening:
+    face = face_of(spec, grid)
+    assert face is not None, "checked before by problems_of_opening"
+    min_m, max_m = snapped(spec, grid, face)
+    return Opening(name=kind, kind=kind, min_m=min_m, max_m=max_m, velocity_m_s=velocity_m_s)
+
+
+def _walls(layout: LayoutSpec) -> list[Box]:
+    (x, y, z), w = layout.size_m, layout.wall_m
+    return [
+        Box(name="wall_x_min", kind="wall", min_m=(-w, -w, 0.0), max_m=(0.0, y + w, z)),
+        Box(name="wall_x_max", kind="wall", min_m=(x, -w, 0.0), max_m=(x + w, y + w, z)),
+        Box(name="wall_y_min", kind="wall", min_m=(0.0, -w, 0.0), max_m=(x, 0.0, z)),
+        Box(name="wall_y_max", kind="wall", min_m=(0.0, y, 0.0), max_m=(x, y + w, z)),
+        Box(name="floor", kind="floor", min_m=(-w, -w, -w), max_m=(x + w, y + w, 0.0), rgba=FLOOR_RGBA),
+        Box(name="ceiling", kind="ceiling", min_m=(-w, -w, z), max_m=(x + w, y + w, z + w), rgba=CEILING_RGBA),
+    ]
+
+
+def _obstacle(spec: BoxSpec) -> Box:
+    return Box(name=spec.name, kind="obstacle", min_m=spec.min_m, max_m=spec.max_m, rgba=OBSTACLE_RGBA)
+
+
+def _rounded_up(value: float) -> float:
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / scale) * scale

@@ -1,0 +1,87 @@
+"""Occupancy: which cells of a room are air, which are solid, and which touch an outlet."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Grid, point_text
+from gslcosim.environment.layouts import LAYOUT_PATH, Plan
+from gslcosim.environment.model import Box, Cell, Opening
+from gslcosim.environment.occupancy_kernels import reachable_cells
+from gslcosim.environment.openings import cells_at, snapped_range
+from gslcosim.scenario.problems import Problem
+
+
+def occupancy_of(plan: Plan) -> NDArray[np.uint8]:
+    """Return the (nx, ny, nz) cells of a planned room: its boxes, sealed pockets filled, outlets marked.
+
+    Air is what is connected, through faces of cells, with an opening. The rest can neither be flown to nor be blown
+    through, so it becomes solid.
+    """
+    is_solid = voxelize(plan.boxes, plan.grid)
+    is_air = reachable_from(~is_solid, plan.openings, plan.grid)
+    occupancy = np.where(is_air, np.uint8(Cell.FREE), np.uint8(Cell.SOLID))
+    for opening in plan.openings:
+        if opening.kind == "outlet":
+            layer = occupancy[cells_at(opening, plan.grid)]
+            layer[layer == Cell.FREE] = Cell.OUTLET
+    return occupancy
+
+
+def voxelize(boxes: Iterable[Box], grid: Grid) -> NDArray[np.bool_]:
+    """Return which of the (nx, ny, nz) cells are solid.
+
+    A cell is solid when its centre lies in a box (its lower faces included). A box that is thinner than a cell and
+    holds no centre along an axis takes the cell that holds its middle there, so that gas and sight never pass
+    through a thin plate. Boxes outside the grid take no cell.
+    """
+    is_solid = np.zeros(grid.shape, dtype=np.bool_)
+    for box in boxes:
+        (i0, i1), (j0, j1), (k0, k1) = (
+            snapped_range(box.min_m[axis], box.max_m[axis], grid, axis, is_outward=False) for axis in range(3)
+        )
+        is_solid[i0:i1, j0:j1, k0:k1] = True
+    return is_solid
+
+
+def reachable_from(is_open: NDArray[np.bool_], openings: Sequence[Opening], grid: Grid) -> NDArray[np.bool_]:
+    """Return the open cells that are connected with an open cell at one of the openings."""
+    is_seed = np.zeros(grid.shape, dtype=np.bool_)
+    for opening in openings:
+        is_seed[cells_at(opening, grid)] = True
+    return reachable_cells(is_open, np.argwhere(is_seed & is_open))
+
+
+def problems_of_occupancy(plan: Plan) -> list[Problem]:
+    """Return what keeps the air from coming in, passing and going out; empty when it can."""
+    is_open = ~voxelize(plan.boxes, plan.grid)
+    problems = [
+        Problem(
+            path=_path_to_blame(plan),
+            expected=f"air at the {opening.name}, {point_text(opening.min_m)} to {point_text(opening.max_m)} m",
+            found="obstacles in front of all of it",
+            remedy=f"Move the obstacles or the {opening.name}.",
+        )
+        for opening in plan.openings
+        if not is_open[cells_at(opening, plan.grid)].any()
+    ]
+    if problems:
+        return problems
+    inlets, outlets = ([o for o in plan.openings if o.kind == kind] for kind in ("inlet", "outlet"))
+    is_reached = reachable_from(is_open, inlets, plan.grid)
+    if inlets and any(not is_reached[cells_at(outlet, plan.grid)].any() for outlet in outlets):
+        problems.append(
+            Problem(
+                path=_path_to_blame(plan),
+                expected="a way for the air from the inlet to the outlet, at least one cell wide",
+                found=f"obstacles that divide the room; the inlet's part has {int(is_reached.sum())} of "
+                f"{int(is_open.sum())} free cells",
+                remedy="Leave a gap between the obstacles.",
+            )
+        )
+    return problems
+
+
+def _path_to_blame(plan: Plan) -> str:
+    return f"{LAYOUT_PATH}.obstacles" if any(box.kind == "obstacle" for box in plan.boxes) else LAYOUT_PATH

@@ -1,0 +1,104 @@
+"""A room without wind: what can be checked at once; with wind it becomes an environment."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.layouts import plan_room, problems_of_layout
+from gslcosim.environment.model import Box, Environment, Opening, WindFrames
+from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
+from gslcosim.environment.problems import raise_if_any
+from gslcosim.errors import EnvironmentDataError
+from gslcosim.scenario.models import LayoutSpec, WindSpec
+from gslcosim.scenario.problems import Problem
+
+
+@dataclass(frozen=True, kw_only=True)
+class Room:
+    """Geometry and occupancy of a room; see `gslcosim.environment.model.Environment`, which adds the wind.
+
+    `notices` are sentences for the user on what was done differently from what the scenario says.
+    """
+
+    name: str
+    grid: Grid
+    occupancy: NDArray[np.uint8]
+    boxes: tuple[Box, ...]
+    openings: tuple[Opening, ...]
+    notices: tuple[str, ...] = ()
+
+
+def build_room(layout: LayoutSpec, wind: WindSpec) -> Room:
+    """Generate a room from its layout, without solving its wind.
+
+    Args:
+        layout: What the scenario says of the room.
+        wind: Gives the cell of the grid and the velocity at the inlet.
+
+    Raises:
+        ScenarioError: the layout is impossible; the text lists all reasons.
+    """
+    plan = plan_room(layout, wind)
+    raise_if_any(problems_of_occupancy(plan))
+    return Room(
+        name=plan.name,
+        grid=plan.grid,
+        occupancy=_frozen(occupancy_of(plan)),
+        boxes=plan.boxes,
+        openings=plan.openings,
+        notices=plan.notices,
+    )
+
+
+def problems_of_room(layout: LayoutSpec, wind: WindSpec) -> list[Problem]:
+    """Return all that makes a room impossible, with the places in the scenario; empty when it can be built."""
+    return problems_of_layout(layout, wind) or problems_of_occupancy(plan_room(layout, wind))
+
+
+def with_wind(room: Room, wind: WindFrames) -> Environment:
+    """Return the environment that a room and its wind make; its arrays are read-only and in C order.
+
+    Raises:
+        EnvironmentDataError: the wind is not (t, nx, ny, nz, 3) of the room's grid.
+    """
+    velocity_m_s = _frozen(np.ascontiguousarray(wind.velocity_m_s, dtype=np.float32))
+    if velocity_m_s.shape[1:] != (*room.grid.shape, 3) or not len(velocity_m_s):
+        raise EnvironmentDataError(
+            f"wind of {room.name}: expected (t, nx, ny, nz, 3) with cells {room.grid.shape} and at least one frame, "
+            f"was {velocity_m_s.shape}"
+        )
+    frozen_wind = WindFrames(velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping)
+    return Environment(
+        name=room.name,
+        grid=room.grid,
+        occupancy=room.occupancy,
+        wind=frozen_wind,
+        boxes=room.boxes,
+        openings=room.openings,
+        content_hash=content_hash_of(room, frozen_wind),
+    )
+
+
+def content_hash_of(room: Room | Environment, wind: WindFrames) -> str:
+    """Return 32 hexadecimal digits that change whenever anything of an environment does."""
+    facts = {
+        "name": room.name,
+        "grid": asdict(room.grid),
+        "boxes": [asdict(box) for box in room.boxes],
+        "openings": [asdict(opening) for opening in room.openings],
+        "wind": {"shape": wind.velocity_m_s.shape, "period_s": wind.period_s, "is_looping": wind.is_looping},
+    }
+    digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=16)
+    digest.update(np.ascontiguousarray(room.occupancy, dtype=np.uint8).data)
+    digest.update(np.ascontiguousarray(wind.velocity_m_s, dtype="<f4").data)
+    return digest.hexdigest()
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.setflags(write=False)
+    return array
