@@ -66,6 +66,18 @@ class LocatedProblem:
         remedy = f" {problem.remedy}" if problem.remedy else ""
         return f"{where}: expected {problem.expected}, was {problem.found}.{remedy}"
 
+    def as_fields(self) -> dict[str, str | int | None]:
+        """Return everything but the column, as JSON can carry it."""
+        problem = self.problem
+        return {
+            "source": self.place.source,
+            "line": self.place.line,
+            "path": problem.path,
+            "expected": problem.expected,
+            "found": problem.found,
+            "remedy": problem.remedy,
+        }
+
 
 @dataclass(frozen=True)
 class Marks:

@@ -1,0 +1,55 @@
+"""`gslcosim compare`: whether two runs are equal to the bit, and if not, where they part."""
+
+import argparse
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import DIGEST, add_runs_dir_option, find_in_run
+from gslcosim.cli.terminal import add_json_option, write, write_json
+
+EXAMPLES = """  gslcosim compare runs/first runs/second
+  gslcosim compare warehouse_empty-seed7-20250101 warehouse_empty-seed7-20250102 --json"""
+
+EXIT_DIVERGENCE = 5
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    for name in ("a", "b"):
+        parser.add_argument(name, metavar=name.upper(), help="a run: its folder, its digest.json, or its id")
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.runtime.digest import RunDigest, first_divergence
+
+    files = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=DIGEST) for run in (arguments.a, arguments.b)]
+    a, b = (RunDigest.load(file) for file in files)
+    divergence = first_divergence(a, b)
+    if arguments.json:
+        write_json(
+            {
+                "equal": divergence is None,
+                "digests": [a.hex, b.hex],
+                "final_ticks": [a.final_tick, b.final_tick],
+                "divergence": divergence and vars(divergence),
+            }
+        )
+    elif divergence is None:
+        write(f"Equal: digest {a.hex}, final tick {a.final_tick}.")
+    else:
+        write(
+            f"Different from tick {divergence.tick} on: participant {divergence.participant}, port {divergence.port}: "
+            f"{divergence.text}."
+        )
+        for file, digest in zip(files, (a, b), strict=True):
+            write(f"  {digest.hex}  final tick {digest.final_tick}  {file.parent}")
+    return 0 if divergence is None else EXIT_DIVERGENCE
+
+
+COMMAND = Command(
+    name="compare",
+    summary="say whether two runs are equal, or the first tick, participant and port at which they differ",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

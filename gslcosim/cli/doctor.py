@@ -1,0 +1,39 @@
+"""`gslcosim doctor`: whether this machine can fly, one line a check, with remedies."""
+
+import argparse
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.terminal import add_json_option, write, write_json
+
+EXAMPLES = """  gslcosim doctor
+  gslcosim doctor --json"""
+
+EXIT_FAULT = 3
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.cli.health import all_findings
+
+    findings = []
+    for finding in all_findings():
+        findings.append(finding)
+        if not arguments.json:
+            remedy = f" {finding.remedy}" if finding.remedy else ""
+            write(f"{finding.level:<4}  {finding.name:<17}  {finding.text}.{remedy}")
+    is_able = all(finding.level != "FAIL" for finding in findings)
+    if arguments.json:
+        write_json({"able": is_able, "findings": [vars(finding) for finding in findings]})
+    return 0 if is_able else EXIT_FAULT
+
+
+COMMAND = Command(
+    name="doctor",
+    summary="check Python, packages, Zenoh, drawing, memory, disk and cache, with remedies",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

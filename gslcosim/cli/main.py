@@ -1,0 +1,60 @@
+"""`gslcosim`: the entry point. Heavy packages are imported only by the command that needs them."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from gslcosim import __version__
+from gslcosim.cli import compare, doctor, listing, up, validate, view
+from gslcosim.cli.parsing import build_parser, parse
+from gslcosim.cli.terminal import write_note
+from gslcosim.errors import (
+    EnvironmentDataError,
+    FlowError,
+    GslCosimError,
+    RunTimeoutError,
+    ScenarioError,
+    UsageError,
+)
+
+COMMANDS = (up.COMMAND, validate.COMMAND, listing.COMMAND, view.COMMAND, compare.COMMAND, doctor.COMMAND)
+
+EXIT_USAGE = 2
+EXIT_FAULT = 3
+EXIT_TIMEOUT = 4
+EXIT_INTERRUPTED = 130
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        words: The command line without the program's name; by default that of this process.
+    """
+    parser = build_parser(COMMANDS, version=__version__)
+    words = sys.argv[1:] if words is None else words
+    try:
+        if not words:
+            parser.print_help(sys.stderr)
+            return EXIT_USAGE
+        arguments = parse(parser, COMMANDS, words)
+        exit_code = int(arguments.run(arguments))
+        sys.stdout.flush()
+        return exit_code
+    except KeyboardInterrupt:
+        write_note("Interrupted.")
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has gone; Python would complain once more when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except GslCosimError as error:
+        write_note(str(error))
+        return exit_code_of(error)
+
+
+def exit_code_of(error: GslCosimError) -> int:
+    """Return the exit code that tells who has to act on an error."""
+    if isinstance(error, ScenarioError | UsageError | EnvironmentDataError | FlowError):
+        return EXIT_USAGE
+    return EXIT_TIMEOUT if isinstance(error, RunTimeoutError) else EXIT_FAULT

@@ -1,0 +1,42 @@
+"""Scenario arguments as several commands take them, loaded with every check there is."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gslcosim.cli.parsing import whole_number
+
+if TYPE_CHECKING:
+    from gslcosim.scenario import LoadedScenario, Scenario
+    from gslcosim.scenario.problems import ProblemLike
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scenario and the options that change it."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="a scenario file, or the name of a bundled scenario")
+    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the scenario's seed, for example 8")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="replace one value, as often as needed, for example agents[0].vehicle.hold_s=1",
+    )
+
+
+def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
+    """Return the scenario of a command line.
+
+    Raises:
+        ScenarioError: there is none, or it has problems.
+    """
+    from gslcosim.scenario import load_scenario
+
+    return load_scenario(arguments.scenario, overrides=arguments.set, seed=arguments.seed, checks=(_check_places,))
+
+
+def _check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+    from gslcosim.environment.placement import problems_of_places
+
+    return problems_of_places(scenario, scenario_dir=directory)

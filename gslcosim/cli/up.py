@@ -1,0 +1,67 @@
+"""`gslcosim up`: fly a scenario."""
+
+import argparse
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+
+EXAMPLES = """  gslcosim up warehouse_empty
+  gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
+  gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument(
+        "--in-process", action="store_true", help="run everything in this process instead of one process each"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    parser.add_argument(
+        "--listen",
+        action="append",
+        default=[],
+        metavar="ENDPOINT",
+        help="let processes on other hosts join here, as often as needed, for example tcp/0.0.0.0:7447",
+    )
+    parser.add_argument(
+        "--no-services",
+        action="store_true",
+        help="do not start the services: they are started elsewhere and join, as in compose.yaml",
+    )
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    loaded = load_checked(arguments)
+
+    from gslcosim.cli.flight_report import summary, watched_flight
+    from gslcosim.runtime.flight import fly
+    from gslcosim.runtime.supervisor import Network
+
+    network = Network(listen=tuple(arguments.listen), starts_services=not arguments.no_services)
+    with watched_flight(
+        f"{loaded.name}, seed {loaded.scenario.seed}", is_quiet=arguments.quiet or arguments.json
+    ) as report:
+        flight = fly(
+            loaded, runs_dir=arguments.runs_dir, in_process=arguments.in_process, network=network, report=report
+        )
+    if arguments.json:
+        write_json(flight.result)
+    elif not arguments.quiet:
+        write(summary(flight))
+    if not flight.result.get("valid"):
+        for fault in flight.result.get("faults", []):
+            write_note(f"{fault['participant']}: {fault['text']}")
+    return flight.exit_code
+
+
+COMMAND = Command(
+    name="up",
+    summary="fly a scenario: start world, fields, sensing, referee, recorder and the agents, and tell how it went",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

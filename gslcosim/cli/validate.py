@@ -1,0 +1,52 @@
+"""`gslcosim validate`: all problems of a scenario, before anything starts."""
+
+import argparse
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
+from gslcosim.cli.terminal import add_json_option, write, write_json
+
+EXAMPLES = """  gslcosim validate my_scenario.yaml
+  gslcosim validate warehouse_empty --set wind.cell_m=0.1
+  gslcosim validate my_scenario.yaml --resolved > complete.yaml"""
+
+EXIT_PROBLEMS = 2
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument(
+        "--resolved", action="store_true", help="print the scenario with all defaults and changes filled in"
+    )
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.scenario import dump_resolved
+    from gslcosim.scenario.problems import InvalidScenarioError
+
+    try:
+        loaded = load_checked(arguments)
+    except InvalidScenarioError as error:
+        if not arguments.json:
+            raise
+        write_json({"valid": False, "problems": [located.as_fields() for located in error.problems]})
+        return EXIT_PROBLEMS
+    if arguments.json:
+        scenario = loaded.scenario.model_dump(mode="json", by_alias=True)
+        write_json({"valid": True, "problems": [], "scenario": scenario})
+    elif arguments.resolved:
+        write(dump_resolved(loaded.scenario).rstrip("\n"))
+    else:
+        agents = ", ".join(agent.name for agent in loaded.scenario.agents)
+        write(f"{arguments.scenario}: valid. Scenario {loaded.name}, seed {loaded.scenario.seed}, agents: {agents}.")
+    return 0
+
+
+COMMAND = Command(
+    name="validate",
+    summary="check a scenario and tell all its problems at once",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,52 @@
+"""`gslcosim view`: a run's recording in the viewer, or as a picture."""
+
+import argparse
+import re
+from pathlib import Path
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.cli.terminal import write
+
+EXAMPLES = """  gslcosim view                                   the newest run
+  gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
+  gslcosim view --screenshot run.png --window-size 1600x1000"""
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "run", nargs="?", metavar="RUN", help="a run's folder, its recording, or its id (default: the newest run)"
+    )
+    parser.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
+    parser.add_argument(
+        "--window-size", type=_size, default=(1600, 1000), metavar="WxH", help="the picture's size (default: 1600x1000)"
+    )
+    add_runs_dir_option(parser)
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"([1-9]\d{1,4})x([1-9]\d{1,4})", text)
+    if not match:
+        raise argparse.ArgumentTypeError(f"expected width x height in pixels like 1600x1000, was '{text}'")
+    return int(match[1]), int(match[2])
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.recording.viewer import open_viewer, screenshot
+
+    recording = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING)
+    if arguments.screenshot:
+        screenshot(recording, arguments.screenshot, window_size=arguments.window_size)
+        write(str(arguments.screenshot))
+    else:
+        open_viewer(recording)
+    return 0
+
+
+COMMAND = Command(
+    name="view",
+    summary="open the recording of a run in the viewer, or save a picture of it",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)
