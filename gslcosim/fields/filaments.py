@@ -55,9 +55,7 @@ class Filaments:
         return int(self.gas_index.max(initial=0)) + 1
 
 
-def amount_of_filament_mol(
-    ppm: float, sigma_m: float, air_mol_m3: float | None = None
-) -> float:
+def amount_of_filament_mol(ppm: float, sigma_m: float, air_mol_m3: float | None = None) -> float:
     """Return the moles of gas in a filament with a given mixing ratio at its centre.
 
     N = ppm 1e-6 n_air (2 pi)^(3/2) sigma^3

@@ -1,0 +1,169 @@
+"""The fields core: true gas and wind at every sensor, and snapshots of the gas for those who may know it."""
+
+import math
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract import keys
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import (
+    BodyPoses,
+    ConcentrationSlice,
+    FieldSamples,
+    FilamentCloud,
+    GasAmount,
+    MountSample,
+)
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.environment.model import Environment
+from gslcosim.environment.wind_kernels import trilinear_wind_at_points
+from gslcosim.errors import ModelError
+from gslcosim.fields.concentration import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
+from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
+from gslcosim.fields.gases import gas_named
+from gslcosim.fields.mounts import MountPlaces
+from gslcosim.fields.ports import fields_spec
+from gslcosim.fields.release import ConstantRelease
+from gslcosim.fields.timing import gas_timing
+from gslcosim.scenario import Scenario
+from gslcosim.ticks import exact_ticks_from_seconds, seconds_from_ticks
+
+
+class FieldsCore:
+    """Advances the gas and samples gas and wind where the sensors are.
+
+    Reads `truth/bodies` of the same tick. Writes `truth/samples` every tick and `truth/filaments` at tick 0 and every
+    `recording.gas_every_s`. The gas is independent of the vehicles; readings see it with a cut-off at 5 sigma and
+    along free lines of sight, slices without looking for walls.
+
+    Invariants: no filament in a solid cell; equal seeds give equal messages.
+    Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        """Build the plume of a scenario in its room.
+
+        Raises:
+            ScenarioError: unknown gas, source outside the air, gas step or warm-up that does not fit the ticks.
+        """
+        self._scenario = scenario
+        self._environment = environment
+        self._spec = fields_spec(scenario)
+        self._timing = gas_timing(scenario)
+        self._gases = (gas_named(scenario.gas.gas).name,)
+        self._walls = Walls.of(environment)
+        self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
+        self._mounts = MountPlaces(scenario)
+        self._slice_height_m = slice_height_m(scenario)
+        self._snapshot_ticks = exact_ticks_from_seconds(
+            scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
+        )
+        self._plume = FilamentPlume(
+            environment,
+            _sources_of(scenario),
+            step_s=self._timing.step_s,
+            growth_m2_s=scenario.gas.growth_m2_s,
+            diffusivity_m2_s=scenario.gas.eddy_diffusivity_m2_s,
+            seed=scenario.seed,
+        )
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    @property
+    def plume(self) -> FilamentPlume:
+        """The gas as it is now, for scoring and analysis."""
+        return self._plume
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
+        self._plume.reset(episode.seed)
+        self._plume.advance(self._timing.warm_up_steps)
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Bring the gas to the end of the tick and sample it there."""
+        self._plume.advance(self._timing.steps_at(tick))
+        outbox: dict[str, FieldSamples | FilamentCloud] = {
+            keys.SAMPLES: self._samples(tick, cast(BodyPoses, inbox[keys.BODIES]))
+        }
+        if tick % self._snapshot_ticks == 0:
+            outbox[keys.FILAMENTS] = self._cloud(tick)
+        return outbox
+
+    def _samples(self, tick: int, bodies: BodyPoses) -> FieldSamples:
+        places_m = self._mounts.positions_world_m(bodies)
+        gas_ppm = mixing_ratio_ppm_at(places_m, self._plume.filaments, walls=self._walls).tolist()
+        wind_m_s = self._wind_at(places_m, tick).tolist()
+        if not all(math.isfinite(sum(ppm) + sum(wind)) for ppm, wind in zip(gas_ppm, wind_m_s, strict=True)):
+            raise ModelError(f"fields: gas or wind at a sensor is not finite in tick {tick}: {gas_ppm}, {wind_m_s}.")
+        amounts = [
+            tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gases, ppm, strict=True))
+            for ppm in gas_ppm
+        ]
+        samples = tuple(
+            MountSample(
+                agent=mount.agent,
+                sensor=mount.sensor,
+                gases=amounts[mount.i_place],
+                wind_world_m_s=tuple(wind_m_s[mount.i_place]),
+            )
+            for mount in self._mounts.mounts
+        )
+        return FieldSamples(tick=tick, samples=samples)
+
+    def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
+        time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
+        grid = self._environment.grid
+        frame = self._wind_m_s[self._environment.wind.frame_at(time_s)]
+        return trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, places_m)
+
+    def _cloud(self, tick: int) -> FilamentCloud:
+        filaments = self._plume.filaments
+        gas_index = filaments.gas_index[filaments.source_index].astype(np.uint8)
+        return FilamentCloud(
+            tick=tick,
+            gases=self._gases,
+            position_world_m=NumericArray.from_array(filaments.position_world_m.astype(np.float32)),
+            sigma_m=NumericArray.from_array(filaments.sigma_m.astype(np.float32)),
+            gas_index=NumericArray.from_array(gas_index),
+            slices=tuple(self._slice(i) for i in range(len(self._gases))),
+        )
+
+    def _slice(self, i_gas: int) -> ConcentrationSlice:
+        grid, cell_m = self._environment.grid, self._scenario.recording.slice_cell_m
+        size_m = np.subtract(grid.max_m, grid.origin_m)
+        nx, ny = (max(1, math.ceil(side_m / cell_m - 1e-9)) for side_m in size_m[:2])
+        first_m = (grid.origin_m[0] + 0.5 * cell_m, grid.origin_m[1] + 0.5 * cell_m, self._slice_height_m)
+        ppm = mixing_ratio_ppm_on_grid(
+            self._plume.filaments, first_point_m=first_m, spacing_m=cell_m, shape=(nx, ny, 1), gas=i_gas
+        )
+        return ConcentrationSlice(
+            gas=self._gases[i_gas],
+            origin_m=(float(grid.origin_m[0]), float(grid.origin_m[1])),
+            cell_m=cell_m,
+            height_m=self._slice_height_m,
+            mixing_ratio_ppm=NumericArray.from_array(ppm[:, :, 0].astype(np.float32)),
+        )
+
+
+def slice_height_m(scenario: Scenario) -> float:
+    """Return the height of the recorded slice [m]: the agents' search height, or the source's if they differ."""
+    heights_m = {agent.vehicle.search_height_m for agent in scenario.agents}
+    return heights_m.pop() if len(heights_m) == 1 else float(scenario.gas.sources[0].position_m[2])
+
+
+def _sources_of(scenario: Scenario) -> tuple[GasSource, ...]:
+    return tuple(
+        GasSource(
+            position_world_m=source.position_m,
+            release=ConstantRelease(filaments_per_s=source.filaments_per_s),
+            sigma_m=source.sigma_m,
+            amount_mol=amount_of_filament_mol(source.ppm, source.sigma_m),
+        )
+        for source in scenario.gas.sources
+    )
