@@ -11,14 +11,14 @@ from gslcosim.errors import ContractError
 AnyMessage = TypeVar("AnyMessage", bound=Message)
 
 MAJOR_VERSION = 1
-_pack: Any = msgpack.packb
-_unpack: Any = msgpack.unpackb
+# Without type stubs, so its functions are Any.
+_msgpack: Any = msgpack
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
 
 def encode(message: Message) -> bytes:
     """Return the canonical bytes of a message: keys in the schema's order, shortest ints, reals as float64."""
-    return _pack(message.model_dump(), use_bin_type=True)
+    return _msgpack.packb(message.model_dump(), use_bin_type=True)
 
 
 def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
@@ -64,7 +64,7 @@ def encoding_of(message_type: type[Message]) -> str:
 
 def _unpack_map(name: str, payload: bytes) -> dict[str, Any]:
     try:
-        fields = _unpack(payload, raw=False, strict_map_key=True, use_list=False)
+        fields = _msgpack.unpackb(payload, raw=False, strict_map_key=True, use_list=False)
     except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
         raise ContractError(
             f"{name}: expected a msgpack map, was {len(payload)} bytes starting {payload[:16].hex()} ({error})."
@@ -76,7 +76,7 @@ def _unpack_map(name: str, payload: bytes) -> dict[str, Any]:
 
 # pydantic's own text spans several lines and quotes whole inputs; an agent's author wants one line a field.
 def _problems_text(error: ValidationError) -> str:
-    problems = []
+    problems: list[str] = []
     for problem in error.errors(include_url=False)[:8]:
         place = ".".join(str(part) for part in problem["loc"]) or "message"
         was = "" if problem["type"] == "missing" else f", was {_short(problem['input'])}"

@@ -1,0 +1,37 @@
+# Every target first puts what it needs into .venv. PYTHON chooses the interpreter, 3.11 or later.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test check bench soak golden docs setup
+
+run: .venv/ready            # fly the quickstart
+	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
+
+test: .venv/ready-dev       # the fast tests, then the slow ones and those with real processes
+	$(BIN)/pytest -q -m "not slow and not end_to_end and not soak"
+	$(BIN)/pytest -q -m "(slow or end_to_end) and not soak"
+
+check: .venv/ready-dev      # style, types, layers, spelling
+	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
+	$(BIN)/lint-imports --no-logo && $(BIN)/pyright
+
+bench: .venv/ready-dev      # how fast it is on this machine
+	@set -e; for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script; done
+
+soak: .venv/ready-dev       # many seeds and hours of simulated time
+	$(BIN)/pytest -q -m soak --timeout 3600
+
+golden: .venv/ready-dev     # rewrite the golden files; review the diff
+	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden
+
+docs: .venv/ready-dev       # rewrite the generated pages
+	$(BIN)/python -m gslcosim.contract.reference > docs/messages.md
+
+setup: .venv/ready-dev      # everything for development
+
+.venv/ready: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
+	$(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . && touch $@
+
+.venv/ready-dev: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' && touch $@

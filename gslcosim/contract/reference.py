@@ -1,0 +1,146 @@
+"""The reference of all keys and messages as Markdown, made from the code: `make docs` writes docs/messages.md."""
+
+import inspect
+import json
+import sys
+import types
+import typing
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from gslcosim.contract import keys
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
+from gslcosim.contract.schema import message_types
+
+AGENT = "<agent>"
+
+# Which message travels on which key, and who may see it.
+MESSAGE_OF_KEY = {
+    keys.BODIES: "BodyPoses",
+    keys.SAMPLES: "FieldSamples",
+    keys.FILAMENTS: "FilamentCloud",
+    keys.briefing(AGENT): "Briefing",
+    keys.observation(AGENT): "Observation",
+    keys.raw_command(AGENT): "Command",
+    keys.command(AGENT): "Command",
+    keys.ending(AGENT): "Ending",
+    keys.SCORE: "Score",
+    keys.VERDICT: "Verdict",
+}
+
+_HEAD = f"""# Keys and messages, contract {CONTRACT_VERSION}
+
+<!-- Made by `make docs` from gslcosim/contract; do not edit. -->
+
+A message is a msgpack map with string keys; its encoding header is `application/msgpack;gslcosim.<Message>/1`.
+Reals are float64, or whole numbers where a language has no others; NaN and infinity are refused.
+Unknown keys are ignored; a key with a default may be absent; a changed meaning gets a new name.
+[notation.md](notation.md) has frames, units and words; golden bytes of each message are in
+[tests/golden/wire_vectors.json](../tests/golden/wire_vectors.json).
+"""
+
+
+def messages_markdown() -> str:
+    """Return the whole reference."""
+    found = message_types()
+    return "\n".join(
+        [
+            _HEAD,
+            _keys_table(),
+            "## Messages\n",
+            *map(_section, found),
+            "## Parts of messages\n",
+            *map(_section, _parts(found)),
+        ]
+    )
+
+
+def _keys_table() -> str:
+    rows = [f"| `{key}` | [{name}](#{name.lower()}) | {_audience(key)} |" for key, name in MESSAGE_OF_KEY.items()]
+    return "\n".join(
+        [
+            "## Keys\n",
+            "Keys are relative to the run's namespace `gsl/<run>`.\n",
+            "| key | message | visible to |",
+            "|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
+def _audience(key: str) -> str:
+    return "that agent and services" if key.startswith("agents/") else "services only"
+
+
+def _section(record: type[Record] | type[NumericArray]) -> str:
+    text = inspect.cleandoc(record.__doc__ or "")
+    rows = [_row(name, field) for name, field in record.model_fields.items()]
+    return "\n".join([f"### {record.__name__}\n", text, "", "| field | type | default |", "|---|---|---|", *rows, ""])
+
+
+def _row(name: str, field: FieldInfo) -> str:
+    default = "" if field.is_required() else f"`{json.dumps(field.default)}`".replace("null", "nil")
+    limits = "".join(f", {text}" for text in _limits(tuple(field.metadata)))
+    return f"| `{name}` | {_type_text(field.annotation)}{limits} | {default} |"
+
+
+# Records and arrays that messages are made of, in the order in which they are met.
+def _parts(found: tuple[type[Message], ...]) -> list[type[Record] | type[NumericArray]]:
+    parts: list[type[Record] | type[NumericArray]] = []
+    waiting: list[Any] = [field.annotation for message in found for field in message.model_fields.values()]
+    while waiting:
+        annotation = waiting.pop(0)
+        waiting += typing.get_args(annotation)
+        if not isinstance(annotation, type) or not issubclass(annotation, Record | NumericArray) or annotation in parts:
+            continue
+        parts.append(annotation)
+        waiting += [field.annotation for field in annotation.model_fields.values()]
+    return parts
+
+
+def _type_text(annotation: Any) -> str:
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Annotated:
+        return "".join([_type_text(arguments[0]), *(f", {text}" for text in _limits(arguments[1:]))])
+    if origin is typing.Literal:
+        return " or ".join(f"`{value}`" for value in arguments)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_type_text(argument) for argument in arguments)
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return f"list of {_type_text(arguments[0])}"
+    if origin is tuple:
+        return f"{len(arguments)} x {_type_text(arguments[0])}"
+    if isinstance(annotation, type) and issubclass(annotation, Record | NumericArray):
+        return f"[{annotation.__name__}](#{annotation.__name__.lower()})"
+    return _TYPE_WORDS[annotation]
+
+
+_TYPE_WORDS: dict[Any, str] = {
+    types.NoneType: "nil",
+    bool: "bool",
+    bytes: "bin",
+    float: "float",
+    int: "int",
+    str: "str",
+}
+_LIMIT_WORDS = {
+    "ge": "at least {}",
+    "gt": "above {}",
+    "le": "at most {}",
+    "lt": "below {}",
+    "pattern": "`{}`",
+    "max_length": "at most {} characters",
+}
+
+
+def _limits(metadata: tuple[Any, ...]) -> list[str]:
+    flat = [item for entry in metadata for item in (getattr(entry, "metadata", None) or [entry])]
+    texts = [(words, getattr(item, name, None)) for item in flat for name, words in _LIMIT_WORDS.items()]
+    return [words.format(value) for words, value in texts if value is not None]
+
+
+if __name__ == "__main__":
+    sys.stdout.write(messages_markdown())

@@ -1,0 +1,80 @@
+"""Arrows between packages point only inward, and each rule that says so can fail."""
+
+import ast
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+AGENT_MAY_IMPORT = {"gslcosim.agent_kit", "gslcosim.contract"}
+
+# For each contract of .importlinter one import that breaks it, and where.
+WRONG_ARROWS = {
+    "Arrows point only inward": ("gslcosim/world/__init__.py", "import gslcosim.fields"),
+    "What an agent's author imports": ("gslcosim/agent_kit/__init__.py", "import gslcosim.scenario"),
+    "Services are shells": ("gslcosim_services/world/__init__.py", "import gslcosim.contract.keys"),
+    "Zenoh has one home": ("gslcosim/runtime/__init__.py", "import zenoh"),
+    "Rerun has one home": ("gslcosim/cli/__init__.py", "import rerun"),
+    "MuJoCo has one home": ("gslcosim/environment/__init__.py", "from mujoco import mjtGeom"),
+    "Cores and contract know no clock": ("gslcosim/sensing/__init__.py", "from time import sleep"),
+}
+
+
+def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
+    tool = Path(sys.executable).parent / "lint-imports"
+    command = [str(tool), "--config", str(ROOT / ".importlinter"), "--no-logo", "--no-cache"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def lay_out(folder: Path) -> None:
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "gslcosim", folder / "gslcosim", ignore=ignore)
+    shutil.copytree(ROOT / "services", folder / "gslcosim_services", ignore=ignore)
+
+
+@pytest.mark.slow
+def test_no_arrow_points_outward(tmp_path):
+    lay_out(tmp_path)
+    outcome = lint_imports(tmp_path)
+    assert outcome.returncode == 0, outcome.stdout
+
+
+@pytest.mark.slow
+def test_every_rule_finds_an_arrow_that_breaks_it(tmp_path):
+    lay_out(tmp_path)
+    for file, wrong in WRONG_ARROWS.values():
+        path = tmp_path / file
+        path.write_text(f"{path.read_text()}\n{wrong}\n")
+    report = " ".join(lint_imports(tmp_path).stdout.split())
+    contracts = report.split("Broken contracts")[0]
+    for name in WRONG_ARROWS:
+        after = contracts.split(name)[1]
+        assert "BROKEN" in after.split("KEPT")[0], f"{name} was kept"
+
+
+def imports_of(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(node.module or "")
+    return names
+
+
+def is_within(module: str, packages: set[str]) -> bool:
+    return any(module == package or module.startswith(f"{package}.") for package in packages)
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("agents/*/**/*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_bundled_agents_see_only_the_kit_and_the_contract(path):
+    ours = {name for name in imports_of(path) if name.split(".")[0].startswith("gslcosim")}
+    assert {name for name in ours if not is_within(name, AGENT_MAY_IMPORT)} == set()
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("gslcosim/**/*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_framework_never_imports_an_agent(path):
+    assert not {name for name in imports_of(path) if name.startswith("gslcosim_agents.")}

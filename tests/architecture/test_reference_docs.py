@@ -1,0 +1,51 @@
+"""The generated pages are current and complete."""
+
+from pathlib import Path
+
+import pytest
+
+from gslcosim.contract import keys, messages
+from gslcosim.contract.messages import Record
+from gslcosim.contract.reference import AGENT, MESSAGE_OF_KEY, messages_markdown
+from gslcosim.contract.schema import message_types
+from gslcosim.runtime.assembly import dataflow_of
+from gslcosim.scenario import load_scenario
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "messages.md"
+
+
+def test_the_page_is_what_the_code_says():
+    assert PAGE.read_text() == messages_markdown(), "`make docs` rewrites it"
+
+
+def test_every_key_of_the_contract_is_on_the_page():
+    constants = {value for name, value in vars(keys).items() if name.isupper()}
+    functions = {value(AGENT) for value in vars(keys).values() if callable(value)}
+    assert constants | functions == set(MESSAGE_OF_KEY)
+    assert all(f"`{key}`" in PAGE.read_text() for key in MESSAGE_OF_KEY)
+
+
+def test_every_message_and_every_part_has_a_section_and_a_docstring():
+    records = [item for item in vars(messages).values() if isinstance(item, type) and issubclass(item, Record)]
+    for record in {*records} - {Record, messages.Message}:
+        assert f"### {record.__name__}\n" in PAGE.read_text()
+        assert (record.__doc__ or "").strip(), record.__name__
+
+
+def test_every_message_has_a_key():
+    assert set(MESSAGE_OF_KEY.values()) == {message_type.__name__ for message_type in message_types()}
+
+
+def test_a_run_uses_the_keys_as_documented():
+    dataflow = dataflow_of(load_scenario("warehouse_empty").scenario)
+    used = {port.replace("beetle", AGENT): kind.__name__ for port, kind in dataflow.message_types.items()}
+    assert used.items() <= MESSAGE_OF_KEY.items()
+
+
+@pytest.mark.parametrize("name", ["messages.md", "notation.md"])
+def test_links_of_a_page_lead_somewhere(name):
+    text = (ROOT / "docs" / name).read_text()
+    targets = {part.split(")")[0] for part in text.split("](")[1:]}
+    local = {target.split("#")[0] for target in targets if not target.startswith("http")} - {""}
+    assert [target for target in local if not (ROOT / "docs" / target).exists()] == []
