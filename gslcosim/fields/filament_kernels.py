@@ -27,10 +27,10 @@ def _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, e
     nk = cell_index(nz, origin_m[2], cell_m)
     if is_step_in_free_air(occupancy, i, j, k, ni, nj, nk):
         return nx, ny, nz, False
-    x, y, z, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, False)
+    x, y, z, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, reflects=False)
     if has_left:
         return x, y, z, True
-    return trace_displacement(occupancy, origin_m, cell_m, x, y, z, ex, ey, ez, True)
+    return trace_displacement(occupancy, origin_m, cell_m, x, y, z, ex, ey, ez, reflects=True)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ FACE_MARGIN = 1e-7
 @numba.njit(cache=True, nogil=True)
 def cell_index(coordinate_m, origin_m, cell_m):
     """Return the index of the cell that holds a coordinate, with the same rounding as `Grid.cell_of`."""
-    return int(math.floor((coordinate_m - origin_m) / cell_m))
+    return math.floor((coordinate_m - origin_m) / cell_m)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -19,7 +19,7 @@ Gas = Literal[
     "ethanol", "methane", "hydrogen", "propanol", "chlorine", "fluorine", "acetone", "neon", "helium", "biogas",
     "butane", "carbon_dioxide", "carbon_monoxide", "smoke",
 ]  # fmt: skip
-SensorModel = Literal["tgs2600", "anemometer"]
+SensorModel = Literal["tgs2600", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "anemometer"]
 
 
 class Spec(BaseModel):

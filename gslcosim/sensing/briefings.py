@@ -1,0 +1,59 @@
+"""What each agent is told before its first observation."""
+
+from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, SensorDescription
+from gslcosim.environment.model import Environment
+from gslcosim.rng import stream
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models import AgentSpec
+from gslcosim.sensing.models import SENSOR_MODELS
+
+
+def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, *, seed: int) -> Briefing:
+    """Return an agent's briefing: task, room, limits, sensors and a seed of its own; never the source's place.
+
+    Args:
+        agent: Whose briefing.
+        scenario: The run's scenario.
+        environment: The run's room; the agent learns its bounds only.
+        seed: The run's seed; the agent's own derives from it and does not reveal it.
+    """
+    grid = environment.grid
+    return Briefing(
+        tick=0,
+        agent=agent.name,
+        contract_version=CONTRACT_VERSION,
+        mission=mission_text(scenario),
+        tick_ns=scenario.tick_ns,
+        seed=int(stream(seed, f"agent.{agent.name}").integers(2**31)),
+        mode=agent.mode_name,
+        latency_ticks=agent.latency_ticks,
+        gas=scenario.gas.gas,
+        bounds=Bounds(min_m=_floats(grid.origin_m), max_m=_floats(grid.max_m)),
+        search_height_m=agent.vehicle.search_height_m,
+        hold_s=agent.vehicle.hold_s,
+        time_limit_s=scenario.referee.stop.time_limit_s,
+        sensors=tuple(
+            SensorDescription(
+                name=sensor.name,
+                model=sensor.model,
+                quantity=SENSOR_MODELS[sensor.model].quantity,
+                unit=SENSOR_MODELS[sensor.model].unit,
+                mount_body_m=sensor.mount_m,
+            )
+            for sensor in agent.sensors
+        ),
+    )
+
+
+def mission_text(scenario: Scenario) -> str:
+    """Return the task in one sentence."""
+    success, gas = scenario.referee.success, scenario.gas.gas
+    task = "come" if success.of == "source" else "declare a position"
+    return (
+        f"Find the source of {gas} in the room: {task} within {success.within_m:g} m of it "
+        f"in at most {scenario.referee.stop.time_limit_s:g} s."
+    )
+
+
+def _floats(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    return (float(vector[0]), float(vector[1]), float(vector[2]))

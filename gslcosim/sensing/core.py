@@ -1,0 +1,139 @@
+"""The sensing core: from the true fields to what each agent is told."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, MountSample, Observation, Reading
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.environment.model import Environment
+from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
+from gslcosim.rng import stream
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.briefings import briefing_of
+from gslcosim.sensing.models import SENSOR_MODELS, SensorModel
+from gslcosim.sensing.ports import sensing_spec
+from gslcosim.ticks import NS_PER_S, seconds_from_ticks
+
+Vec3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Instrument:
+    spec: SensorSpec
+    model: SensorModel
+
+
+class SensingCore:
+    """Reads all instruments every tick and tells each agent what its own show.
+
+    Reads `truth/bodies` and `truth/samples` of the same tick. Writes a briefing for each agent once and
+    `agents/<id>/observation` every tick. The pose in an observation is exact.
+
+    State: the instruments, new at each reset; each draws from its own stream `sensing.<agent>.<sensor>`.
+    Raises ModelError when a pose or sample is missing; the runtime then ends the run as invalid.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        """Prepare the instruments of a scenario.
+
+        Raises:
+            ScenarioError: unknown sensor models, all of them listed.
+        """
+        _check_models(scenario)
+        self._scenario = scenario
+        self._environment = environment
+        self._spec = sensing_spec(scenario)
+        self._instruments: dict[str, tuple[_Instrument, ...]] = {}
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Switch all instruments on and return the agents' briefings."""
+        agents = self._scenario.agents
+        self._instruments = {
+            agent.name: tuple(self._instrument(agent.name, sensor, episode.seed) for sensor in agent.sensors)
+            for agent in agents
+        }
+        return {
+            keys.briefing(agent.name): briefing_of(agent, self._scenario, self._environment, seed=episode.seed)
+            for agent in agents
+        }
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Read every instrument at the end of the tick."""
+        bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
+        samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
+        outbox: dict[str, Observation] = {}
+        for agent, instruments in self._instruments.items():
+            if agent not in bodies:
+                raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
+            readings = tuple(self._read(instrument, bodies[agent], samples, tick) for instrument in instruments)
+            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings)
+        return outbox
+
+    def _instrument(self, agent: str, sensor: SensorSpec, seed: int) -> _Instrument:
+        rng = stream(seed, f"sensing.{agent}.{sensor.name}")
+        tick_s = self._scenario.tick_ns / NS_PER_S
+        return _Instrument(spec=sensor, model=SENSOR_MODELS[sensor.model].build(sensor, tick_s, rng))
+
+    def _read(
+        self, instrument: _Instrument, body: BodyState, samples: dict[tuple[str, str], MountSample], tick: int
+    ) -> Reading:
+        sample = samples.get((body.agent, instrument.spec.name))
+        if sample is None:
+            raise ModelError(
+                f"sensing: expected a sample for {body.agent}.{instrument.spec.name} in tick {tick}, was none."
+            )
+        return instrument.model.read(sample, mount_velocity_world_m_s(body, instrument.spec.mount_m))
+
+    def _observation(self, tick: int, body: BodyState, readings: tuple[Reading, ...]) -> Observation:
+        return Observation(
+            tick=tick,
+            agent=body.agent,
+            time_s=seconds_from_ticks(tick, self._scenario.tick_ns),
+            position_world_m=body.position_world_m,
+            yaw_rad=yaw_from_quaternion(body.quaternion_wxyz),
+            velocity_world_m_s=body.velocity_world_m_s,
+            status=body.phase,
+            awaiting_command=body.awaiting_command,
+            readings=readings,
+            notice=body.rejected_command,
+        )
+
+
+def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
+    """Return the velocity of a mount on a turning vehicle.
+
+    v_mount = v + R_WB (omega x r)      r mount in the body frame, omega angular velocity in the body frame
+    [m/s] = [m/s] + [rad/s] [m]
+
+    Held by:
+        tests/unit/sensing/test_sensing_core.py
+    """
+    if not any(mount_body_m):
+        return body.velocity_world_m_s
+    wx, wy, wz = body.angular_velocity_body_rad_s
+    x, y, z = mount_body_m
+    swing_body_m_s = np.array((wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
+    swing = world_from_body_rotation(body.quaternion_wxyz) @ swing_body_m_s
+    v = body.velocity_world_m_s
+    return (v[0] + float(swing[0]), v[1] + float(swing[1]), v[2] + float(swing[2]))
+
+
+def _check_models(scenario: Scenario) -> None:
+    problems = [
+        f"agents[{i}].sensors[{j}].model: expected one of {', '.join(SENSOR_MODELS)}, was {sensor.model!r}."
+        for i, agent in enumerate(scenario.agents)
+        for j, sensor in enumerate(agent.sensors)
+        if sensor.model not in SENSOR_MODELS
+    ]
+    if problems:
+        raise ScenarioError("\n".join(problems))

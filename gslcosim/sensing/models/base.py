@@ -1,0 +1,40 @@
+"""What a sensor model is: true sample in, reading out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.scenario.models import SensorSpec
+
+Vec3 = tuple[float, float, float]
+
+
+class SensorModel(Protocol):
+    """One instrument on one vehicle, new in every run; it is read once a tick, from tick 0 on."""
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return what the instrument shows at the end of the tick.
+
+        Args:
+            sample: True gas and wind at the mount.
+            mount_velocity_world_m_s: How the mount moves, world frame [m/s].
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorKind:
+    """One row of the table of sensor models.
+
+    `build(spec, tick_s, rng)` returns a new instrument; `rng` is its own random stream. `quantity` and `unit` are
+    those of its readings, `description` says what it stands for and what the reading's values are.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    description: str
+    build: Callable[[SensorSpec, float, np.random.Generator], SensorModel]
