@@ -1,0 +1,215 @@
+"""Places in a scenario against the room: sources in air, vehicles where they can stand and rise."""
+
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Vec3, point_text
+from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.room import Room, build_room, problems_of_room
+from gslcosim.environment.store import environment_folder, load_environment
+from gslcosim.errors import EnvironmentDataError
+from gslcosim.scenario.models import AgentSpec, Scenario, VehicleSpec
+from gslcosim.scenario.problems import Problem
+
+# Horizontal reach from the centre of mass and half the height of each vehicle model [m]; the figures are those of
+# gslcosim/world/vehicles (a test holds them equal), which this layer cannot read.
+VEHICLE_RADIUS_M = {"iris": 0.38}
+VEHICLE_HALF_HEIGHT_M = {"iris": 0.055}
+
+
+def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:
+    """Return what is wrong with the room of a scenario and with the places in it, without solving any wind.
+
+    Args:
+        scenario: The scenario; one with neither or both of layout and path is passed over, that is said elsewhere.
+        scenario_dir: What a relative `environment.path` is relative to; the working directory if absent.
+
+    Returns:
+        All problems of the room; if it has none, all problems of the places; empty when all is well.
+    """
+    spec = scenario.environment
+    if (spec.layout is None) == (spec.path is None):
+        return []
+    if spec.layout is not None:
+        problems = problems_of_room(spec.layout, scenario.wind)
+        return problems or problems_of_places_in(scenario, build_room(spec.layout, scenario.wind))
+    try:
+        environment = load_environment(environment_folder(spec.path or "", scenario_dir))
+    except EnvironmentDataError as error:
+        return [
+            Problem(
+                path="environment.path",
+                expected="the folder of a whole environment",
+                found=f"{spec.path}",
+                remedy=str(error).replace("\n", " "),
+            )
+        ]
+    return problems_of_places_in(scenario, environment)
+
+
+def problems_of_places_in(scenario: Scenario, room: Room | Environment) -> list[Problem]:
+    """Return what is wrong with the places that a scenario names in a room; empty when all is well.
+
+    Sources must be in air; vehicles must start in air, touch nothing but the floor, have room to rise to their
+    search height, and not overlap.
+    """
+    problems = [
+        problem
+        for i, source in enumerate(scenario.gas.sources)
+        if (problem := _problem_of_point(source.position_m, room, f"gas.sources[{i}].position_m"))
+    ]
+    for i, agent in enumerate(scenario.agents):
+        problems += _problems_of_vehicle(agent.vehicle, room, f"agents[{i}].vehicle")
+    return problems + _problems_of_neighbours(scenario.agents)
+
+
+def nearest_free_point_m(position_m: Vec3, room: Room | Environment) -> Vec3 | None:
+    """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
+    return _nearest(position_m, _air_centres_m(room))
+
+
+def _problem_of_point(position_m: Vec3, room: Room | Environment, path: str) -> Problem | None:
+    found = _what_is_at(position_m, room)
+    if found is None:
+        return None
+    free_m = nearest_free_point_m(position_m, room)
+    return Problem(
+        path=path,
+        expected="a point in the room's air",
+        found=f"{point_text(position_m)}, {found}",
+        remedy=f"Nearest free point: {point_text(free_m)}." if free_m else "",
+    )
+
+
+# Says what is at a point when it is not air; nothing when it is.
+def _what_is_at(position_m: Vec3, room: Room | Environment) -> str | None:
+    grid = room.grid
+    cell = grid.cell_of(np.asarray(position_m))
+    if not bool(grid.contains_cell(cell)):
+        return f"outside the room, which reaches from {point_text(grid.origin_m)} to {point_text(grid.max_m)} m"
+    # A box is solid although its cell is not, where it does not hold the cell's centre.
+    for box in room.boxes:
+        if all(low <= p < high for low, p, high in zip(box.min_m, position_m, box.max_m, strict=True)):
+            return f"inside {box.name}"
+    if room.occupancy[tuple(cell)] == Cell.SOLID:
+        return "inside a solid cell"
+    return None
+
+
+def _problems_of_vehicle(vehicle: VehicleSpec, room: Room | Environment, path: str) -> list[Problem]:
+    problems = (
+        _problem_of_height(vehicle, room, f"{path}.search_height_m"),
+        _problem_of_start(vehicle, room, f"{path}.start_m"),
+    )
+    return [problem for problem in problems if problem]
+
+
+def _problem_of_height(vehicle: VehicleSpec, room: Room | Environment, path: str) -> Problem | None:
+    radius_m = VEHICLE_RADIUS_M[vehicle.model]
+    low_m, high_m = room.grid.origin_m[2] + radius_m, room.grid.max_m[2] - radius_m
+    if low_m <= vehicle.search_height_m <= high_m:
+        return None
+    where = f"the ceiling is at {room.grid.max_m[2]:g} m and the {vehicle.model} keeps {radius_m:g} m from it"
+    return Problem(
+        path=path,
+        expected=f"a height between {low_m:g} and {high_m:g} m ({where} and from the floor)",
+        found=f"{vehicle.search_height_m:g} m",
+        remedy=f"For example {min(2.0, (low_m + high_m) / 2):.3g} m." if low_m < high_m else "The room is too low.",
+    )
+
+
+def _problem_of_start(vehicle: VehicleSpec, room: Room | Environment, path: str) -> Problem | None:
+    expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
+    if found is None:
+        hits = _boxes_in_the_way(np.asarray([vehicle.start_m]), vehicle, room)[0]
+        if not hits:
+            return None
+        expected = (
+            f"{VEHICLE_RADIUS_M[vehicle.model]:g} m of free space around the {vehicle.model}, "
+            f"from the start up to its search height of {vehicle.search_height_m:g} m"
+        )
+        found = f"{', '.join(hits)} in it"
+    free_m = _nearest_start_m(vehicle, room)
+    return Problem(
+        path=path,
+        expected=expected,
+        found=f"{point_text(vehicle.start_m)}, {found}",
+        remedy=f"Nearest free start: {point_text(free_m)}." if free_m else "",
+    )
+
+
+# The names of the boxes, except the floor, that reach into the column from each start up to the search height.
+def _boxes_in_the_way(starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: Room | Environment) -> list[list[str]]:
+    radius_m, half_height_m = VEHICLE_RADIUS_M[vehicle.model], VEHICLE_HALF_HEIGHT_M[vehicle.model]
+    # A search height above the ceiling is another problem.
+    search_height_m = min(vehicle.search_height_m, room.grid.max_m[2] - radius_m)
+    bottom_m = starts_m[:, 2]
+    top_m = np.maximum(bottom_m, search_height_m) + half_height_m
+    hits: list[list[str]] = [[] for _ in starts_m]
+    for box in (box for box in room.boxes if box.kind != "floor"):
+        low, high = np.asarray(box.min_m), np.asarray(box.max_m)
+        beside_m = np.maximum(np.maximum(low[:2] - starts_m[:, :2], starts_m[:, :2] - high[:2]), 0.0)
+        is_near = np.hypot(beside_m[:, 0], beside_m[:, 1]) < radius_m - 1e-9
+        # What ends below the start carries the vehicle; only what rises above it is in the way.
+        for i in np.flatnonzero(is_near & (high[2] > bottom_m + 1e-9) & (low[2] < top_m)):
+            hits[i].append(box.name)
+    return hits
+
+
+# Whole layers of cells can be far away in vain, so candidates are taken in growing batches, nearest first.
+def _nearest_start_m(vehicle: VehicleSpec, room: Room | Environment) -> Vec3 | None:
+    candidates_m = _air_centres_m(room)
+    # At the height that was asked for, where there is air at it.
+    layer = int(room.grid.cell_of(np.asarray(vehicle.start_m))[2])
+    if 0 <= layer < room.grid.shape[2]:
+        is_in_layer = np.abs(candidates_m[:, 2] - room.grid.axis_centres_m(2)[layer]) < 1e-6
+        candidates_m = candidates_m[is_in_layer]
+        candidates_m[:, 2] = vehicle.start_m[2]
+    order = np.argsort(_squared_distances_m2(vehicle.start_m, candidates_m), kind="stable")
+    for batch in np.array_split(order, max(1, len(order) // 2000)):
+        for i, hits in zip(batch, _boxes_in_the_way(candidates_m[batch], vehicle, room), strict=True):
+            if not hits:
+                return _as_vec3(candidates_m[i])
+    return None
+
+
+def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
+    problems: list[Problem] = []
+    for (_, first), (j, second) in combinations(enumerate(agents), 2):
+        a, b = first.vehicle, second.vehicle
+        apart_m = float(np.hypot(a.start_m[0] - b.start_m[0], a.start_m[1] - b.start_m[1]))
+        least_m = VEHICLE_RADIUS_M[a.model] + VEHICLE_RADIUS_M[b.model]
+        if apart_m >= least_m:
+            continue
+        problems.append(
+            Problem(
+                path=f"agents[{j}].vehicle.start_m",
+                expected=f"at least {least_m:g} m, seen from above, from the start of {first.name}",
+                found=f"{point_text(b.start_m)}, which is {apart_m:.3g} m from it",
+                remedy=f"Move it {least_m - apart_m:.2f} m further away.",
+            )
+        )
+    return problems
+
+
+def _air_centres_m(room: Room | Environment) -> NDArray[np.float64]:
+    return room.grid.centres_m()[room.occupancy != Cell.SOLID]
+
+
+def _nearest(position_m: Vec3, points_m: NDArray[np.float64]) -> Vec3 | None:
+    if not len(points_m):
+        return None
+    return _as_vec3(points_m[int(np.argmin(_squared_distances_m2(position_m, points_m)))])
+
+
+def _as_vec3(point_m: NDArray[np.float64]) -> Vec3:
+    x_m, y_m, z_m = (round(float(coordinate_m), 6) for coordinate_m in point_m)
+    return x_m, y_m, z_m
+
+
+def _squared_distances_m2(position_m: Vec3, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    return ((points_m - np.asarray(position_m)) ** 2).sum(axis=1)

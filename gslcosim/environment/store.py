@@ -1,0 +1,283 @@
+"""The environment folder: a room with its wind on disk, format version 1.
+
+    environment.yaml   name, grid, boxes, openings, wind timing, content hash, how it was made (text, UTF-8)
+    occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
+    wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
+
+Arrays are numpy's own format (version 1 or newer), C order, little-endian, index order x, y, z.
+All lengths are metres in the world frame; cell (0, 0, 0) touches `grid.origin_m`.
+Unknown keys in environment.yaml are ignored; additions have defaults; a changed meaning is a new format number.
+"""
+
+import errno
+import shutil
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.model import Box, Cell, Environment, Opening, WindFrames
+from gslcosim.environment.room import content_hash_of
+from gslcosim.errors import EnvironmentDataError
+
+FORMAT = "gslcosim/environment/1"
+HEADER_FILE, OCCUPANCY_FILE, WIND_FILE = "environment.yaml", "occupancy.npy", "wind.npy"
+
+# The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
+_YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class _GridPart(_Part):
+    origin_m: Vec3
+    cell_m: float = Field(gt=0)
+    shape: tuple[int, int, int]
+
+
+class _BoxPart(_Part):
+    name: str
+    kind: Literal["wall", "floor", "ceiling", "obstacle"]
+    min_m: Vec3
+    max_m: Vec3
+    rgba: tuple[float, float, float, float]
+
+
+class _OpeningPart(_Part):
+    name: str
+    kind: Literal["inlet", "outlet"]
+    min_m: Vec3
+    max_m: Vec3
+    velocity_m_s: Vec3
+
+
+class _WindPart(_Part):
+    period_s: float = Field(gt=0)
+    is_looping: bool
+
+
+class _Header(_Part):
+    format: str
+    name: str
+    content_hash: str
+    grid: _GridPart
+    wind: _WindPart
+    boxes: tuple[_BoxPart, ...]
+    openings: tuple[_OpeningPart, ...]
+
+
+def save_environment(
+    environment: Environment,
+    folder: Path,
+    *,
+    made_from: Mapping[str, Any] | None = None,
+    notices: Sequence[str] = (),
+) -> None:
+    """Write an environment to a folder: at once and whole, or not at all.
+
+    The folder is written beside its place and then renamed to it. An environment that stands there is replaced,
+    unless it is the same: then it stays untouched. Several processes may save to one folder at the same time.
+
+    Args:
+        environment: What to save.
+        folder: Where; its parents are made.
+        made_from: Plain values that say how it was made, kept for people in environment.yaml.
+        notices: Sentences on what was done differently from what was asked, kept for people in environment.yaml.
+
+    Raises:
+        EnvironmentDataError: the folder exists and holds something else, or the wind is not finite.
+    """
+    _check_finite(environment.wind.velocity_m_s, folder / WIND_FILE)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    beside = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}.partial")
+    beside.mkdir()
+    try:
+        np.save(beside / OCCUPANCY_FILE, np.ascontiguousarray(environment.occupancy, dtype=np.uint8))
+        np.save(beside / WIND_FILE, np.ascontiguousarray(environment.wind.velocity_m_s, dtype="<f4"))
+        (beside / HEADER_FILE).write_text(_header_text(environment, made_from, notices), encoding="utf-8")
+        _move_into_place(beside, folder, environment.content_hash)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def load_environment(folder: Path, *, check_hash: bool = False) -> Environment:
+    """Return the environment that a folder holds, its wind memory-mapped and all its arrays read-only.
+
+    Args:
+        folder: The environment folder.
+        check_hash: Also read everything and compare it with the content hash, which takes longer.
+
+    Raises:
+        EnvironmentDataError: the folder is missing, or a file is missing, truncated, of another format, of the
+            wrong shape or type, or has values that are not finite.
+    """
+    header = _load_header(folder)
+    grid = Grid(**header.grid.model_dump())
+    environment = Environment(
+        name=header.name,
+        grid=grid,
+        occupancy=_load_occupancy(folder / OCCUPANCY_FILE, grid),
+        wind=WindFrames(velocity_m_s=_load_wind(folder / WIND_FILE, grid), **header.wind.model_dump()),
+        boxes=tuple(Box(**box.model_dump()) for box in header.boxes),
+        openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
+        content_hash=header.content_hash,
+    )
+    if check_hash and (found := content_hash_of(environment, environment.wind)) != header.content_hash:
+        raise EnvironmentDataError(
+            f"content_hash: expected {header.content_hash}, was {found}. "
+            f"A file was changed after it was saved; make the environment again.\nFolder: {folder}"
+        )
+    return environment
+
+
+def environment_folder(path: str, scenario_dir: Path | None) -> Path:
+    """Return the folder that a scenario's `environment.path` means."""
+    folder = Path(path).expanduser()
+    return folder if folder.is_absolute() or scenario_dir is None else scenario_dir / folder
+
+
+def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, notices: Sequence[str]) -> str:
+    header = {
+        "format": FORMAT,
+        "name": environment.name,
+        "content_hash": environment.content_hash,
+        "grid": asdict(environment.grid),
+        "wind": {"period_s": environment.wind.period_s, "is_looping": environment.wind.is_looping},
+        "boxes": [asdict(box) for box in environment.boxes],
+        "openings": [asdict(opening) for opening in environment.openings],
+        "notices": list(notices),
+        "made_from": dict(made_from or {}),
+    }
+    return yaml.safe_dump(_plain(header), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+
+
+# YAML knows lists, not tuples.
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+# Renaming a folder onto one that is not empty fails, on every system; whoever comes second then looks at what the
+# first has put there.
+def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
+    for _ in range(100):
+        try:
+            beside.rename(folder)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR, errno.EACCES) or not folder.exists():
+                raise
+        else:
+            return
+        if _is_whole(folder, content_hash):
+            return
+        _clear(folder)
+    raise EnvironmentDataError(f"{folder}: expected to replace it, but other processes kept writing to it. Try again.")
+
+
+def _is_whole(folder: Path, content_hash: str) -> bool:
+    try:
+        return load_environment(folder, check_hash=True).content_hash == content_hash
+    except EnvironmentDataError:
+        return False
+
+
+# Moves an old environment out of the way in one step, and never touches anything else.
+def _clear(folder: Path) -> None:
+    if not (folder / HEADER_FILE).exists() and folder.exists():
+        raise EnvironmentDataError(
+            f"{folder}: expected a new folder or an environment to replace, was something without {HEADER_FILE}. "
+            "Nothing was written; choose another folder."
+        )
+    aside = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}.old")
+    try:
+        folder.rename(aside)
+    except FileNotFoundError:
+        return
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _load_header(folder: Path) -> _Header:
+    path = folder / HEADER_FILE
+    if not path.is_file():
+        found = f"a folder without {HEADER_FILE}" if folder.is_dir() else "no such folder"
+        raise EnvironmentDataError(f"expected an environment folder, was {found}.\nFolder: {folder}")
+    try:
+        values = yaml.load(path.read_text(encoding="utf-8"), Loader=_YAML_LOADER)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise EnvironmentDataError(f"{HEADER_FILE}: expected YAML, was {error}.\nFile: {path}") from error
+    if not isinstance(values, dict) or values.get("format") != FORMAT:
+        found = repr(values.get("format")) if isinstance(values, dict) else type(values).__name__
+        raise EnvironmentDataError(f"{HEADER_FILE}: expected format: {FORMAT}, was {found}.\nFile: {path}")
+    try:
+        return _Header.model_validate(values)
+    except ValidationError as error:
+        lines = [
+            f"{HEADER_FILE}: {'.'.join(map(str, e['loc']))}: {e['msg']}, was {e['input']!r}" for e in error.errors()
+        ]
+        raise EnvironmentDataError("\n".join([*lines, f"File: {path}"])) from error
+
+
+def _load_occupancy(path: Path, grid: Grid) -> NDArray[np.uint8]:
+    occupancy = _load_array(path, np.dtype(np.uint8), grid.shape)
+    if occupancy.max(initial=0) > max(Cell):
+        codes = ", ".join(f"{cell.value} {cell.name.lower()}" for cell in Cell)
+        raise EnvironmentDataError(f"{path.name}: expected {codes}, was {occupancy.max()}.\nFile: {path}")
+    return occupancy
+
+
+def _load_wind(path: Path, grid: Grid) -> NDArray[np.float32]:
+    velocity_m_s = _load_array(path, np.dtype("<f4"), (None, *grid.shape, 3))
+    _check_finite(velocity_m_s, path)
+    return velocity_m_s
+
+
+def _load_array(path: Path, dtype: np.dtype[Any], shape: tuple[int | None, ...]) -> NDArray[Any]:
+    try:
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError as error:
+        raise EnvironmentDataError(f"{path.name}: expected an array, was missing.\nFile: {path}") from error
+    except (ValueError, EOFError, OSError) as error:
+        raise EnvironmentDataError(
+            f"{path.name}: expected a whole numpy array, was {path.stat().st_size} bytes that are not ({error}). "
+            f"Make the environment again.\nFile: {path}"
+        ) from error
+    # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
+    array = np.asarray(mapped)
+    is_shape = array.ndim == len(shape) and all(want in (None, n) for want, n in zip(shape, array.shape, strict=True))
+    if not is_shape or array.dtype != dtype or array.shape[0] == 0:
+        want = f"{dtype.name} ({', '.join('t >= 1' if n is None else str(n) for n in shape)})"
+        raise EnvironmentDataError(
+            f"{path.name}: expected {want}, as in the grid of {HEADER_FILE}, was {array.dtype.name} {array.shape}."
+            f"\nFile: {path}"
+        )
+    if not array.flags.c_contiguous:
+        array = np.ascontiguousarray(array)
+        array.setflags(write=False)
+    return array
+
+
+# The sum of squares of a frame is finite exactly when all its values are (winds are far below 1e19 m/s), and it needs
+# one pass without temporary arrays.
+def _check_finite(velocity_m_s: NDArray[np.float32], path: Path) -> None:
+    for i, frame in enumerate(velocity_m_s):
+        values = frame.reshape(-1)
+        with np.errstate(all="ignore"):
+            is_finite = np.isfinite(np.dot(values, values))
+        if not is_finite:
+            bad = np.argwhere(~np.isfinite(frame))
+            found = f"{len(bad)} that are not, the first at {tuple(bad[0].tolist())}" if len(bad) else "above 1e19 m/s"
+            raise EnvironmentDataError(
+                f"{path.name}: expected finite velocities, was {found} of frame {i}.\nFile: {path}"
+            )

@@ -1,0 +1,146 @@
+"""From a scenario to the folder of its environment: generated once, kept by what it was made from."""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim import flow
+from gslcosim._kernel_cache import PACKAGE_DIR, cache_root
+from gslcosim.environment.model import Cell, WindFrames
+from gslcosim.environment.room import Room, build_room, with_wind
+from gslcosim.environment.store import FORMAT, environment_folder, load_environment, save_environment
+from gslcosim.errors import EnvironmentDataError, ScenarioError
+from gslcosim.scenario.models import LayoutSpec, Scenario, WindSpec
+
+Progress = Callable[[str, float], None]
+
+_log = logging.getLogger(__name__)
+
+# The code that decides what a generated environment holds: when it changes, environments are made anew.
+_ROOM_SOURCES = ("grid", "layouts", "model", "occupancy", "occupancy_kernels", "openings", "room")
+
+
+def prepare_environment(
+    scenario: Scenario,
+    *,
+    scenario_dir: Path | None = None,
+    cache_dir: Path | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Return the folder of a scenario's environment, made now if it was not made before.
+
+    An environment from a `layout` is kept in the cache under a hash of all it depends on: layout, wind, the code that
+    makes rooms and solves the wind, and the packages that compile it. Processes may call this at the same time: each
+    makes the environment, the first to finish keeps its folder, and all return it. A folder that was damaged since is
+    made anew.
+
+    Args:
+        scenario: Its `environment` and `wind`; with `environment.path` its `wind` has no meaning.
+        scenario_dir: What a relative `environment.path` is relative to; the working directory if absent.
+        cache_dir: Where generated environments are kept; `environments` in `gslcosim`'s cache if absent.
+        progress: Is told what is being done and how much of it is over, from 0 to 1; only when there is work.
+
+    Raises:
+        ScenarioError: neither or both of layout and path are given, or the room is impossible.
+        EnvironmentDataError: `environment.path` is not the folder of a whole environment.
+        FlowError: the wind cannot be solved.
+    """
+    spec = scenario.environment
+    if (spec.layout is None) == (spec.path is None):
+        found = "neither" if spec.layout is None else "both"
+        raise ScenarioError(f"environment: expected either layout or path, was {found}.")
+    if spec.path is not None:
+        return _checked_folder(environment_folder(spec.path, scenario_dir))
+    assert spec.layout is not None, "just checked"
+    folder = (cache_dir or cache_root() / "environments") / recipe_hash(spec.layout, scenario.wind)
+    if not _is_usable(folder):
+        _generate(spec.layout, scenario.wind, folder, progress or _ignore)
+    return folder
+
+
+def recipe_hash(layout: LayoutSpec, wind: WindSpec) -> str:
+    """Return 32 hexadecimal digits of all that decides what a generated environment will hold."""
+    digest = hashlib.blake2b(json.dumps(_recipe(layout, wind), sort_keys=True).encode(), digest_size=16)
+    for path in _sources(wind):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _recipe(layout: LayoutSpec, wind: WindSpec) -> dict[str, Any]:
+    is_solved = wind.solver != "uniform"
+    # Uniform wind does not depend on how long a solver would have run.
+    wind_values = wind.model_dump(mode="json", exclude=None if is_solved else {"end_time_s", "average_from_s"})
+    packages = {name: version(name) for name in ("numpy", "numba")} if is_solved else {}
+    return {"format": FORMAT, "layout": layout.model_dump(mode="json"), "wind": wind_values, "packages": packages}
+
+
+def _sources(wind: WindSpec) -> list[Path]:
+    sources = [PACKAGE_DIR / "environment" / f"{name}.py" for name in _ROOM_SOURCES]
+    if wind.solver != "uniform":
+        sources += sorted((PACKAGE_DIR / "flow").rglob("*.py"))
+    return sources
+
+
+def _generate(layout: LayoutSpec, wind: WindSpec, folder: Path, progress: Progress) -> None:
+    progress("Building the room", 0.0)
+    room = build_room(layout, wind)
+    for notice in room.notices:
+        _log.info(notice)
+    velocity_m_s = _uniform(room, wind) if wind.solver == "uniform" else _solved(room, wind, progress)
+    environment = with_wind(room, WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
+    save_environment(environment, folder, made_from=_recipe(layout, wind), notices=room.notices)
+    progress("Saving the environment", 1.0)
+
+
+def _uniform(room: Room, wind: WindSpec) -> NDArray[np.float32]:
+    velocity_m_s = np.zeros((*room.grid.shape, 3), dtype=np.float32)
+    velocity_m_s[room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
+    return velocity_m_s
+
+
+def _solved(room: Room, wind: WindSpec, progress: Progress) -> NDArray[np.float32]:
+    patches = [
+        flow.Inlet(min_m=opening.min_m, max_m=opening.max_m, velocity_m_s=opening.velocity_m_s)
+        if opening.kind == "inlet"
+        else flow.Outlet(min_m=opening.min_m, max_m=opening.max_m)
+        for opening in room.openings
+    ]
+    return flow.solve_wind(
+        room.occupancy != Cell.SOLID,
+        room.grid.cell_m,
+        patches,
+        end_time_s=wind.end_time_s,
+        average_from_s=wind.average_from_s,
+        progress=lambda fraction: progress("Solving the wind", fraction),
+    )
+
+
+def _checked_folder(folder: Path) -> Path:
+    try:
+        load_environment(folder)
+    except EnvironmentDataError as error:
+        raise EnvironmentDataError(f"environment.path: {error}") from error
+    return folder
+
+
+def _is_usable(folder: Path) -> bool:
+    if not folder.exists():
+        return False
+    try:
+        load_environment(folder)
+    except EnvironmentDataError as error:
+        _log.warning("An environment in the cache is damaged and is made anew: %s", error)
+        return False
+    return True
+
+
+def _ignore(_text: str, _fraction: float) -> None:
+    pass
