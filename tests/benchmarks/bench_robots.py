@@ -1,0 +1,102 @@
+"""How fast vehicles fly: microseconds per 4 ms sub-step and times real time, on one core.
+
+Run `python tests/benchmarks/bench_robots.py`.
+"""
+
+import sys
+import time
+
+import numpy as np
+
+from gslcosim.contract.messages import Command
+from gslcosim.contract.participant import Episode
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.scenario.models import Scenario
+from gslcosim.world import PHYSICS_STEP_MS, WorldCore
+
+TICK_MS = 100
+N_TICKS = 500
+N_REPEATS = 7
+
+
+def room() -> Environment:
+    """Return a closed room of 30 x 15 x 8 m with wind."""
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.2, shape=(150, 75, 40))
+    x_m, y_m, z_m = grid.max_m
+    corners = {
+        "floor": ((0.0, 0.0, -0.2), (x_m, y_m, 0.0)),
+        "ceiling": ((0.0, 0.0, z_m), (x_m, y_m, z_m + 0.2)),
+        "wall_west": ((-0.2, 0.0, 0.0), (0.0, y_m, z_m)),
+        "wall_east": ((x_m, 0.0, 0.0), (x_m + 0.2, y_m, z_m)),
+        "wall_south": ((0.0, -0.2, 0.0), (x_m, 0.0, z_m)),
+        "wall_north": ((0.0, y_m, 0.0), (x_m, y_m + 0.2, z_m)),
+    }
+    boxes = tuple(
+        Box(name=name, kind="floor" if name == "floor" else "wall", min_m=low, max_m=high)
+        for name, (low, high) in corners.items()
+    )
+    return Environment(
+        name="room",
+        grid=grid,
+        occupancy=np.zeros(grid.shape, np.uint8),
+        wind=WindFrames(velocity_m_s=np.full((1, *grid.shape, 3), 0.3, np.float32)),
+        boxes=boxes,
+        openings=(),
+        content_hash="bench",
+    )
+
+
+def scenario(model: str, n_vehicles: int) -> Scenario:
+    """Return a scenario of vehicles of one model, two metres apart."""
+    agents = [
+        {
+            "name": f"agent_{i}",
+            "start": {"python": "dung_beetle"},
+            "mode": "lockstep",
+            "vehicle": {"model": model, "start_m": (3.0 + 2.0 * i, 3.0, 0.1)},
+            "sensors": [{"model": "tgs2600", "name": "nose"}],
+        }
+        for i in range(n_vehicles)
+    ]
+    gas = {"sources": [{"position_m": (5.0, 1.0, 2.0)}]}
+    fields = {"schema": "gslcosim/scenario/1", "name": "bench", "environment": {"layout": {}}, "gas": gas}
+    return Scenario.model_validate({**fields, "tick_ms": TICK_MS, "agents": agents})
+
+
+def seconds_per_tick(core: WorldCore, n_vehicles: int) -> float:
+    """Return the best of several measurements of a tick in flight, new waypoints every 10 s included."""
+    best = float("inf")
+    core.reset(Episode(seed=0))
+    core.step(0, {})
+    tick = 0
+    for _ in range(N_REPEATS):
+        begin = time.perf_counter()
+        for _ in range(N_TICKS):
+            tick += 1
+            inbox = {}
+            if tick % 100 == 50:
+                y_m = 12.0 if tick % 200 == 50 else 3.0
+                for i in range(n_vehicles):
+                    goal = (3.0 + 2.0 * i, y_m, 3.0)
+                    inbox[f"command/agent_{i}"] = Command(tick=tick - 1, kind="waypoint", position_world_m=goal)
+            core.step(tick, inbox)
+        best = min(best, (time.perf_counter() - begin) / N_TICKS)
+    return best
+
+
+def main() -> None:
+    """Print one line for each vehicle model and number of vehicles."""
+    environment = room()
+    n_substeps = TICK_MS // PHYSICS_STEP_MS
+    print(f"{'vehicle':<12} {'n':>3} {'us/tick':>9} {'us/sub-step':>12} {'x real time':>12}")  # noqa: T201
+    for model in sys.argv[1:] or ["iris"]:
+        for n_vehicles in (1, 10):
+            core = WorldCore(scenario(model, n_vehicles), environment)
+            tick_s = seconds_per_tick(core, n_vehicles)
+            figures = f"{tick_s * 1e6:9.1f} {tick_s * 1e6 / n_substeps:12.2f} {TICK_MS * 1e-3 / tick_s:12.0f}"
+            print(f"{model:<12} {n_vehicles:>3} {figures}")  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,163 @@
+"""The core: first tick, contacts, errors, repeatability."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim.contract.codec import encode
+from gslcosim.contract.messages import Command
+from gslcosim.contract.participant import Episode
+from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.world import WorldCore
+
+CRATE = ("crate", (5.0, 5.0, 0.0), (6.0, 6.5, 1.0))
+
+
+def test_declares_its_reads_and_writes(make_scenario, make_room):
+    spec = WorldCore(make_scenario({}, {}, mode={"latency": 4}), make_room()).spec
+    assert spec.name == "world"
+    assert [(r.port, r.delay_ticks) for r in spec.reads] == [("command/agent_0", 4), ("command/agent_1", 4)]
+    assert [w.port for w in spec.writes] == ["truth/bodies"]
+
+
+def test_tick_0_stands_on_the_floor(make_pilot):
+    body = make_pilot().body()
+    assert body.position_world_m == (3.0, 3.0, 0.055)
+    assert body.phase == "on_ground"
+    assert body.contacts == ("floor",)
+    assert body.velocity_world_m_s == (0.0, 0.0, 0.0)
+    assert not body.awaiting_command
+
+
+def test_a_start_on_a_crate_stands_on_the_crate(make_pilot):
+    body = make_pilot({"start_m": (5.5, 5.75, 1.1)}, obstacles=[CRATE]).body()
+    assert body.position_world_m == pytest.approx((5.5, 5.75, 1.055))
+    assert body.contacts == ("crate",)
+
+
+def test_a_start_in_the_air_hovers(make_pilot):
+    pilot = make_pilot({"start_m": (3.0, 3.0, 2.0)})
+    assert pilot.body().contacts == ()
+    lowest_m = min(pilot.step().position_world_m[2] for _ in range(20))
+    assert lowest_m > 1.95
+
+
+def test_path_length_is_the_sum_of_true_steps(make_pilot):
+    pilot = make_pilot()
+    pilot.run(60)
+    places = [m.bodies[0].position_world_m for m in pilot.log]
+    assert pilot.body().path_length_m == pytest.approx(sum(math.dist(a, b) for a, b in itertools.pairwise(places)))
+
+
+def test_a_collision_is_reported_by_the_name_of_the_box(make_pilot):
+    pilot = make_pilot(obstacles=[CRATE, ("rack", (8.0, 0.0, 0.0), (8.5, 10.0, 6.0))])
+    pilot.run_until_asked()
+    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (12.0, 3.0, 2.0)})
+    body = pilot.run_until(lambda body: body.contacts)
+    assert body.contacts == ("rack",)
+    assert body.position_world_m[0] == pytest.approx(8.0 - 0.258, abs=0.1)
+
+
+def test_two_vehicles_name_each_other(make_pilot):
+    pilot = make_pilot({"start_m": (3.0, 3.0, 0.1)}, {"start_m": (6.0, 3.0, 0.1)})
+    pilot.run_until_asked()
+    meet = {"kind": "waypoint", "position_world_m": (4.5, 3.0, 2.0)}
+    pilot.step(agent_0=meet, agent_1=meet)
+    pilot.run_until(lambda body: body.contacts)
+    assert pilot.body(0).contacts == ("agent_1",)
+    assert pilot.body(1).contacts == ("agent_0",)
+
+
+def test_vehicles_fly_as_if_alone(make_pilot):
+    """Far from each other, two vehicles move as one alone would."""
+    alone, pair = make_pilot({}), make_pilot({}, {"start_m": (9.0, 7.0, 0.1)})
+    alone.run(40)
+    pair.run(40)
+    assert pair.body(0).position_world_m == pytest.approx(alone.body().position_world_m, abs=1e-9)
+
+
+def script(core, *, episode_seed=0):
+    """Fly a fixed script and return the bytes of every message."""
+    core.reset(Episode(seed=episode_seed))
+    places = [(4.0, 4.0, 2.5), (900.0, 0.0, 0.0), (7.0, 3.0, 2.0)]
+    is_asked, payloads = False, []
+    for tick in range(150):
+        inbox = {}
+        if is_asked:
+            place = places.pop(0) if places else (3.0, 3.0, 1.0)
+            inbox["command/agent_0"] = Command(tick=tick - 1, kind="waypoint", position_world_m=place)
+        message = core.step(tick, inbox)["truth/bodies"]
+        is_asked = message.bodies[0].awaiting_command
+        payloads.append(encode(message))
+    return payloads
+
+
+def test_equal_runs_give_equal_bytes_also_after_a_reset(make_scenario, make_room):
+    """Warm starts of contacts, integrals and rotor speeds: nothing outlives a reset."""
+    room = make_room(wind_m_s=((0.4, -0.2, 0.1), (1.0, 0.3, 0.0)))
+    first, second = WorldCore(make_scenario(), room), WorldCore(make_scenario(), room)
+    second.reset(Episode(seed=0))
+    for tick in range(17):
+        second.step(tick, {})
+    expected = script(first)
+    assert script(second) == expected
+    assert script(first, episode_seed=5) == expected
+
+
+def test_wind_frames_change_with_time(make_scenario, make_room):
+    """Steady at first, then a gust: the flight differs from the tick after the frame begins, not earlier."""
+    calm = WorldCore(make_scenario(), make_room(wind_m_s=((0.0, 0.0, 0.0),)))
+    gusty = WorldCore(
+        make_scenario(), make_room(wind_m_s=((0.0,) * 3, (3.0, 0.0, 0.0)), period_s=2.0, is_looping=False)
+    )
+    for core in (calm, gusty):
+        core.reset(Episode(seed=0))
+    for tick in range(25):
+        a, b = (core.step(tick, {})["truth/bodies"] for core in (calm, gusty))
+        assert (a == b) == (tick <= 20)
+
+
+def test_ticks_out_of_order_are_refused(make_pilot):
+    pilot = make_pilot()
+    with pytest.raises(ModelError, match="expected tick 1, was 3"):
+        pilot.core.step(3, {})
+
+
+@pytest.mark.parametrize("value", [float("nan"), 1e9])
+def test_an_exploding_state_names_the_agent(make_pilot, value):
+    pilot = make_pilot({}, {})
+    pilot.run(3)
+    pilot.core.data.qvel[6] = value
+    with pytest.raises(ModelError, match="plausible state of agent_1's vehicle at tick 4"):
+        pilot.step()
+
+
+def test_a_tick_that_is_not_whole_physics_steps_is_refused(make_scenario, make_room):
+    with pytest.raises(ScenarioError, match=r"whole number of 4 ms physics steps, was 50 ms. Nearest: 48 ms or 52 ms"):
+        WorldCore(make_scenario(tick_ms=50), make_room())
+
+
+def test_all_bad_starts_come_in_one_error(make_scenario, make_room):
+    scenario = make_scenario(
+        {"start_m": (20.0, 3.0, 0.2)},
+        {"start_m": (5.5, 5.5, 0.5)},
+        {"start_m": (1.0, 1.0, 0.2), "search_height_m": 9.0},
+        {"start_m": (1.2, 1.0, 0.2)},
+    )
+    with pytest.raises(ScenarioError) as error:
+        WorldCore(scenario, make_room(obstacles=[CRATE]))
+    text = str(error.value)
+    assert "agents.agent_0.vehicle.start_m: expected x within 0 to 15 m, was 20 m." in text
+    assert "agents.agent_1.vehicle.start_m: expected a free place" in text
+    assert "agents.agent_2.vehicle.search_height_m: expected z within 0.38 to 5.62 m, was 9 m." in text
+    assert "agents.agent_3.vehicle.start_m: expected at least 0.76 m from agent_2's vehicle, was 0.2 m." in text
+
+
+def test_wind_of_another_type_is_refused(make_scenario, make_room):
+    room = make_room()
+    wind = dataclasses.replace(room.wind, velocity_m_s=room.wind.velocity_m_s.astype(np.float64))
+    with pytest.raises(ModelError, match="wind: expected contiguous float32, was float64"):
+        WorldCore(make_scenario(), dataclasses.replace(room, wind=wind))
