@@ -30,8 +30,9 @@ docs: .venv/ready-dev       # rewrite the generated pages
 setup: .venv/ready-dev      # everything for development
 
 .venv/ready: pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
-	$(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . && touch $@
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
+	@echo "Setting up .venv (once, about half a minute)"
+	@$(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . && touch $@
 
 .venv/ready-dev: .venv/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' && touch $@
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' && touch $@

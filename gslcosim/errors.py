@@ -37,7 +37,7 @@ class ModelError(GslCosimError):
     """A core's state became invalid (not finite, out of its range); the run is stopped (exit code 3)."""
 
 
-class SimulationFault(GslCosimError):
+class SimulationFault(GslCosimError):  # noqa: N818 - it is somebody's fault, and the text says whose
     """A service failed during a run; names the culprit (exit code 3)."""
 
 
