@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -15,6 +15,7 @@ from gslcosim.scenario.dumping import dump_resolved
 from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.models import Scenario
 from gslcosim.scenario.overrides import apply_overrides
+from gslcosim.scenario.places import values_of_places
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
 from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
@@ -87,9 +88,8 @@ def find_scenario(source: str | Path) -> Path:
         return bundled[str(source)]
     if path.suffix in _ENDINGS or len(path.parts) > 1:
         siblings = [p.name for p in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
-        hint = did_you_mean(path.name, siblings)
-        if not hint and path.stem in bundled:
-            hint = f"{path.stem} is bundled: give its name alone."
+        is_bundled = path.stem in bundled
+        hint = f"{path.stem} is bundled: give its name alone." if is_bundled else did_you_mean(path.name, siblings)
         raise ScenarioError(f"{source}: expected a scenario file, found none. {hint}".rstrip())
     raise ScenarioError(
         f"{source}: expected a file or a bundled scenario ({', '.join(bundled)}), found neither. "
@@ -137,37 +137,13 @@ def _check_places(
     tree: YamlTree, scenario: Scenario | None, problems: list[ProblemLike], directory: Path, checks: Sequence[Check]
 ) -> list[ProblemLike]:
     if scenario is None and tree.block is not None:
-        scenario = _scenario_of_places(tree.block, problems)
-    return [] if scenario is None else [problem for check in checks for problem in check(scenario, directory)]
-
-
-# Places can be checked while other parts are wrong: those are left out, and nothing that says where things are is
-# guessed.
-def _scenario_of_places(values: dict[str, Any], problems: list[ProblemLike]) -> Scenario | None:
-    says_where = ("environment", "wind", "gas.sources")
-    if any(_is_inside(p.path, part) for p in problems for part in says_where) or any(
-        ".vehicle" in p.path or p.path in ("", "agents", "gas") for p in problems
-    ):
-        return None
-    agents = [
-        {
-            "name": f"agent_{i}",
-            "start": {"attach": True},
-            "vehicle": agent["vehicle"],
-            "sensors": [{"model": "anemometer", "name": "wind"}],
-        }
-        for i, agent in enumerate(cast("list[dict[str, Any]]", values["agents"]))
-    ]
-    places = {
-        "schema": "gslcosim/scenario/1",
-        "name": "places",
-        "environment": values["environment"],
-        "gas": {"sources": values["gas"]["sources"]},
-        "agents": agents,
-    }
-    if "wind" in values:
-        places["wind"] = values["wind"]
-    return _validate(places)[0]
+        places = values_of_places(tree.block, [problem.path for problem in problems])
+        scenario = _validate(places)[0] if places else None
+    if scenario is None:
+        return []
+    known = {problem.path for problem in problems}
+    found = [problem for check in checks for problem in check(scenario, directory)]
+    return [problem for problem in found if problem.path not in known]
 
 
 def _is_inside(path: str, part: str) -> bool:

@@ -24,6 +24,7 @@ from gslcosim.scenario.problems import (
 MAX_VALUES = 100_000
 
 _TAG = "tag:yaml.org,2002:"
+_KNOWN_TAGS = ("map", "seq", "str", "null", "bool", "int", "float")
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,8 @@ class _NodeReader:
         return value
 
     def _read_by_kind(self, node: yaml.Node, path: str) -> Any:
+        if node.tag.removeprefix(_TAG) not in _KNOWN_TAGS:
+            return self._refuse(path, "a plain value", f"one with the tag {node.tag}", "Delete the tag.")
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
@@ -152,10 +155,8 @@ class _NodeReader:
                 return text.lower() == "true"
             case "int":
                 return _whole_number(text)
-            case "float":
-                return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
             case _:
-                return self._refuse(path, "a plain value", f"one with the tag {node.tag}", "Delete the tag.")
+                return _real_number(text)
 
     def _refuse(self, path: str, expected: str, found: str, remedy: str = "") -> None:
         self.problems.append(Problem(path=path, expected=expected, found=found, remedy=remedy))
@@ -169,6 +170,13 @@ def _whole_number(text: str) -> int | str:
     try:
         return int(text, base)
     except ValueError:  # Python refuses to read thousands of digits
+        return text
+
+
+def _real_number(text: str) -> float | str:
+    try:
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    except ValueError:  # `!!float x`
         return text
 
 

@@ -1,0 +1,90 @@
+"""Rules between distant parts of a scenario."""
+
+import pytest
+
+from gslcosim.scenario.loading import load_scenario
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("      - {model: tgs2600, name: nose}", "      - {model: tgs2600, name: nose}\n      - {model: anemometer, "
+         "name: nose}",
+         "hall.yaml:14: agents[0].sensors[1].name: expected a name that no other of agents[0].sensors has, was "
+         "'nose', as "
+         "agents[0].sensors[0].name. For example nose_2."),
+        ("agents:\n", "agents:\n  - {name: beetle, start: {attach: true}, vehicle: {start_m: [1, 1, 0]}, "
+         "sensors: [{model: tgs2600, name: nose}]}\n",
+         "hall.yaml:10: agents[1].name: expected a name that no other of agents has, was 'beetle', as agents[0].name. "
+         "For example beetle_2."),
+        ("size_m: [15, 10, 8]", "obstacles: [{name: a, min_m: [1, 1, 0], max_m: [2, 2, 1]}, "
+         "{name: a, min_m: [3, 1, 0], max_m: [4, 2, 1]}]",
+         "hall.yaml:4: environment.layout.obstacles[1].name: expected a name that no other of "
+         "environment.layout.obstacles "
+         "has, was 'a', as environment.layout.obstacles[0].name. For example a_2."),
+        ("name: hall", "name: hall\ntick_ms: 50",
+         "hall.yaml:3: tick_ms: expected a multiple of the physics step of 4 ms, was 50. Nearest: 48 or 52."),
+        ("name: hall", "name: hall\ntick_ms: 2",
+         "hall.yaml:3: tick_ms: expected a multiple of the physics step of 4 ms, was 2. Nearest: 4 or 8."),
+        ("name: hall", "name: hall\nrecording: {gas_every_s: 0.25}",
+         "hall.yaml:3: recording.gas_every_s: expected a whole number of 100 ms ticks, was 0.25 s. Nearest: 0.2 or "
+         "0.3."),
+        ("name: hall", "name: hall\nrecording: {gas_every_s: 0.05}",
+         "hall.yaml:3: recording.gas_every_s: expected a whole number of 100 ms ticks, was 0.05 s. Nearest: 0.1."),
+        ("name: hall", "name: hall\nreferee: {stop: {time_limit_s: 10.01}}",
+         "hall.yaml:3: referee.stop.time_limit_s: expected a whole number of 100 ms ticks, was 10.01 s. "
+         "Nearest: 10 or 10.1."),
+        ("gas:\n", "gas:\n  step_s: 0.03\n",
+         "hall.yaml:6: gas.step_s: expected a whole multiple or a whole fraction of the tick of 0.1 s, was 0.03 s. "
+         "Nearest: 0.05."),
+        ("gas:\n", "gas:\n  step_s: 0.23\n",
+         "hall.yaml:6: gas.step_s: expected a whole multiple or a whole fraction of the tick of 0.1 s, was 0.23 s. "
+         "Nearest: 0.2."),
+        ("gas:\n", "gas:\n  warm_up_s: 10.05\n",
+         "hall.yaml:6: gas.warm_up_s: expected a whole number of gas steps of 0.1 s, was 10.05 s. Nearest: 10 or "
+         "10.1."),
+    ],
+)  # fmt: skip
+def test_parts_that_do_not_fit_together_are_one_problem(told, old, new, line):
+    assert told((old, new)) == [line]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("name: hall", "name: hall\ntick_ms: 20\nrecording: {gas_every_s: 0.02}"),
+        ("gas:\n", "gas:\n  step_s: 0.05\n  warm_up_s: 0\n"),
+        ("gas:\n", "gas:\n  step_s: 0.2\n  warm_up_s: 10.2\n"),
+        ("name: hall", "name: hall\nrecording: {gas_every_s: 0.3}"),
+    ],
+)
+def test_times_that_are_whole_numbers_of_ticks_and_steps_are_accepted(scenario_file, old, new):
+    assert load_scenario(scenario_file((old, new))).name == "hall"
+
+
+def test_a_folder_of_an_environment_must_be_there(told, tmp_path):
+    (line,) = told(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms/hall"))
+    assert line == (
+        "hall.yaml:4: environment.path: expected the folder of an environment, was 'rooms/hall'. "
+        "There is no folder rooms/hall."
+    )
+    (tmp_path / "rooms").mkdir()
+    (tmp_path / "rooms" / "hall").touch()
+    (line,) = told(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms/hall"))
+    assert line.endswith("There is no folder but a file rooms/hall.")
+
+
+def test_an_environments_folder_is_relative_to_the_scenario(scenario_file, tmp_path):
+    (tmp_path / "rooms").mkdir()
+    loaded = load_scenario(scenario_file(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms")))
+    assert loaded.scenario.environment.path == "rooms"
+    assert loaded.directory == tmp_path
+
+
+def test_values_of_a_wrong_kind_are_left_to_the_models(told):
+    lines = told(
+        ("name: hall", "name: hall\ntick_ms: fast\nrecording: {gas_every_s: often}"), ("agents:\n", "agents: 5\nx:\n")
+    )
+    assert [line.partition(": expected")[0] for line in lines] == [
+        "hall.yaml:3: tick_ms", "hall.yaml:4: recording.gas_every_s", "hall.yaml:10: agents", "hall.yaml:11: x"
+    ] or lines[0].endswith("problems")  # fmt: skip

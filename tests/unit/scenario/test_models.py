@@ -1,0 +1,73 @@
+"""Rules between the fields of one block."""
+
+import pytest
+from pydantic import ValidationError
+
+from gslcosim.scenario.models import BoxSpec, EnvironmentSpec, OpeningSpec, StartSpec, WindSpec
+
+A_LAYOUT = "environment:\n  layout: {kind: warehouse_empty, size_m: [15, 10, 8]}"
+AN_OBSTACLE = "size_m: [15, 10, 8], obstacles: [{name: crate, min_m: [1, 1, 0], max_m: [2, 1, 1]}]"
+AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (A_LAYOUT, "environment: {}",
+         "hall.yaml:3: environment: expected exactly one of layout and path, was neither. "
+         "layout generates a room, path takes the folder of one made before."),
+        (A_LAYOUT, f"{A_LAYOUT}\n  path: .",
+         "hall.yaml:3: environment: expected exactly one of layout and path, was both. "
+         "layout generates a room, path takes the folder of one made before."),
+        ("{python: dung_beetle}", "{}",
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, was none. "
+         "For example start: {python: dung_beetle}."),
+        ("{python: dung_beetle}", "{python: dung_beetle, command: [sh]}",
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, "
+         "was python and command. For example start: {python: dung_beetle}."),
+        ("{python: dung_beetle}", "{attach: false}",
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, was none. "
+         "For example start: {python: dung_beetle}."),
+        ("name: hall", "name: hall\nwind: {end_time_s: 5}",
+         "hall.yaml:3: wind.average_from_s: expected less than end_time_s, 5, was 30 (the default). "
+         "For example 2.5, or null for the wind at the end of the solve."),
+        ("name: hall", "name: hall\nwind: {end_time_s: 5, average_from_s: 5}",
+         "hall.yaml:3: wind.average_from_s: expected less than end_time_s, 5, was 5. "
+         "For example 2.5, or null for the wind at the end of the solve."),
+        ("size_m: [15, 10, 8]", AN_OBSTACLE,
+         "hall.yaml:4: environment.layout.obstacles[0].max_m: expected each number greater than that of min_m, [1, "
+         "1, 0], "
+         "was [2, 1, 1]. min_m and max_m are opposite corners."),
+        ("size_m: [15, 10, 8]", AN_INLET,
+         "hall.yaml:4: environment.layout.inlet.max_m: expected one number equal to that of min_m, [0, 0, 0], and two "
+         "greater, was [1, 1, 1]. An opening is a rectangle on one side of the room."),
+    ],
+)  # fmt: skip
+def test_fields_that_do_not_fit_together_are_one_problem(told, old, new, line):
+    assert told((old, new)) == [line]
+
+
+def test_the_rules_hold_for_models_made_in_python_too():
+    for model, fields in (
+        (EnvironmentSpec, {}),
+        (StartSpec, {}),
+        (BoxSpec, {"name": "a", "min_m": (0, 0, 0), "max_m": (1, 1, 0)}),
+        (OpeningSpec, {"min_m": (0, 0, 0), "max_m": (0, 0, 1)}),
+        (WindSpec, {"end_time_s": 1.0}),
+    ):
+        with pytest.raises(ValidationError, match=r"expected .*, was "):
+            model(**fields)
+
+
+def test_the_wind_at_the_end_of_a_short_solve_needs_no_average():
+    assert WindSpec(end_time_s=5.0, average_from_s=None).average_from_s is None
+
+
+def test_uniform_wind_is_not_solved_so_its_times_do_not_matter():
+    assert WindSpec(solver="uniform", end_time_s=1.0).solver == "uniform"
+
+
+def test_an_opening_may_lie_on_any_side():
+    for flat in range(3):
+        far = tuple(0.0 if axis == flat else 1.0 for axis in range(3))
+        assert OpeningSpec(min_m=(0.0, 0.0, 0.0), max_m=far).max_m == far

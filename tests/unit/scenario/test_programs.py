@@ -1,0 +1,62 @@
+"""Agents' programs are looked for before anything starts."""
+
+import pytest
+
+from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
+from gslcosim.scenario.loading import load_scenario
+
+PYTHON = "{python: dung_beetle}"
+PLACE = "hall.yaml:10: agents[0].start"
+
+
+@pytest.fixture
+def agent_files(tmp_path):
+    """A Python agent, a program, and a file that may not be executed, beside the scenario."""
+    for name in ("mine.py", "prog", "plain"):
+        (tmp_path / name).write_text("#!/bin/sh\n")
+    (tmp_path / "prog").chmod(0o755)
+    (tmp_path / "plain").chmod(0o644)
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "{python: dung_beetle}", "{python: mine.py}", "{python: ./mine.py}", "{command: [./prog, --fast]}",
+        "{command: [sh]}", "{command: [sh, ./mine.py]}", "{command: [sh, -c, 'exit']}", "{attach: true}",
+    ],
+)  # fmt: skip
+def test_programs_that_are_there_are_accepted(agent_files, scenario_file, start):
+    assert load_scenario(scenario_file((PYTHON, start))).scenario.agents[0].start
+
+
+@pytest.mark.parametrize(
+    ("start", "told_line"),
+    [
+        ("{python: dung_beatle}", f"{PLACE}.python: expected a bundled agent ({', '.join(bundled_agents())}) or a file "
+         "like ./my_agent.py, was 'dung_beatle'. Did you mean dung_beetle?"),
+        ("{python: mine}", f"{PLACE}.python: expected a bundled agent ({', '.join(bundled_agents())}) or a file "
+         "like ./my_agent.py, was 'mine'. Did you mean ./mine.py?"),
+        ("{python: ./yours.py}", f"{PLACE}.python: expected a Python file, was './yours.py'. There is no yours.py."),
+        ("{command: [./none]}", f"{PLACE}.command[0]: expected a program, was './none'. There is no none."),
+        ("{command: [./plain]}", f"{PLACE}.command[0]: expected a program that may be executed, was './plain'. "
+         "Run: chmod +x plain"),
+        ("{command: [prog]}", f"{PLACE}.command[0]: expected a program on the PATH, or a path like ./my_agent, was "
+         "'prog'. Did you mean ./prog?"),
+        ("{command: [no-such-program-here]}", f"{PLACE}.command[0]: expected a program on the PATH, or a path like "
+         "./my_agent, was 'no-such-program-here'. Is it installed?"),
+        ("{command: [sh, other.sh]}", f"{PLACE}.command[1]: expected a file, was 'other.sh'. There is no other.sh."),
+        ("{command: []}", f"{PLACE}.command: expected a list of at least one text, was []."),
+    ],
+)  # fmt: skip
+def test_a_missing_program_is_one_problem_with_a_remedy(agent_files, told, start, told_line):
+    assert told((PYTHON, start)) == [told_line]
+
+
+def test_bundled_scenarios_and_agents_are_found_by_name():
+    assert {"warehouse_empty", "tiny_room"} <= set(bundled_scenarios())
+    assert bundled_agents()["dung_beetle"].name == "agent.py"
+
+
+@pytest.mark.parametrize("name", sorted(bundled_scenarios()))
+def test_every_bundled_scenario_is_valid_and_named_like_its_file(name):
+    assert load_scenario(name).name == name
