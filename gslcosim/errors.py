@@ -17,6 +17,10 @@ class EnvironmentDataError(GslCosimError):
     """An environment folder or imported file is missing, corrupt or inconsistent; the user fixes the file."""
 
 
+class RecordingError(GslCosimError):
+    """A recording cannot be written, shown, or repaired; the user frees the disk, installs what is named, or reruns."""
+
+
 class FlowError(GslCosimError):
     """A wind solve cannot start or has diverged; the user changes boundary, cell or time step."""
 
