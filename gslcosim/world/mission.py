@@ -16,6 +16,7 @@ Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed"]
 ARRIVED_WITHIN_M = 0.15
 ARRIVED_BELOW_M_S = 0.2
 GIVE_UP_AFTER_S = 10.0
+BACK_OFF_M = 0.1
 
 _AT_REST: Vec3 = (0.0, 0.0, 0.0)
 
@@ -146,13 +147,19 @@ class Mission:
             late_s = seconds_from_ticks(tick - self.trajectory.start_tick, self._tick_ns) - self.trajectory.duration_s
             if late_s < GIVE_UP_AFTER_S:
                 return
-            # Staying where it is, not pushing on against whatever is in the way.
-            self.trajectory = stay_at(position_m, tick)
-            self.notice = (
-                f"waypoint: expected to arrive within {GIVE_UP_AFTER_S:g} s of the planned time, "
-                f"was still {distance_m:.2f} m away; the vehicle holds where it is."
-            )
+            self._give_up(tick, position_m, distance_m)
         self._arrive(tick)
+
+    # A little back from where it got stuck, so that it no longer touches whatever is in the way.
+    def _give_up(self, tick: int, position_m: Vec3, distance_m: float) -> None:
+        back = BACK_OFF_M / distance_m if distance_m > ARRIVED_WITHIN_M else 0.0
+        x_m, y_m, z_m = (p + back * (p - end) for p, end in zip(position_m, self.trajectory.end_world_m, strict=True))
+        is_free = self._space.refusal("back", (x_m, y_m, z_m)) is None
+        self.trajectory = stay_at((x_m, y_m, z_m) if is_free else position_m, tick, forgets_integral=True)
+        self.notice = (
+            f"waypoint: expected to arrive within {GIVE_UP_AFTER_S:g} s of the planned time, "
+            f"was still {distance_m:.2f} m away; the vehicle holds there."
+        )
 
     def _arrive(self, tick: int) -> None:
         kept, self._kept_waypoint_m = self._kept_waypoint_m, None

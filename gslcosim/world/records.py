@@ -99,6 +99,8 @@ def set_trajectory(record: Any, trajectory: Trajectory) -> None:
     record["duration_s"] = trajectory.duration_s
     record["end_world_m"] = trajectory.end_world_m
     record["end_velocity_world_m_s"] = trajectory.end_velocity_world_m_s
+    if trajectory.forgets_integral:
+        record["integral_m_s2"] = 0.0
 
 
 def hover_rotor_speed_rad_s(record: Any) -> float:

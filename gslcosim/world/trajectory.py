@@ -26,7 +26,8 @@ class Limits:
 class Trajectory:
     """A polynomial from the end of `start_tick` on; after `duration_s` it goes on with `end_velocity_world_m_s`.
 
-    `coefficients` is (3, 6): axis xyz, power 0 to 5, world frame [m/s^i].
+    `coefficients` is (3, 6): axis xyz, power 0 to 5, world frame [m/s^i]. `forgets_integral` clears what the controller
+    has learned of steady forces: after pushing against an obstacle that is wrong.
     """
 
     start_tick: int
@@ -34,6 +35,7 @@ class Trajectory:
     duration_s: float
     end_world_m: Vec3
     end_velocity_world_m_s: Vec3 = (0.0, 0.0, 0.0)
+    forgets_integral: bool = False
 
     def state_at(self, tick: int, tick_ns: int) -> NDArray[np.float64]:
         """Return the reference at the end of a tick as (3, 3): rows position [m], velocity [m/s], acceleration."""
@@ -49,11 +51,17 @@ class Trajectory:
         return seconds_from_ticks(tick - self.start_tick, tick_ns) >= self.duration_s
 
 
-def stay_at(position_world_m: Vec3, start_tick: int) -> Trajectory:
+def stay_at(position_world_m: Vec3, start_tick: int, *, forgets_integral: bool = False) -> Trajectory:
     """Return the trajectory that rests at a point, world frame [m]."""
     coefficients = np.zeros((3, 6))
     coefficients[:, 0] = position_world_m
-    return Trajectory(start_tick=start_tick, coefficients=coefficients, duration_s=0.0, end_world_m=position_world_m)
+    return Trajectory(
+        start_tick=start_tick,
+        coefficients=coefficients,
+        duration_s=0.0,
+        end_world_m=position_world_m,
+        forgets_integral=forgets_integral,
+    )
 
 
 def fly_to(start: NDArray[np.float64], end_world_m: Vec3, limits: Limits, start_tick: int) -> Trajectory:

@@ -129,6 +129,10 @@ def test_a_waypoint_behind_a_wall_of_boxes_is_given_up(make_pilot):
     assert "was still" in body.rejected_command
     assert body.position_world_m[0] < 5.0
     assert body.phase == "holding"
+    pilot.step(agent_0={"kind": "hold", "hold_s": 5.0})
+    pilot.run_until_asked()
+    assert math.hypot(*pilot.body().velocity_world_m_s) < 0.05
+    assert all(m.bodies[0].contacts == () for m in pilot.log[-20:])
 
 
 # ---------------------------------------------------------------- every tick
