@@ -16,7 +16,7 @@ from gslcosim._kernel_cache import PACKAGE_DIR, cache_root
 from gslcosim.environment.model import Cell, WindFrames
 from gslcosim.environment.room import Room, build_room, with_wind
 from gslcosim.environment.store import FORMAT, environment_folder, load_environment, save_environment
-from gslcosim.errors import EnvironmentDataError, ScenarioError
+from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models import LayoutSpec, Scenario, WindSpec
 
 Progress = Callable[[str, float], None]
@@ -48,17 +48,14 @@ def prepare_environment(
         progress: Is told what is being done and how much of it is over, from 0 to 1; only when there is work.
 
     Raises:
-        ScenarioError: neither or both of layout and path are given, or the room is impossible.
+        ScenarioError: the room is impossible.
         EnvironmentDataError: `environment.path` is not the folder of a whole environment.
         FlowError: the wind cannot be solved.
     """
     spec = scenario.environment
-    if (spec.layout is None) == (spec.path is None):
-        found = "neither" if spec.layout is None else "both"
-        raise ScenarioError(f"environment: expected either layout or path, was {found}.")
     if spec.path is not None:
         return _checked_folder(environment_folder(spec.path, scenario_dir))
-    assert spec.layout is not None, "just checked"
+    assert spec.layout is not None, "an EnvironmentSpec has either"
     folder = (cache_dir or cache_root() / "environments") / recipe_hash(spec.layout, scenario.wind)
     if not _is_usable(folder):
         _generate(spec.layout, scenario.wind, folder, progress or _ignore)

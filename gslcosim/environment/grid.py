@@ -33,11 +33,11 @@ class Grid:
 
     def centres_m(self) -> NDArray[np.float64]:
         """Return the (nx, ny, nz, 3) cell centres, world frame [m]."""
-        axes = [
-            o + (np.arange(n, dtype=np.float64) + 0.5) * self.cell_m
-            for o, n in zip(self.origin_m, self.shape, strict=True)
-        ]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        return np.stack(np.meshgrid(*(self.axis_centres_m(axis) for axis in range(3)), indexing="ij"), axis=-1)
+
+    def axis_centres_m(self, axis: int) -> NDArray[np.float64]:
+        """Return the (n,) coordinates of the cell centres on one axis (0, 1, 2 is x, y, z), world frame [m]."""
+        return self.origin_m[axis] + (np.arange(self.shape[axis], dtype=np.float64) + 0.5) * self.cell_m
 
 
 def point_text(point_m: Sequence[float]) -> str:

@@ -110,26 +110,41 @@ def _problems_of_size(size_m: Vec3, cell_m: float) -> list[Problem]:
             )
         ]
     return [
-        problem
+        _problem_of_length(size_m, axis, cell_m)
         for axis, length_m in enumerate(size_m)
-        if (problem := _problem_of_length(length_m, cell_m, f"{LAYOUT_PATH}.size_m[{axis}]"))
+        if not _is_whole(length_m / cell_m)
     ]
 
 
-# A room of another size than the scenario says would surprise more than this error does: the walls a vehicle
-# touches, the air that flows and the figures of a report would not agree.
-def _problem_of_length(length_m: float, cell_m: float, path: str) -> Problem | None:
-    n = length_m / cell_m
-    if round(n) >= 1 and abs(n - round(n)) < 1e-6:
-        return None
+# Not rounded in silence: a room of another size than the scenario says would surprise more than this error does.
+def _problem_of_length(size_m: Vec3, axis: int, cell_m: float) -> Problem:
+    n = size_m[axis] / cell_m
     below = max(1, math.floor(n))
+    finer_m = _common_divisor_m(size_m, cell_m)
     return Problem(
-        path=path,
+        path=f"{LAYOUT_PATH}.size_m[{axis}]",
         expected=f"a whole number of the {cell_m:g} m cells of wind.cell_m",
-        found=f"{length_m:g} m, which is {n:.4g} cells",
-        remedy=f"Nearest: {below * cell_m:g} m or {(below + 1) * cell_m:g} m; "
-        f"or wind.cell_m {length_m / max(1, round(n)):.6g}.",
+        found=f"{size_m[axis]:g} m, which is {n:.4g} cells",
+        remedy=f"Nearest: {below * cell_m:g} m or {(below + 1) * cell_m:g} m"
+        + (f"; or wind.cell_m {finer_m:g}." if finer_m else "."),
     )
+
+
+def _is_whole(n: float) -> bool:
+    return round(n) >= 1 and abs(n - round(n)) < 1e-6
+
+
+# The largest whole number of millimetres, at most the cell that was asked for, that divides all sides of a room;
+# nothing when it would be so small that the room gets more than about sixty times the cells.
+def _common_divisor_m(size_m: Vec3, cell_m: float) -> float | None:
+    divisor_mm = math.gcd(*(round(length_m * 1000) for length_m in size_m))
+    if any(abs(length_m * 1000 - round(length_m * 1000)) > 1e-6 for length_m in size_m):
+        return None
+    for n in range(1, divisor_mm + 1):
+        finer_m = divisor_mm / n / 1000
+        if divisor_mm % n == 0 and finer_m <= cell_m:
+            return finer_m if finer_m >= cell_m / 4 else None
+    return None
 
 
 def _problems_of_obstacles(layout: LayoutSpec) -> list[Problem]:
@@ -154,15 +169,7 @@ def _problems_of_obstacles(layout: LayoutSpec) -> list[Problem]:
 def _problems_of_extent(spec: BoxSpec, size_m: Vec3, path: str) -> list[Problem]:
     problems: list[Problem] = []
     for axis, (low_m, high_m, length_m) in enumerate(zip(spec.min_m, spec.max_m, size_m, strict=True)):
-        if low_m >= high_m:
-            problems.append(
-                Problem(
-                    path=f"{path}.max_m[{axis}]",
-                    expected=f"{'xyz'[axis]} of max_m above that of min_m ({low_m:g} m)",
-                    found=f"{high_m:g} m",
-                )
-            )
-        elif low_m < 0.0 or high_m > length_m + 1e-9:
+        if low_m < 0.0 or high_m > length_m + 1e-9:
             problems.append(
                 Problem(
                     path=path,

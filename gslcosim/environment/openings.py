@@ -83,15 +83,7 @@ def problems_of_opening(opening: OpeningSpec, grid: Grid, path: str) -> list[Pro
     for axis in (axis for axis in range(3) if axis != face.axis):
         low_m, high_m = opening.min_m[axis], opening.max_m[axis]
         room_low_m, room_high_m = grid.origin_m[axis], grid.max_m[axis]
-        if low_m >= high_m:
-            problems.append(
-                Problem(
-                    path=f"{path}.max_m[{axis}]",
-                    expected=f"{_AXES[axis]} of max_m above that of min_m ({low_m:g} m)",
-                    found=f"{high_m:g} m",
-                )
-            )
-        elif low_m < room_low_m - _ON_FACE_M or high_m > room_high_m + _ON_FACE_M:
+        if low_m < room_low_m - _ON_FACE_M or high_m > room_high_m + _ON_FACE_M:
             problems.append(
                 Problem(
                     path=path,

@@ -1,6 +1,6 @@
 """Places in a scenario against the room: sources in air, vehicles where they can stand and rise."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -25,15 +25,13 @@ def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) 
     """Return what is wrong with the room of a scenario and with the places in it, without solving any wind.
 
     Args:
-        scenario: The scenario; one with neither or both of layout and path is passed over, that is said elsewhere.
+        scenario: Its environment, sources and vehicles; its wind gives the room's cells.
         scenario_dir: What a relative `environment.path` is relative to; the working directory if absent.
 
     Returns:
         All problems of the room; if it has none, all problems of the places; empty when all is well.
     """
     spec = scenario.environment
-    if (spec.layout is None) == (spec.path is None):
-        return []
     if spec.layout is not None:
         problems = problems_of_room(spec.layout, scenario.wind)
         return problems or problems_of_places_in(scenario, build_room(spec.layout, scenario.wind))
@@ -69,7 +67,12 @@ def problems_of_places_in(scenario: Scenario, room: Room | Environment) -> list[
 
 def nearest_free_point_m(position_m: Vec3, room: Room | Environment) -> Vec3 | None:
     """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
-    return _nearest(position_m, _air_centres_m(room))
+    for centres_m, reach_m in _growing_surroundings(position_m, room):
+        distances_m = np.linalg.norm(centres_m - np.asarray(position_m), axis=1)
+        # Only cells within the reach are surely nearer than those outside the surroundings.
+        if len(distances_m) and distances_m.min() <= reach_m:
+            return _as_vec3(centres_m[int(np.argmin(distances_m))])
+    return None
 
 
 def _problem_of_point(position_m: Vec3, room: Room | Environment, path: str) -> Problem | None:
@@ -160,21 +163,44 @@ def _boxes_in_the_way(starts_m: NDArray[np.float64], vehicle: VehicleSpec, room:
     return hits
 
 
-# Whole layers of cells can be far away in vain, so candidates are taken in growing batches, nearest first.
 def _nearest_start_m(vehicle: VehicleSpec, room: Room | Environment) -> Vec3 | None:
-    candidates_m = _air_centres_m(room)
-    # At the height that was asked for, where there is air at it.
-    layer = int(room.grid.cell_of(np.asarray(vehicle.start_m))[2])
-    if 0 <= layer < room.grid.shape[2]:
-        is_in_layer = np.abs(candidates_m[:, 2] - room.grid.axis_centres_m(2)[layer]) < 1e-6
-        candidates_m = candidates_m[is_in_layer]
-        candidates_m[:, 2] = vehicle.start_m[2]
-    order = np.argsort(_squared_distances_m2(vehicle.start_m, candidates_m), kind="stable")
-    for batch in np.array_split(order, max(1, len(order) // 2000)):
-        for i, hits in zip(batch, _boxes_in_the_way(candidates_m[batch], vehicle, room), strict=True):
-            if not hits:
-                return _as_vec3(candidates_m[i])
+    start_m = np.asarray(vehicle.start_m)
+    for candidates_m, reach_m in _growing_surroundings(vehicle.start_m, room, is_level=True):
+        # At the height that was asked for, where it is a height in the room.
+        if room.grid.origin_m[2] <= start_m[2] < room.grid.max_m[2]:
+            candidates_m[:, 2] = start_m[2]
+        distances_m = np.linalg.norm(candidates_m - start_m, axis=1)
+        hits = _boxes_in_the_way(candidates_m, vehicle, room)
+        free = [i for i in np.argsort(distances_m, kind="stable") if not hits[i] and distances_m[i] <= reach_m]
+        if free:
+            return _as_vec3(candidates_m[free[0]])
     return None
+
+
+# Yields the centres of the air cells around a point, (n, 3) [m], and the distance [m] within which none is missing;
+# the surroundings grow until they are the whole room. `is_level` keeps them to the layer of cells at the point.
+def _growing_surroundings(
+    position_m: Vec3, room: Room | Environment, *, is_level: bool = False
+) -> Iterator[tuple[NDArray[np.float64], float]]:
+    grid, point = room.grid, np.asarray(position_m)
+    cell = np.clip(grid.cell_of(point), 0, np.asarray(grid.shape) - 1)
+    outside_m = np.linalg.norm(point - np.clip(point, grid.origin_m, grid.max_m))
+    reach, is_all = 4, False
+    while not is_all:
+        reaches = np.array([reach, reach, 0 if is_level else reach])
+        low, high = np.maximum(cell - reaches, 0), np.minimum(cell + reaches + 1, grid.shape)
+        is_all = (grid.shape[0], grid.shape[1]) == (high[0] - low[0], high[1] - low[1]) and (
+            is_level or high[2] - low[2] == grid.shape[2]
+        )
+        reach_m = np.inf if is_all else float(np.hypot(outside_m, reach * grid.cell_m))
+        yield _air_centres_m(room, low, high), reach_m
+        reach *= 4
+
+
+def _air_centres_m(room: Room | Environment, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
+    window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+    indices = np.argwhere(room.occupancy[window] != Cell.SOLID) + low
+    return np.asarray(room.grid.origin_m, dtype=np.float64) + (indices + 0.5) * room.grid.cell_m
 
 
 def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
@@ -196,20 +222,6 @@ def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
     return problems
 
 
-def _air_centres_m(room: Room | Environment) -> NDArray[np.float64]:
-    return room.grid.centres_m()[room.occupancy != Cell.SOLID]
-
-
-def _nearest(position_m: Vec3, points_m: NDArray[np.float64]) -> Vec3 | None:
-    if not len(points_m):
-        return None
-    return _as_vec3(points_m[int(np.argmin(_squared_distances_m2(position_m, points_m)))])
-
-
 def _as_vec3(point_m: NDArray[np.float64]) -> Vec3:
     x_m, y_m, z_m = (round(float(coordinate_m), 6) for coordinate_m in point_m)
     return x_m, y_m, z_m
-
-
-def _squared_distances_m2(position_m: Vec3, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    return ((points_m - np.asarray(position_m)) ** 2).sum(axis=1)
