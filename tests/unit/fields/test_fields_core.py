@@ -1,0 +1,205 @@
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import BodyPoses, BodyState
+from gslcosim.contract.participant import Episode
+from gslcosim.environment.wind_kernels import trilinear_wind
+from gslcosim.errors import GslCosimError, ModelError, ScenarioError
+from gslcosim.fields.concentration import Walls, mixing_ratio_ppm_at
+from gslcosim.fields.core import FieldsCore, slice_height_m
+from gslcosim.scenario.models import Scenario
+
+YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+
+
+@pytest.fixture
+def room(make_room):
+    """The shared test room with a slight cross wind."""
+    return make_room(wind_m_s=((0.3, 0.1, 0.0),))
+
+
+@pytest.fixture
+def scenario_with():
+    """Build a scenario of one vehicle with a nose ahead of it, an anemometer above it and a second nose."""
+
+    def build(*, search_heights_m=(2.0,), recording=None, **gas):
+        sensors = [
+            {"model": "tgs2600", "name": "nose", "mount_m": (0.4, 0.0, 0.0)},
+            {"model": "anemometer", "name": "wind", "mount_m": (0.0, 0.0, 0.1)},
+            {"model": "tgs2600", "name": "twin", "mount_m": (0.4, 0.0, 0.0)},
+        ]
+        return Scenario.model_validate(
+            {
+                "schema": "gslcosim/scenario/1",
+                "name": "test",
+                "seed": 3,
+                "environment": {"layout": {}},
+                "gas": {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": 20.0, **gas},
+                "recording": recording or {},
+                "agents": [
+                    {
+                        "name": f"agent_{i}",
+                        "start": {"python": "x"},
+                        "vehicle": {"start_m": (1, 1, 0.2), "search_height_m": height_m},
+                        "sensors": sensors,
+                    }
+                    for i, height_m in enumerate(search_heights_m)
+                ],
+            }
+        )
+
+    return build
+
+
+def bodies(tick, position_m=(6.0, 5.3, 2.0), quaternion=(1.0, 0.0, 0.0, 0.0), agents=("agent_0",)):
+    return {
+        keys.BODIES: BodyPoses(
+            tick=tick,
+            bodies=tuple(
+                BodyState(
+                    agent=agent,
+                    position_world_m=position_m,
+                    quaternion_wxyz=quaternion,
+                    velocity_world_m_s=(0.0, 0.0, 0.0),
+                    angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+                    phase="flying",
+                    awaiting_command=False,
+                    path_length_m=0.0,
+                )
+                for agent in agents
+            ),
+        )
+    }
+
+
+def run(core, n_ticks, seed=3):
+    core.reset(Episode(seed=seed))
+    return [core.step(tick, bodies(tick)) for tick in range(n_ticks)]
+
+
+def test_writes_samples_every_tick_and_clouds_at_their_period(scenario_with, room):
+    core = FieldsCore(scenario_with(recording={"gas_every_s": 0.5}), room)
+    outboxes = run(core, 12)
+    assert all(keys.SAMPLES in outbox for outbox in outboxes)
+    assert [tick for tick, outbox in enumerate(outboxes) if keys.FILAMENTS in outbox] == [0, 5, 10]
+    assert {write.port for write in core.spec.writes} == {keys.SAMPLES, keys.FILAMENTS}
+
+
+def test_the_plume_has_its_age_at_tick_0_and_grows_older_by_a_tick_each(scenario_with, room):
+    core = FieldsCore(scenario_with(), room)
+    core.reset(Episode(seed=3))
+    ages_s = []
+    for tick in range(3):
+        core.step(tick, bodies(tick))
+        ages_s.append(core.plume.time_s)
+    assert ages_s == pytest.approx([20.0, 20.1, 20.2])
+
+
+def test_samples_are_the_fields_at_each_turned_mount(scenario_with, room):
+    core = FieldsCore(scenario_with(), room)
+    core.reset(Episode(seed=3))
+    samples = core.step(0, bodies(0, quaternion=YAW_90))[keys.SAMPLES].samples
+    nose_m = np.array([[6.0, 5.3 + 0.4, 2.0]])
+    expected = mixing_ratio_ppm_at(nose_m, core.plume.filaments, walls=Walls.of(room))[0, 0]
+    assert [(s.agent, s.sensor) for s in samples] == [("agent_0", n) for n in ("nose", "wind", "twin")]
+    assert samples[0].gases[0].gas == "ethanol"
+    assert samples[0].gases[0].mixing_ratio_ppm == pytest.approx(expected, rel=1e-6)
+    assert expected > 0.1
+    assert samples[2].gases == samples[0].gases
+    wind = trilinear_wind(room.wind.velocity_m_s[0], room.grid.origin_m, room.grid.cell_m, 6.0, 5.3, 2.1)
+    assert samples[1].wind_world_m_s == pytest.approx(wind)
+
+
+def test_wind_samples_follow_the_frame_of_the_plumes_time(scenario_with, make_room):
+    room = make_room(wind_m_s=((0.1, 0.0, 0.0), (0.2, 0.0, 0.0)), period_s=0.3)
+    core = FieldsCore(scenario_with(warm_up_s=0.5), room)
+    winds = [outbox[keys.SAMPLES].samples[0].wind_world_m_s[0] for outbox in run(core, 5)]
+    assert winds == pytest.approx([0.2, 0.1, 0.1, 0.1, 0.2])
+
+
+def test_a_gas_step_of_several_ticks_rests_between_them(scenario_with, room):
+    core = FieldsCore(scenario_with(step_s=0.2), room)
+    core.reset(Episode(seed=3))
+    steps = []
+    for tick in range(5):
+        core.step(tick, bodies(tick))
+        steps.append(core.plume.step)
+    assert steps == [100, 100, 101, 101, 102]
+
+
+def test_clouds_tell_place_size_and_gas_of_every_filament(scenario_with, room):
+    core = FieldsCore(scenario_with(), room)
+    cloud = run(core, 1)[0][keys.FILAMENTS]
+    assert cloud.gases == ("ethanol",)
+    assert cloud.position_world_m.shape == (core.plume.n, 3)
+    np.testing.assert_allclose(cloud.position_world_m.to_array(), core.plume.filaments.position_world_m, rtol=1e-6)
+    np.testing.assert_allclose(cloud.sigma_m.to_array(), core.plume.filaments.sigma_m, rtol=1e-6)
+    assert cloud.gas_index.to_array().tolist() == [0] * core.plume.n
+
+
+def test_slices_are_the_field_at_cell_centres_of_the_search_height(scenario_with, room):
+    core = FieldsCore(scenario_with(search_heights_m=(2.3,), recording={"slice_cell_m": 0.4}), room)
+    core.reset(Episode(seed=3))
+    found = core.step(0, bodies(0))[keys.FILAMENTS].slices[0]
+    ppm = found.mixing_ratio_ppm.to_array()
+    assert ppm.shape == (38, 25)
+    i, j = np.unravel_index(ppm.argmax(), ppm.shape)
+    centre = np.array([[0.4 * (i + 0.5), 0.4 * (j + 0.5), 2.3]])
+    assert ppm[i, j] == pytest.approx(mixing_ratio_ppm_at(centre, core.plume.filaments)[0, 0], rel=1e-6)
+    assert (found.origin_m, found.cell_m, found.height_m) == ((0.0, 0.0), 0.4, 2.3)
+
+
+def test_the_slice_is_at_the_sources_height_when_agents_disagree(scenario_with):
+    assert slice_height_m(scenario_with(search_heights_m=(3.0, 3.0))) == 3.0
+    assert slice_height_m(scenario_with(search_heights_m=(1.0, 3.0))) == 2.0
+
+
+def test_equal_seeds_give_equal_messages_and_another_seed_others(scenario_with, room):
+    def encoded(seed):
+        core = FieldsCore(scenario_with(), room)
+        return [codec.encode(m) for outbox in run(core, 12, seed) for _, m in sorted(outbox.items())]
+
+    assert encoded(3) == encoded(3)
+    assert encoded(3) != encoded(4)
+
+
+def test_a_second_reset_repeats_the_first(scenario_with, room):
+    core = FieldsCore(scenario_with(), room)
+    assert run(core, 5) == run(core, 5)
+
+
+def test_ends_of_the_room_are_sampled_without_harm(scenario_with, room):
+    core = FieldsCore(scenario_with(), room)
+    core.reset(Episode(seed=3))
+    for tick, place in enumerate([(0.0, 0.0, 0.0), (15.0, 10.0, 6.0), (-3.0, 50.0, 2.0)]):
+        assert core.step(tick, bodies(tick, place))[keys.SAMPLES].samples[0].gases[0].mixing_ratio_ppm >= 0.0
+
+
+def test_a_missing_vehicle_is_named(scenario_with, room):
+    core = FieldsCore(scenario_with(), room)
+    core.reset(Episode(seed=3))
+    with pytest.raises(ModelError, match="expected a pose of vehicle 'agent_0' in tick 0, was none"):
+        core.step(0, bodies(0, agents=("stranger",)))
+
+
+def test_wind_that_is_not_finite_stops_the_run(scenario_with, room):
+    core = FieldsCore(scenario_with(warm_up_s=0.0), room)
+    core.reset(Episode(seed=3))
+    room.wind.velocity_m_s[..., 2] = math.nan
+    with pytest.raises(ModelError, match="not finite in tick 0"):
+        core.step(0, bodies(0))
+
+
+def test_an_unknown_gas_is_refused(scenario_with, room):
+    scenario = scenario_with()
+    strange = scenario.model_copy(update={"gas": scenario.gas.model_copy(update={"gas": "xenon"})})
+    with pytest.raises(ScenarioError, match="expected one of ethanol"):
+        FieldsCore(strange, room)
+
+
+def test_a_snapshot_period_that_is_no_whole_number_of_ticks_is_refused(scenario_with, room):
+    with pytest.raises(GslCosimError, match=r"recording\.gas_every_s"):
+        FieldsCore(scenario_with(recording={"gas_every_s": 0.25}), room)
