@@ -17,8 +17,8 @@ from gslcosim.scenario.problems import Problem
 
 # Horizontal reach from the centre of mass and half the height of each vehicle model [m]; the figures are those of
 # gslcosim/world/vehicles (a test holds them equal), which this layer cannot read.
-VEHICLE_RADIUS_M = {"iris": 0.38}
-VEHICLE_HALF_HEIGHT_M = {"iris": 0.055}
+VEHICLE_RADIUS_M = {"iris": 0.38, "crazyflie": 0.07, "holonomic": 0.15}
+VEHICLE_HALF_HEIGHT_M = {"iris": 0.055, "crazyflie": 0.0145, "holonomic": 0.15}
 
 
 def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:

@@ -168,7 +168,7 @@ class StartSpec(Spec):
 class VehicleSpec(Spec):
     """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint."""
 
-    model: Literal["iris"] = "iris"
+    model: Literal["iris", "crazyflie", "holonomic"] = "iris"
     start_m: Vec3
     search_height_m: Positive = 2.0
     hold_s: NonNegative = 2.0

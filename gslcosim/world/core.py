@@ -27,13 +27,15 @@ from gslcosim.world.vehicle import VehicleModel, load_vehicle
 Vec3 = tuple[float, float, float]
 
 PHYSICS_STEP_MS = 4
+# Point robots have no fast dynamics: alone, they take this longer step where it fits the tick.
+POINT_ROBOT_STEP_MS = 20
 
 # A start within this of its support stands on it [m]; a higher one starts hovering in the air.
 _STANDS_WITHIN_M = 0.5
 
 
 class WorldCore:
-    """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz.
+    """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz (50 Hz when there are only point robots).
 
     Reads `command/<agent>` with the agent's latency; writes `truth/bodies` every tick.
     Invariants: every vehicle's state is finite; every waypoint flown to is free and inside the room.
@@ -43,12 +45,13 @@ class WorldCore:
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
         self._tick_ns = scenario.tick_ns
-        self._n_substeps = _substeps_in_tick(scenario.tick_ms)
         self._environment = environment
         self._agents = scenario.agents
         models = [load_vehicle(agent.vehicle.model) for agent in self._agents]
-        self._spaces = [FlightSpace(environment=environment, radius_m=m.parameters.radius_m) for m in models]
-        dt_s = PHYSICS_STEP_MS * 1e-3
+        self._spaces = [FlightSpace(environment=environment, radius_m=m.control.radius_m) for m in models]
+        step_ms = _physics_step_ms(models, scenario.tick_ms)
+        self._n_substeps = scenario.tick_ms // step_ms
+        dt_s = step_ms * 1e-3
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
         self._starts = [
             _resting_place(agent, space, half_height_m)
@@ -217,7 +220,9 @@ class WorldCore:
         self._loop_arguments = (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
 
 
-def _substeps_in_tick(tick_ms: int) -> int:
+def _physics_step_ms(models: Sequence[VehicleModel], tick_ms: int) -> int:
+    if tick_ms % POINT_ROBOT_STEP_MS == 0 and all(model.rotors is None for model in models):
+        return POINT_ROBOT_STEP_MS
     n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)
     if rest_ms or not n_substeps:
         below = max(1, n_substeps) * PHYSICS_STEP_MS
@@ -225,7 +230,7 @@ def _substeps_in_tick(tick_ms: int) -> int:
             f"tick_ms: expected a whole number of {PHYSICS_STEP_MS} ms physics steps, was {tick_ms} ms. "
             f"Nearest: {below} ms or {below + PHYSICS_STEP_MS} ms."
         )
-    return n_substeps
+    return PHYSICS_STEP_MS
 
 
 # Where a vehicle is at tick 0, and whether it hovers there instead of standing.

@@ -44,8 +44,10 @@ def is_sound(qpos, qvel, i_vehicle):
 
 
 @numba.njit(cache=True, nogil=True)
-def drive_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, wind_w):
-    """Advance a rotorcraft's controller and rotors by one sub-step and write the force on its body.
+def drive_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, wind_w):
+    """Advance a vehicle's controller and rotors by one sub-step and write the force on its body.
+
+    A vehicle without rotors gets the force and torque its controller wants, and feels no drag.
 
     Args:
         vehicle: Record of `records.CONSTANTS`.
@@ -63,24 +65,51 @@ def drive_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, win
         tests/analytic/test_world_flight.py
     """
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
-    speeds = state.rotor_speed_rad_s
+    f_x = f_y = f_z = j_x = j_y = j_z = 0.0
     if state.is_armed:
         a_x, j_x = axis_acceleration_inplace(vehicle, state, 0, p[0], v[0], t_s, dt_s)
         a_y, j_y = axis_acceleration_inplace(vehicle, state, 1, p[1], v[1], t_s, dt_s)
         a_z, j_z = axis_acceleration_inplace(vehicle, state, 2, p[2], v[2], t_s, dt_s)
         f_x, f_y, f_z = limited_specific_force(vehicle, a_x, a_y, a_z)
-        thrust, t_x, t_y, t_z = attitude_wrench(vehicle, R, v[3], v[4], v[5], f_x, f_y, f_z, j_x, j_y, j_z)
+    if vehicle.has_rotors:
+        thrust = t_x = t_y = t_z = 0.0
+        if state.is_armed:
+            thrust, t_x, t_y, t_z = attitude_wrench(vehicle, R, v[3], v[4], v[5], f_x, f_y, f_z, j_x, j_y, j_z)
+        speeds = state.rotor_speed_rad_s
         for i in range(4):
             command = rotor_speed_command(vehicle, i, thrust, t_x, t_y, t_z)
             speeds[i] = lagged_rotor_speed(vehicle, speeds[i], command)
-    else:
-        for i in range(4):
-            speeds[i] = lagged_rotor_speed(vehicle, speeds[i], 0.0)
-    lift, t_x, t_y, t_z, total = rotor_wrench(vehicle, speeds)
+        write_rotorcraft_force_inplace(vehicle, speeds, R, force, wind_u - v[0], wind_v - v[1], wind_w - v[2])
+        return
+    up = vehicle.gravity_m_s2
+    _, t_x, t_y, t_z = attitude_wrench(vehicle, R, v[3], v[4], v[5], 0.0, 0.0, up, 0.0, 0.0, 0.0)
+    force[0], force[1], force[2] = vehicle.mass_kg * f_x, vehicle.mass_kg * f_y, vehicle.mass_kg * f_z
+    force[3], force[4], force[5] = t_x, t_y, t_z
+
+
+@numba.njit(cache=True, nogil=True)
+def write_rotorcraft_force_inplace(vehicle, speeds, R, force, u, v, w):
+    """Write what rotors and air do to a rotorcraft.
+
+    F_W = R (lift e3 + D(R' u));  torque in the body frame
+    [N], [N m]
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        speeds: (4,) rotor speeds [rad/s].
+        R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
+        force: (6,) written: force, world frame [N], and torque, body frame [N m].
+        u: Relative wind along world x [m/s].
+        v: Relative wind along world y [m/s].
+        w: Relative wind along world z [m/s].
+
+    Held by:
+        tests/analytic/test_world_flight.py
+    """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = R
-    u, w, s = wind_u - v[0], wind_v - v[1], wind_w - v[2]
+    lift, t_x, t_y, t_z, total = rotor_wrench(vehicle, speeds)
     d_x, d_y, d_z = drag_force(
-        vehicle, total, r00 * u + r10 * w + r20 * s, r01 * u + r11 * w + r21 * s, r02 * u + r12 * w + r22 * s
+        vehicle, total, r00 * u + r10 * v + r20 * w, r01 * u + r11 * v + r21 * w, r02 * u + r12 * v + r22 * w
     )
     d_z += lift
     force[0] = r00 * d_x + r01 * d_y + r02 * d_z
@@ -133,7 +162,7 @@ def fly_substeps_inplace(
             p, v = qpos[7 * k : 7 * k + 7], qvel[6 * k : 6 * k + 6]
             wind_u, wind_v, wind_w = trilinear_wind(wind_velocity_m_s, wind_origin_m, wind_cell_m, p[0], p[1], p[2])
             t_s = (tick - 1 - states[k].start_tick) * tick_s + i_substep * dt_s
-            drive_rotorcraft_inplace(
+            drive_inplace(
                 vehicles[k], states[k], p, v, qfrc_applied[6 * k : 6 * k + 6], t_s, dt_s, wind_u, wind_v, wind_w
             )
         call_step(step_address, model_address, data_address)  # pyright: ignore[reportCallIssue]

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import ModelError
 from gslcosim.world.trajectory import Trajectory
-from gslcosim.world.vehicle import VehicleModel
+from gslcosim.world.vehicle import RotorParameters, VehicleModel
 
 # Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
 CONSTANTS = np.dtype(
     [
+        ("has_rotors", np.int64),  # without, forces act on the body as wanted and the air does not
         ("mass_kg", np.float64),
         ("gravity_m_s2", np.float64),
         ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
@@ -62,34 +63,45 @@ def set_constants(record: Any, vehicle: VehicleModel, model: mujoco.MjModel, pre
         model: The compiled scene.
         prefix: What stands before the names of the vehicle's parts in the scene.
         dt_s: Length of a sub-step [s].
+
+    Raises:
+        ModelError: the rotors cannot carry the vehicle.
     """
-    parameters = vehicle.parameters
+    control = vehicle.control
     body = model.body(f"{prefix}body").id
-    record["mass_kg"] = mass_kg = float(model.body_mass[body])
-    record["gravity_m_s2"] = gravity_m_s2 = -float(model.opt.gravity[2])
+    record["mass_kg"] = model.body_mass[body]
+    record["gravity_m_s2"] = -model.opt.gravity[2]
     record["inertia_kg_m2"] = model.body_inertia[body]
-    record["wrench_from_thrusts"] = wrench_from_thrusts = _wrench_from_thrusts(vehicle, model, prefix)
+    record["position_gain_s2"] = control.position_gain_s2
+    record["velocity_gain_s"] = control.velocity_gain_s
+    record["integral_gain_s3"] = control.integral_gain_s3
+    record["integral_limit_m_s2"] = control.integral_limit_m_s2
+    record["max_tilt_tangent"] = math.tan(control.max_tilt_rad)
+    record["attitude_gain_s2"] = control.attitude_gain_s2
+    record["rate_gain_s"] = control.rate_gain_s
+    if vehicle.rotors is not None:
+        record["has_rotors"] = 1
+        _set_rotors(record, vehicle.name, vehicle.rotors, model, prefix, dt_s)
+
+
+def _set_rotors(
+    record: Any, name: str, rotors: RotorParameters, model: mujoco.MjModel, prefix: str, dt_s: float
+) -> None:
+    record["wrench_from_thrusts"] = wrench_from_thrusts = _wrench_from_thrusts(rotors, model, prefix)
     record["thrusts_from_wrench"] = np.linalg.inv(wrench_from_thrusts)
-    record["thrust_coefficient_n_s2"] = parameters.thrust_coefficient_n_s2
-    record["max_rotor_speed_rad_s"] = parameters.max_rotor_speed_rad_s
-    record["response_up"] = -math.expm1(-dt_s / parameters.time_constant_up_s)
-    record["response_down"] = -math.expm1(-dt_s / parameters.time_constant_down_s)
-    record["rotor_drag_n_s2_m"] = parameters.rotor_drag_n_s2_m
-    record["half_density_drag_area_kg_m"] = 0.5 * parameters.air_density_kg_m3 * np.array(parameters.drag_area_m2)
-    hover_speed_rad_s = math.sqrt(mass_kg * gravity_m_s2 / (4 * parameters.thrust_coefficient_n_s2))
-    if hover_speed_rad_s >= parameters.max_rotor_speed_rad_s:
+    record["thrust_coefficient_n_s2"] = rotors.thrust_coefficient_n_s2
+    record["max_rotor_speed_rad_s"] = rotors.max_rotor_speed_rad_s
+    record["response_up"] = -math.expm1(-dt_s / rotors.time_constant_up_s)
+    record["response_down"] = -math.expm1(-dt_s / rotors.time_constant_down_s)
+    record["rotor_drag_n_s2_m"] = rotors.rotor_drag_n_s2_m
+    record["half_density_drag_area_kg_m"] = 0.5 * rotors.air_density_kg_m3 * np.array(rotors.drag_area_m2)
+    hover_speed_rad_s = hover_rotor_speed_rad_s(record)
+    if hover_speed_rad_s >= rotors.max_rotor_speed_rad_s:
         raise ModelError(
-            f"vehicle {vehicle.name}: expected rotors that can carry it, was {hover_speed_rad_s:.0f} rad/s in hover "
-            f"at a limit of {parameters.max_rotor_speed_rad_s:.0f} rad/s."
+            f"vehicle {name}: expected rotors that can carry it, was {hover_speed_rad_s:.0f} rad/s in hover "
+            f"at a limit of {rotors.max_rotor_speed_rad_s:.0f} rad/s."
         )
-    record["expected_drag_s"] = 4 * hover_speed_rad_s * parameters.rotor_drag_n_s2_m[0] / mass_kg
-    record["position_gain_s2"] = parameters.position_gain_s2
-    record["velocity_gain_s"] = parameters.velocity_gain_s
-    record["integral_gain_s3"] = parameters.integral_gain_s3
-    record["integral_limit_m_s2"] = parameters.integral_limit_m_s2
-    record["max_tilt_tangent"] = math.tan(parameters.max_tilt_rad)
-    record["attitude_gain_s2"] = parameters.attitude_gain_s2
-    record["rate_gain_s"] = parameters.rate_gain_s
+    record["expected_drag_s"] = 4 * hover_speed_rad_s * rotors.rotor_drag_n_s2_m[0] / record["mass_kg"]
 
 
 def set_trajectory(record: Any, trajectory: Trajectory) -> None:
@@ -104,15 +116,20 @@ def set_trajectory(record: Any, trajectory: Trajectory) -> None:
 
 
 def hover_rotor_speed_rad_s(record: Any) -> float:
-    """Return the rotor speed [rad/s] at which four rotors carry the vehicle of a record of `CONSTANTS`."""
+    """Return the rotor speed [rad/s] at which four rotors carry the vehicle of a record of `CONSTANTS`.
+
+    It is 0 for a vehicle without rotors.
+    """
+    if record["thrust_coefficient_n_s2"] == 0.0:
+        return 0.0
     weight_n = record["mass_kg"] * record["gravity_m_s2"]
     return float(np.sqrt(weight_n / (4 * record["thrust_coefficient_n_s2"])))
 
 
 # Rotor i at (x, y) pushes along body z: torque (y, -x, -direction * torque_per_thrust) per unit of thrust.
-def _wrench_from_thrusts(vehicle: VehicleModel, model: mujoco.MjModel, prefix: str) -> NDArray[np.float64]:
+def _wrench_from_thrusts(rotors: RotorParameters, model: mujoco.MjModel, prefix: str) -> NDArray[np.float64]:
     columns = []
-    for i, direction in enumerate(vehicle.parameters.rotor_directions):
+    for i, direction in enumerate(rotors.rotor_directions):
         x_m, y_m, _ = model.site(f"{prefix}rotor_{i}").pos
-        columns.append([1.0, y_m, -x_m, -direction * vehicle.parameters.torque_per_thrust_m])
+        columns.append([1.0, y_m, -x_m, -direction * rotors.torque_per_thrust_m])
     return np.array(columns).T

@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, TypeVar
 
 import mujoco
 import yaml
@@ -12,29 +12,20 @@ import yaml
 from gslcosim.errors import ModelError
 
 Vec3 = tuple[float, float, float]
+Parameters = TypeVar("Parameters", "ControlParameters", "RotorParameters")
 
 VEHICLES_DIR = Path(__file__).parent / "vehicles"
 
 
 @dataclass(frozen=True, kw_only=True)
-class VehicleParameters:
-    """What a vehicle's MJCF does not hold; the meaning and origin of each number stand in `parameters.yaml`.
+class ControlParameters:
+    """Size and gains of a vehicle; meaning and origin of each number stand in `parameters.yaml`.
 
     Gains are per unit of mass and inertia: position [1/s^2], velocity [1/s], integral [1/s^3], attitude [1/s^2] and
     rate [1/s] about the body axes.
     """
 
-    drive: Literal["rotors"]
     radius_m: float
-    rotor_directions: tuple[float, ...]
-    thrust_coefficient_n_s2: float
-    torque_per_thrust_m: float
-    max_rotor_speed_rad_s: float
-    time_constant_up_s: float
-    time_constant_down_s: float
-    rotor_drag_n_s2_m: Vec3
-    drag_area_m2: Vec3
-    air_density_kg_m3: float
     position_gain_s2: float
     velocity_gain_s: float
     integral_gain_s3: float
@@ -45,12 +36,28 @@ class VehicleParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RotorParameters:
+    """Rotors and drag of a vehicle; meaning and origin of each number stand in `parameters.yaml`."""
+
+    rotor_directions: tuple[float, float, float, float]
+    thrust_coefficient_n_s2: float
+    torque_per_thrust_m: float
+    max_rotor_speed_rad_s: float
+    time_constant_up_s: float
+    time_constant_down_s: float
+    rotor_drag_n_s2_m: Vec3
+    drag_area_m2: Vec3
+    air_density_kg_m3: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class VehicleModel:
-    """A vehicle as it stands in its folder."""
+    """A vehicle as it stands in its folder; without rotors it is moved by any force and does not feel the air."""
 
     name: str
     mjcf_path: Path
-    parameters: VehicleParameters
+    control: ControlParameters
+    rotors: RotorParameters | None
 
     def body_spec(self) -> mujoco.MjSpec:
         """Return a fresh MJCF specification with the one body of the vehicle, named `body`."""
@@ -65,17 +72,24 @@ def load_vehicle(name: str) -> VehicleModel:
     """
     folder = VEHICLES_DIR / name
     path = folder / "parameters.yaml"
-    entries: dict[str, Any] = yaml.safe_load(path.read_text())
-    expected = {f.name for f in fields(VehicleParameters)}
-    problems = [f"{key}: expected a parameter, was missing." for key in sorted(expected - entries.keys())]
-    problems += [f"{key}: expected one of {sorted(expected)}." for key in sorted(entries.keys() - expected)]
-    problems += [
-        f"{key}: expected an origin, was missing." for key in sorted(entries) if not entries[key].get("origin")
-    ]
-    if problems:
+    sections: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    problems: list[str] = []
+    control = _parameters(ControlParameters, sections["control"], "control", problems)
+    rotors = _parameters(RotorParameters, sections["rotors"], "rotors", problems) if "rotors" in sections else None
+    if problems or control is None:
         raise ModelError("\n".join([*problems, f"File: {path}"]))
-    values = {key: _frozen(entry["value"]) for key, entry in entries.items()}
-    return VehicleModel(name=name, mjcf_path=folder / f"{name}.xml", parameters=VehicleParameters(**values))
+    return VehicleModel(name=name, mjcf_path=folder / f"{name}.xml", control=control, rotors=rotors)
+
+
+def _parameters(
+    kind: type[Parameters], entries: dict[str, Any], section: str, problems: list[str]
+) -> Parameters | None:
+    expected = {f.name for f in fields(kind)}
+    found = [f"{section}.{key}: expected a parameter, was missing." for key in sorted(expected - entries.keys())]
+    found += [f"{section}.{key}: expected one of {sorted(expected)}." for key in sorted(entries.keys() - expected)]
+    found += [f"{section}.{key}: expected an origin, was missing." for key in entries if not entries[key].get("origin")]
+    problems += found
+    return None if found else kind(**{key: _frozen(entry["value"]) for key, entry in entries.items()})
 
 
 def _frozen(value: Any) -> Any:

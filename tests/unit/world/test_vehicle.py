@@ -1,8 +1,12 @@
+from typing import get_args
+
 import numpy as np
 import pytest
 import yaml
 
+from gslcosim.environment.placement import VEHICLE_HALF_HEIGHT_M, VEHICLE_RADIUS_M
 from gslcosim.errors import ModelError
+from gslcosim.scenario.models import VehicleSpec
 from gslcosim.world import records, vehicle
 from gslcosim.world.scene import build_scene
 from gslcosim.world.vehicle import VEHICLES_DIR, load_vehicle
@@ -13,6 +17,17 @@ MODELS = sorted(path.name for path in VEHICLES_DIR.iterdir())
 @pytest.mark.parametrize("name", MODELS)
 def test_every_vehicle_loads_and_every_parameter_has_an_origin(name):
     assert load_vehicle(name).name == name
+
+
+def test_models_of_the_scenario_are_the_folders():
+    assert sorted(get_args(VehicleSpec.model_fields["model"].annotation)) == MODELS
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_sizes_that_scenarios_are_checked_with_are_the_vehicles(name, make_room):
+    scene = build_scene(make_room(), [("beetle", load_vehicle(name))], 0.004)
+    assert load_vehicle(name).control.radius_m == VEHICLE_RADIUS_M[name]
+    assert scene.half_height_m == pytest.approx((VEHICLE_HALF_HEIGHT_M[name],))
 
 
 def write_model(tmp_path, monkeypatch, change):
@@ -26,18 +41,21 @@ def write_model(tmp_path, monkeypatch, change):
 
 def test_all_problems_of_a_parameter_file_come_in_one_error(tmp_path, monkeypatch):
     def change(entries):
-        del entries["radius_m"]
-        entries["wingspan_m"] = {"value": 1.0, "origin": "none"}
-        del entries["max_tilt_rad"]["origin"]
+        del entries["control"]["radius_m"]
+        entries["rotors"]["wingspan_m"] = {"value": 1.0, "origin": "none"}
+        del entries["control"]["max_tilt_rad"]["origin"]
 
     write_model(tmp_path, monkeypatch, change)
     with pytest.raises(ModelError) as error:
         load_vehicle("iris")
-    assert all(name in str(error.value) for name in ("radius_m", "wingspan_m", "max_tilt_rad: expected an origin"))
+    assert all(
+        name in str(error.value)
+        for name in ("control.radius_m", "rotors.wingspan_m", "max_tilt_rad: expected an origin")
+    )
 
 
 def test_rotors_too_weak_to_hover_are_refused(tmp_path, monkeypatch, make_room):
-    write_model(tmp_path, monkeypatch, lambda entries: entries["max_rotor_speed_rad_s"].update(value=700.0))
+    write_model(tmp_path, monkeypatch, lambda entries: entries["rotors"]["max_rotor_speed_rad_s"].update(value=700.0))
     iris = load_vehicle("iris")
     scene = build_scene(make_room(), [("beetle", iris)], 0.004)
     with pytest.raises(ModelError, match="rotors that can carry it, was 803 rad/s in hover at a limit of 700 rad/s"):

@@ -79,6 +79,34 @@ def test_vehicles_fly_as_if_alone(make_pilot):
     assert pair.body(0).position_world_m == pytest.approx(alone.body().position_world_m, abs=1e-9)
 
 
+def test_point_robots_alone_take_longer_steps(make_scenario, make_room):
+    alone = WorldCore(make_scenario({"model": "holonomic"}), make_room())
+    mixed = WorldCore(make_scenario({"model": "holonomic"}, {}), make_room())
+    odd = WorldCore(make_scenario({"model": "holonomic"}, tick_ms=48), make_room())
+    assert [core.model.opt.timestep for core in (alone, mixed, odd)] == [0.02, 0.004, 0.004]
+
+
+def test_a_point_robot_does_not_feel_the_wind(make_pilot):
+    calm = make_pilot({"model": "holonomic"})
+    windy = make_pilot({"model": "holonomic"}, wind_m_s=((5.0, 1.0, 1.0),))
+    assert calm.run(50) == windy.run(50)
+
+
+def test_a_point_robot_is_stopped_by_obstacles(make_pilot):
+    pilot = make_pilot({"model": "holonomic"}, obstacles=[("rack", (8.0, 0.0, 0.0), (8.5, 10.0, 6.0))])
+    pilot.run_until_asked()
+    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (12.0, 3.0, 2.0)})
+    assert pilot.run_until(lambda body: body.contacts).contacts == ("rack",)
+    assert pilot.run(50).position_world_m[0] < 8.0
+
+
+def test_vehicles_of_several_kinds_fly_in_one_world(make_pilot):
+    pilot = make_pilot({"model": "iris"}, {"model": "crazyflie"}, {"model": "holonomic"})
+    pilot.run(60)
+    for i in range(3):
+        assert pilot.body(i).position_world_m == pytest.approx((3.0 + 2.0 * i, 3.0, 2.0), abs=0.02)
+
+
 def script(core, *, episode_seed=0):
     """Fly a fixed script and return the bytes of every message."""
     core.reset(Episode(seed=episode_seed))
