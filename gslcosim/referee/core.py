@@ -20,7 +20,6 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.paths import shortest_path_m
 from gslcosim.errors import ModelError
 from gslcosim.referee.case import AgentCase, Outcome, Rules
-from gslcosim.referee.metrics import way_to_success_m
 from gslcosim.referee.ports import referee_spec
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
@@ -137,17 +136,15 @@ class RefereeCore:
     def _result(self, case: AgentCase) -> AgentResult:
         return case.result(self._shortest_m[case.name])
 
-    # To the source that is nearest by way, not by air; as far as needed for success when that is by coming near.
+    # To the source that is nearest by way, not by air. A run ends at the success radius, so the way does too: to the
+    # source itself a straight flight would be shorter than the shortest way. A declaration needs no approach at all.
     def _shortest_way_m(self, start_m: Vec3) -> float | None:
-        ways = (
-            shortest_path_m(self._environment, start_m, source_m, clearance_m=CLEARANCE_M)
+        within_m = self._rules.within_m if self._rules.success_of == "source" else 0.0
+        ways_m = (
+            shortest_path_m(self._environment, start_m, source_m, clearance_m=CLEARANCE_M, within_m=within_m)
             for source_m in self._rules.sources_m
         )
-        reachable_m = [way_m for way_m in ways if way_m is not None]
-        if not reachable_m:
-            return None
-        spared_m = self._rules.within_m if self._rules.success_of == "source" else 0.0
-        return way_to_success_m(min(reachable_m), spared_m)
+        return min((way_m for way_m in ways_m if way_m is not None), default=None)
 
 
 def _rules(scenario: Scenario, environment: Environment) -> Rules:

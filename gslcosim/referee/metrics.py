@@ -24,20 +24,6 @@ def nearest(point_world_m: Vec3, places_world_m: Sequence[Vec3]) -> Vec3:
     return min(places_world_m, key=lambda place_m: math.dist(point_world_m, place_m))
 
 
-def way_to_success_m(way_to_source_m: float, success_radius_m: float) -> float:
-    """Return how much of a shortest way must be flown until the vehicle is within the success radius.
-
-    w = max(0, s - r)        s shortest way to the source [m], r success radius [m]
-
-    Exact when the last stretch of the way, of length r, is straight; otherwise a lower bound, because every way
-    into the sphere can be prolonged to its centre by r where nothing is in between.
-
-    Held by:
-        tests/unit/referee/test_metrics.py
-    """
-    return max(0.0, way_to_source_m - success_radius_m)
-
-
 def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> float | None:
     """Return the flown length in excess of the shortest possible, as a fraction of the latter.
 
@@ -54,8 +40,8 @@ def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> fl
         Thesis 7.3, alpha = d / Delta - 1, there with the straight line.
     Deviation:
         The shortest way around obstacles instead of the straight line (the thesis names both), and only as far as
-        needed for success: a run ends at the success radius, so that with the way to the source itself
-        straight flights would have a negative overhead.
+        the success radius, where runs end: with the way to the source itself straight flights would have a negative
+        overhead.
     Held by:
         tests/unit/referee/test_metrics.py
     """

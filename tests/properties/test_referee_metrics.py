@@ -4,7 +4,7 @@ import math
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gslcosim.referee.metrics import directness, movement_overhead, nearest, way_to_success_m
+from gslcosim.referee.metrics import directness, movement_overhead, nearest
 
 points = st.tuples(*[st.floats(-100.0, 100.0)] * 3)
 lengths = st.floats(0.01, 1000.0)
@@ -29,13 +29,6 @@ def test_directness_is_the_mean_cosine_of_the_path_and_within_one(track_m, sourc
 def test_overhead_grows_with_the_path_and_never_shrinks_when_the_shortest_way_does(path_m, more_m, shortest_m):
     assert movement_overhead(path_m + more_m, shortest_m) >= movement_overhead(path_m, shortest_m)
     assert movement_overhead(path_m, shortest_m) >= movement_overhead(path_m, shortest_m + more_m)
-
-
-@given(st.floats(0.0, 100.0), st.floats(0.0, 10.0))
-def test_the_way_to_success_is_at_most_the_way_and_reaches_the_source_with_the_radius(way_m, radius_m):
-    spared_m = way_to_success_m(way_m, radius_m)
-    assert 0.0 <= spared_m <= way_m
-    assert spared_m + radius_m >= way_m - 1e-9
 
 
 @given(points, st.lists(points, min_size=1, max_size=6))

@@ -306,6 +306,34 @@ def test_the_figures_of_a_straight_flight():
     assert result.declared_error_m is None
 
 
+@pytest.mark.parametrize(("success_of", "shortest_m"), [("source", 5.0), ("declaration", 6.0)])
+def test_the_shortest_way_ends_at_the_success_radius_or_at_the_source_where_nothing_is_approached(
+    success_of, shortest_m
+):
+    court = Court(scenario(success={"within_m": 1.0, "of": success_of}, stop={"time_limit_s": 0.1}))
+    court.step(body(position_m=(8.0, 1.0, 2.0))).step()
+    assert court.verdict.agents[0].shortest_path_m == pytest.approx(shortest_m)
+
+
+def test_the_shortest_way_leads_around_obstacles_and_to_the_source_that_is_nearest_by_way():
+    # A wall across the room at x = 5 m, with a gap at the far end; the second source is on this side of it.
+    walled = room()
+    walled.occupancy[10, :10, :] = 1
+    core = RefereeCore(scenario(sources=(SOURCE,), stop={"time_limit_s": 0.1}), walled)
+    both = RefereeCore(scenario(sources=(SOURCE, (8.0, 4.9, 2.0)), stop={"time_limit_s": 0.1}), walled)
+    around_m, near_m = (shortest_of(referee) for referee in (core, both))
+    assert around_m > 2 * math.hypot(3.0, 4.0) - 1.5
+    assert near_m == pytest.approx(2.9)
+
+
+def shortest_of(core: RefereeCore) -> float:
+    core.reset(Episode(seed=1))
+    for tick in range(2):
+        bodies = BodyPoses(tick=tick, bodies=(body(position_m=(8.0, 1.0, 2.0)),))
+        outbox = core.step(tick, {keys.BODIES: bodies, keys.SAMPLES: FieldSamples(tick=tick, samples=())})
+    return outbox[keys.VERDICT].agents[0].shortest_path_m
+
+
 def test_overhead_is_absent_without_success():
     court = Court(scenario(stop={"time_limit_s": 0.1})).step().step(body(position_m=(5.0, 1.0, 2.0), path_length_m=9.0))
     result = court.verdict.agents[0]

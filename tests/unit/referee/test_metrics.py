@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gslcosim.referee.metrics import directness, distance_m, movement_overhead, nearest, way_to_success_m
+from gslcosim.referee.metrics import directness, distance_m, movement_overhead, nearest
 
 START, SOURCE = (0.0, 0.0, 0.0), (3.0, 4.0, 12.0)  # 13 m apart
 
@@ -13,11 +13,6 @@ def test_distance_is_euclidean_in_three_dimensions():
 
 def test_nearest_takes_the_first_of_equals():
     assert nearest((0.0, 0.0, 0.0), [(2.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]) == (0.0, 1.0, 0.0)
-
-
-def test_the_way_to_success_ends_at_the_radius_and_is_never_negative():
-    assert way_to_success_m(13.0, 1.0) == 12.0
-    assert way_to_success_m(0.5, 1.0) == 0.0
 
 
 def test_the_best_flight_has_no_overhead_and_double_the_way_has_one():
