@@ -15,6 +15,14 @@ EXAMPLES = """  gslcosim list
 
 Row = dict[str, str]
 
+# What a scenario names but no table describes.
+DESCRIPTIONS = {
+    "crazyflie": "Crazyflie 2.x nano quadrotor of 28 g, for swarms and narrow places.",
+    "holonomic": "Point robot that moves any way it wants and does not feel the air, for large studies.",
+    "iris": "Iris-class quadrotor of 1.5 kg with a geometric controller and minimum-jerk trajectories.",
+    "warehouse_empty": "A closed room of any size with an inlet and an outlet in opposite walls, and boxes if wanted.",
+}
+
 
 def _scenarios() -> list[Row]:
     from gslcosim.scenario.bundled import bundled_scenarios
@@ -46,7 +54,7 @@ def _sensors() -> list[Row]:
 def _vehicles() -> list[Row]:
     from gslcosim.scenario.models import VehicleSpec
 
-    return [{"name": str(name)} for name in typing.get_args(VehicleSpec.model_fields["model"].annotation)]
+    return [_described(name) for name in typing.get_args(VehicleSpec.model_fields["model"].annotation)]
 
 
 def _gases() -> list[Row]:
@@ -58,7 +66,7 @@ def _gases() -> list[Row]:
 def _layouts() -> list[Row]:
     from gslcosim.scenario.models import LayoutSpec
 
-    return [{"name": str(name)} for name in typing.get_args(LayoutSpec.model_fields["kind"].annotation)]
+    return [_described(name) for name in typing.get_args(LayoutSpec.model_fields["kind"].annotation)]
 
 
 KINDS: dict[str, Callable[[], list[Row]]] = {
@@ -90,6 +98,10 @@ def _run(arguments: argparse.Namespace) -> int:
         headings = [heading for heading in rows[0] if heading != "file"] if rows else ["name"]
         write(table([h.replace("_", " ") for h in headings], [[row[h] for h in headings] for row in rows]))
     return 0
+
+
+def _described(name: str) -> Row:
+    return {"name": name, "description": DESCRIPTIONS.get(name, "")}
 
 
 def _first_comment(path: Path) -> str:

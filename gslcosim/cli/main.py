@@ -38,7 +38,7 @@ def main(words: Sequence[str] | None = None) -> int:
             parser.print_help(sys.stderr)
             return EXIT_USAGE
         arguments = parse(parser, COMMANDS, words)
-        exit_code = int(arguments.run(arguments))
+        exit_code = int(arguments.call(arguments))
         sys.stdout.flush()
         return exit_code
     except KeyboardInterrupt:

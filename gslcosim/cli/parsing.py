@@ -55,7 +55,7 @@ def build_parser(commands: Sequence[Command], *, version: str) -> Parser:
             allow_abbrev=False,
         )
         command.add_arguments(one)
-        one.set_defaults(run=command.run)
+        one.set_defaults(call=command.run)
     return parser
 
 

@@ -1,8 +1,15 @@
 """Rules between distant parts of a scenario."""
 
+from typing import get_args
+
 import pytest
 
+from gslcosim import world
+from gslcosim.fields.gases import GASES
+from gslcosim.scenario import cross_checks
 from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.models import Gas, SensorModel
+from gslcosim.sensing import SENSOR_MODELS
 
 
 @pytest.mark.parametrize(
@@ -88,3 +95,13 @@ def test_values_of_a_wrong_kind_are_left_to_the_models(told):
     assert [line.partition(": expected")[0] for line in lines] == [
         "hall.yaml:3: tick_ms", "hall.yaml:4: recording.gas_every_s", "hall.yaml:10: agents", "hall.yaml:11: x"
     ] or lines[0].endswith("problems")  # fmt: skip
+
+
+def test_the_physics_step_is_that_of_the_world():
+    assert cross_checks.PHYSICS_STEP_MS == world.PHYSICS_STEP_MS
+
+
+def test_the_gases_and_sensors_are_those_that_the_cores_have():
+    """Scenario is the lower layer and may not ask them, so it keeps the names itself."""
+    assert get_args(Gas) == tuple(GASES)
+    assert set(get_args(SensorModel)) == set(SENSOR_MODELS)

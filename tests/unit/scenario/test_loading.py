@@ -1,22 +1,10 @@
 """Loading a scenario: where it comes from, and all of its problems at once."""
 
-from pathlib import Path
-
 import pytest
 
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.loading import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError, Problem
-
-HERE = Path(__file__).parent
-
-
-def test_a_file_with_ten_faults_is_told_in_one_error():
-    """The golden text: every line names file, line, place, expected, found and remedy."""
-    with pytest.raises(ScenarioError) as refusal:
-        load_scenario(HERE / "ten_faults.yaml")
-    told = str(refusal.value).replace(str(HERE / "ten_faults.yaml"), "ten_faults.yaml")
-    assert told.splitlines() == (HERE / "ten_faults.txt").read_text().splitlines()
 
 
 def test_a_loaded_scenario_says_where_it_came_from(scenario_file, tmp_path):

@@ -1,0 +1,62 @@
+"""What is shown while a flight goes on."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from gslcosim.cli.flight_report import LiveLine, agents_table, status_text, watched_flight
+from gslcosim.runtime.status import FlightStatus
+
+
+def drawn(line):
+    """Return the live line as a terminal of 120 columns shows it."""
+    console = Console(file=io.StringIO(), width=120, force_terminal=False)
+    console.print(line.render())
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("status", "text"),
+    [
+        (FlightStatus(state="starting"), "starting"),
+        (FlightStatus(state="preparing", text="Solving the wind", fraction=0.2), "preparing, Solving the wind"),
+        (FlightStatus(state="flying", sim_time_s=84.26, real_time_factor=211.7), "flying, 84.3 s simulated, 212 x "
+         "real time"),
+    ],
+)  # fmt: skip
+def test_a_status_is_said_in_words(status, text):
+    assert status_text(status) == text
+
+
+def test_the_live_line_shows_the_last_report():
+    line = LiveLine("hall, seed 7")
+    assert "hall, seed 7" in drawn(line)
+    line(FlightStatus(state="starting"))
+    line(FlightStatus(state="flying", sim_time_s=3.0, real_time_factor=150.0))
+    assert "hall, seed 7 flying, 3.0 s simulated, 150 x real time" in drawn(line)
+
+
+def test_the_live_line_has_a_bar_while_the_share_is_known():
+    line = LiveLine("hall")
+    line(FlightStatus(state="preparing", text="Solving the wind", fraction=0.25))
+    assert "━" in drawn(line)
+    assert " 25 %" in drawn(line)
+    line(FlightStatus(state="flying", sim_time_s=3.0))
+    assert "━" not in drawn(line)
+
+
+def test_a_terminal_gets_the_live_line_and_keeps_nothing_of_it(monkeypatch):
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr("sys.stderr", terminal)
+    with watched_flight("hall", is_quiet=False) as report:
+        assert isinstance(report, LiveLine)
+        report(FlightStatus(state="starting"))
+
+
+def test_figures_that_have_no_meaning_are_dashes():
+    agent = dict.fromkeys(("time_to_source_s", "steps", "path_length_m", "movement_overhead", "final_distance_m"), None)
+    row = agents_table([{**agent, "name": "moth", "outcome": "time_limit"}]).splitlines()[1]
+    assert row.split("   ")[0] == "moth"
+    assert row.count("-") == 5

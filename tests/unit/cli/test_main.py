@@ -1,0 +1,158 @@
+"""The entry point: commands, options, exit codes, and what is imported when."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gslcosim import __version__, errors
+from gslcosim.cli.main import COMMANDS, exit_code_of, main
+from gslcosim.cli.parsing import build_parser, choices_of, parse
+
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "docs" / "commands.md"
+NAMES = [command.name for command in COMMANDS]
+
+
+def options_of(name):
+    """Return the long options of a command with their help."""
+    actions = choices_of(build_parser(COMMANDS, version="0"))[name]._actions
+    return {text: action.help for action in actions for text in action.option_strings if text.startswith("--")}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["upp"], "gslcosim: expected one of the commands up, validate, list, view, compare, doctor, was 'upp'. "
+         "Did you mean up?"),
+        (["vladiate", "x"], "gslcosim: expected one of the commands up, validate, list, view, compare, doctor, was "
+         "'vladiate'. Did you mean validate?"),
+        (["fly"], "gslcosim: expected one of the commands up, validate, list, view, compare, doctor, was 'fly'."),
+        (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --help, --in-process, --join-dir, "
+         "--json, "
+         "--listen, --no-services, --quiet, --runs-dir, --seed, --set, was '--sed'. Did you mean --seed?"),
+        (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),
+        (["up"], "gslcosim up: the following arguments are required: SCENARIO. See gslcosim up --help."),
+        (["up", "x", "--seed", "-1"], "gslcosim up: argument --seed: expected a whole number of at least 0, was '-1'. "
+         "See gslcosim up --help."),
+        (["up", "x", "--seed", "one"], "gslcosim up: argument --seed: expected a whole number of at least 0, was "
+         "'one'. "
+         "See gslcosim up --help."),
+        (["view", "--window-size", "big"], "gslcosim view: argument --window-size: expected width x height in pixels "
+         "like 1600x1000, was 'big'. See gslcosim view --help."),
+    ],
+)  # fmt: skip
+def test_a_wrong_call_returns_2_and_says_what_was_meant(capsys, words, told):
+    assert main(words) == 2
+    output = capsys.readouterr()
+    assert output.err == f"{told}\n"
+    assert output.out == ""
+
+
+def test_an_unknown_kind_names_those_that_there_are(capsys):
+    assert main(["list", "robots"]) == 2
+    error = capsys.readouterr().err
+    assert all(kind in error for kind in ("agents", "gases", "layouts", "scenarios", "sensors", "vehicles"))
+
+
+def test_without_words_the_help_is_shown(capsys):
+    assert main([]) == 2
+    assert "commands:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in NAMES)])
+def test_help_has_examples(capsys, words):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert "examples:\n  gslcosim " in text
+
+
+def test_the_version_is_printed(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"gslcosim {__version__}\n"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_option_has_help_and_is_documented(name):
+    section = PAGE.read_text().partition(f"## gslcosim {name}")[2].partition("\n## ")[0]
+    assert section
+    for option, help_text in options_of(name).items():
+        assert help_text, option
+        assert option == "--help" or f"`{option}" in section, f"{option} of {name} is missing in {PAGE.name}"
+
+
+def test_no_option_is_documented_that_there_is_not():
+    for name in NAMES:
+        section = PAGE.read_text().partition(f"## gslcosim {name}")[2].partition("\n## ")[0]
+        assert set(re.findall(r"^\| `(--[a-z-]+)", section, re.MULTILINE)) <= set(options_of(name))
+
+
+def example_lines():
+    lines = [line for command in COMMANDS for line in command.examples.splitlines()]
+    lines += [line for line in PAGE.read_text().splitlines() if line.startswith("gslcosim ")]
+    return [re.split(r" \||  +the | > ", line.strip())[0] for line in lines]
+
+
+@pytest.mark.parametrize("line", example_lines())
+def test_every_example_is_a_call_that_can_be_parsed(line):
+    program, *words = shlex.split(line)
+    assert program == "gslcosim"
+    assert parse(build_parser(COMMANDS, version="0"), COMMANDS, words).command in NAMES
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.ScenarioError, 2), (errors.UsageError, 2), (errors.EnvironmentDataError, 2), (errors.FlowError, 2),
+        (errors.SimulationFault, 3), (errors.ModelError, 3), (errors.GslCosimError, 3), (errors.RunTimeoutError, 4),
+    ],
+)  # fmt: skip
+def test_an_error_has_the_exit_code_of_who_must_act(error, code):
+    assert exit_code_of(error("told")) == code
+
+
+def test_an_error_is_told_without_a_traceback(capsys, tmp_path):
+    assert main(["validate", str(tmp_path / "none.yaml")]) == 2
+    assert capsys.readouterr().err == f"{tmp_path}/none.yaml: expected a scenario file, found none.\n"
+
+
+def test_an_interruption_returns_130(capsys, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gslcosim.scenario.load_scenario", interrupt)
+    assert main(["validate", "tiny_room"]) == 130
+    assert capsys.readouterr().err == "Interrupted.\n"
+
+
+def test_a_reader_that_has_gone_is_no_error():
+    code = "import sys; from gslcosim.cli.main import main; sys.exit(main(['list', 'gases']))"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+        assert process.wait() == 0
+
+
+def test_help_imports_nothing_heavy():
+    heavy = {
+        "numpy",
+        "numba",
+        "pydantic",
+        "yaml",
+        "rich",
+        "zenoh",
+        "mujoco",
+        "rerun",
+        "gslcosim.scenario",
+        "gslcosim.runtime",
+    }
+    code = f"import sys, gslcosim.cli.main; sys.exit(', '.join({heavy!r} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr.strip() == ""

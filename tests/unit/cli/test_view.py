@@ -1,0 +1,50 @@
+"""`gslcosim view`"""
+
+import sys
+from types import ModuleType
+
+import pytest
+
+from gslcosim.cli.main import main
+
+
+@pytest.fixture
+def viewer(monkeypatch):
+    """The viewer replaced by one that keeps what it is asked for."""
+    module = ModuleType("gslcosim.recording.viewer")
+    asked = []
+    module.open_viewer = lambda path: asked.append(("open", path))
+    module.screenshot = lambda path, png, *, window_size: asked.append(("screenshot", path, png, window_size))
+    monkeypatch.setitem(sys.modules, "gslcosim.recording.viewer", module)
+    return asked
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """The recording of one run."""
+    path = tmp_path / "runs" / "hall-1" / "recording.rrd"
+    path.parent.mkdir(parents=True)
+    path.touch()
+    return path
+
+
+def test_the_newest_run_is_opened(viewer, recording):
+    assert main(["view", "--runs-dir", str(recording.parents[1])]) == 0
+    assert viewer == [("open", recording)]
+
+
+def test_a_run_or_a_recording_is_opened(viewer, recording):
+    assert main(["view", str(recording.parent)]) == main(["view", str(recording)]) == 0
+    assert viewer == [("open", recording)] * 2
+
+
+def test_a_picture_is_written_in_the_wanted_size(viewer, recording, tmp_path, capsys):
+    picture = tmp_path / "run.png"
+    assert main(["view", str(recording), "--screenshot", str(picture), "--window-size", "800x600"]) == 0
+    assert viewer == [("screenshot", recording, picture, (800, 600))]
+    assert capsys.readouterr().out == f"{picture}\n"
+
+
+def test_without_a_run_there_is_a_remedy(viewer, tmp_path, capsys):
+    assert main(["view", "--runs-dir", str(tmp_path)]) == 2
+    assert "Fly one: gslcosim up warehouse_empty" in capsys.readouterr().err
