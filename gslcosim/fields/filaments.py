@@ -205,7 +205,8 @@ class FilamentPlume:
         self._reserve(self._n + n_new)
         new = slice(self._n, self._n + n_new)
         self._position_m[new] = source.position_world_m
-        self._birth_steps[new] = births_s / self._step_s
+        # The quotient may round to just after the step's end; an age below zero has no square root.
+        self._birth_steps[new] = np.minimum(births_s / self._step_s, self._step)
         first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
         self._filament_id[new] = np.arange(first_id, first_id + n_new)
         self._source_index[new] = i_source

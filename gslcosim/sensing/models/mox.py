@@ -112,7 +112,8 @@ class MoxSensor:
     A tick of length dt takes y to y + (1 - exp(-dt / tau)) (target - y).
 
     State: y = Rs/R0, clean air at first. The first reading (tick 0) is that of clean air. The sample is the true
-    mixing ratio. The reading is R0 y [ohm]; `is_saturated` when y is at its least value of 0.01.
+    mixing ratio. The reading is R0 y [ohm]; `is_saturated` when y is at its least value of 0.01
+    (to a thousandth of it, since it only ever comes close).
 
     Source:
         First-order response with figures as in GADEN (see `steady_ratio`).
@@ -143,7 +144,7 @@ class MoxSensor:
             quantity=QUANTITY,
             unit=UNIT,
             values=(self._parameters.r0_ohm * self._ratio,),
-            is_saturated=self._ratio <= LEAST_RATIO,
+            is_saturated=self._ratio <= 1.001 * LEAST_RATIO,
         )
 
 

@@ -123,3 +123,11 @@ def test_wind_of_another_shape_is_refused(make_plume, air):
     environment.wind.__dict__["velocity_m_s"] = np.zeros((1, 3, 3, 3, 3), np.float32)
     with pytest.raises(ModelError, match=r"expected wind frames of shape \(t, 20, 16, 12, 3\)"):
         make_plume(environment)
+
+
+def test_a_birth_at_the_end_of_a_step_has_no_negative_age(make_plume, make_source):
+    """The time of birth over this step's length rounds up to more than the number of steps."""
+    step_s = 0.3617837949641972
+    plume = make_plume(sources=(make_source(rate=40.0 / step_s),), step_s=step_s, diffusivity_m2_s=0.5)
+    plume.advance(3)
+    assert plume.filaments.sigma_m[-1] == pytest.approx(0.1)

@@ -15,7 +15,8 @@ def test_steps_together_give_the_births_of_the_whole_time(rate, n_steps, step_s)
 
 
 def test_rate_times_time_filaments_are_born():
-    assert [ConstantRelease(filaments_per_s=10.0).n_born_by(t) for t in (0.0, 0.05, 0.1, 0.3, 150.0)] == [0, 0, 1, 3, 1500]
+    release = ConstantRelease(filaments_per_s=10.0)
+    assert [release.n_born_by(t) for t in (0.0, 0.05, 0.1, 0.3, 150.0)] == [0, 0, 1, 3, 1500]
 
 
 def test_births_lie_within_the_step_and_are_evenly_spread():

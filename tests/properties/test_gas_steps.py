@@ -1,0 +1,102 @@
+"""The length of a gas step, and how sources are put together, do not change the gas."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.fields.concentration import mixing_ratio_ppm_at
+from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
+from gslcosim.fields.release import ConstantRelease
+
+WIND_M_S = (0.4, -0.1, 0.05)
+
+
+def wide_air():
+    """30 x 20 x 15 m of air in coarse cells with uniform wind: nothing reaches the border."""
+    shape = (30, 20, 15)
+    velocity_m_s = np.empty((1, *shape, 3), np.float32)
+    velocity_m_s[:] = WIND_M_S
+    return Environment(
+        name="wide",
+        grid=Grid(origin_m=(-10.0, -10.0, -7.5), cell_m=1.0, shape=shape),
+        occupancy=np.zeros(shape, np.uint8),
+        wind=WindFrames(velocity_m_s=velocity_m_s),
+        boxes=(),
+        openings=(),
+        content_hash="wide",
+    )
+
+
+def source_at(position_m=(0.0, 0.0, 0.0), rate=10.0, ppm=10.0):
+    return GasSource(
+        position_world_m=position_m,
+        release=ConstantRelease(filaments_per_s=rate),
+        sigma_m=0.1,
+        amount_mol=amount_of_filament_mol(ppm, 0.1),
+    )
+
+
+def plume_after(time_s, *, step_s, sources, seed=1, diffusivity_m2_s=0.01):
+    plume = FilamentPlume(
+        wide_air(), sources, step_s=step_s, growth_m2_s=0.001, diffusivity_m2_s=diffusivity_m2_s, seed=seed
+    )
+    plume.advance(round(time_s / step_s))
+    return plume
+
+
+def moments_about_the_wind(plume, time_s):
+    births_s = np.arange(1, plume.n + 1) / plume.n * time_s
+    age_s = time_s - births_s
+    offset_m = plume.filaments.position_world_m - age_s[:, None] * WIND_M_S
+    is_old = age_s > 0.5
+    return (offset_m[is_old] / np.sqrt(2 * 0.01 * age_s[is_old])[:, None]).ravel()
+
+
+@pytest.mark.parametrize("step_s", [0.5, 0.1, 0.05])
+def test_spread_does_not_depend_on_the_step(step_s):
+    """Offsets from the wind's path over sqrt(2 D age) have variance 1 and mean 0 for any dt."""
+    normalised = moments_about_the_wind(plume_after(4.0, step_s=step_s, sources=(source_at(rate=2000.0),)), 4.0)
+    assert normalised.var() == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(normalised)))
+    assert normalised.mean() == pytest.approx(0.0, abs=4 / np.sqrt(len(normalised)))
+
+
+@settings(deadline=None, max_examples=25)
+@given(rate=st.floats(0.5, 300.0), n_steps=st.integers(1, 40), parts=st.sampled_from([2, 5, 10]))
+def test_without_eddies_any_step_gives_the_same_filaments(rate, n_steps, parts):
+    """In uniform wind the places and sizes are exact, births within a step included."""
+    coarse, fine = (
+        plume_after(0.2 * n_steps, step_s=dt, sources=(source_at(rate=rate),), diffusivity_m2_s=0.0).filaments
+        for dt in (0.2, 0.2 / parts)
+    )
+    np.testing.assert_allclose(coarse.position_world_m, fine.position_world_m, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(coarse.sigma_m, fine.sigma_m, rtol=1e-9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(n=st.integers(2, 4), seed=st.integers(0, 10**6))
+def test_sources_superpose(n, seed):
+    """The gas of several sources is the sum of what each gives alone."""
+    rng = np.random.default_rng(seed)
+    sources = tuple(source_at(tuple(rng.uniform(-2, 2, 3).tolist()), rng.uniform(1, 30)) for _ in range(n))
+    points = rng.uniform(-3, 3, (5, 3))
+    together = mixing_ratio_ppm_at(
+        points, plume_after(5.0, step_s=0.1, sources=sources, diffusivity_m2_s=0.0).filaments
+    )
+    alone = [
+        mixing_ratio_ppm_at(points, plume_after(5.0, step_s=0.1, sources=(s,), diffusivity_m2_s=0.0).filaments)
+        for s in sources
+    ]
+    np.testing.assert_allclose(together, sum(alone), rtol=1e-12)
+    assert (together >= 0).all()
+
+
+@settings(deadline=None, max_examples=25)
+@given(rate=st.floats(0.5, 300.0), n_steps=st.integers(1, 50), step=st.sampled_from([0.01, 0.1, 0.3]))
+def test_gas_is_conserved_while_nothing_leaves(rate, n_steps, step):
+    plume = plume_after(n_steps * step, step_s=step, sources=(source_at(rate=rate),))
+    released_mol = int(rate * n_steps * step + 1e-9) * amount_of_filament_mol(10.0, 0.1)
+    held = plume.filaments
+    assert held.amount_mol[held.source_index].sum() == pytest.approx(released_mol, rel=1e-12)

@@ -1,0 +1,91 @@
+import math
+
+import pytest
+
+from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.sensing.models.mox import LEAST_RATIO, MOX_PARAMETERS, MoxSensor, steady_ratio
+
+STILL = (0.0, 0.0, 0.0)
+
+
+def amounts(**ppm):
+    return tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in ppm.items())
+
+
+def sample(**ppm):
+    return MountSample(agent="a", sensor="nose", gases=amounts(**ppm), wind_world_m_s=STILL)
+
+
+def steady_ohm(model, **ppm):
+    parameters = MOX_PARAMETERS[model]
+    return parameters.r0_ohm * steady_ratio(parameters, amounts(**ppm))
+
+
+@pytest.mark.parametrize(
+    ("model", "air_ohm"),
+    [("tgs2620", 63000), ("tgs2600", 50000), ("tgs2611", 32912), ("tgs2610", 38522), ("tgs2612", 87750)],
+)
+def test_resistance_in_clean_air(model, air_ohm):
+    assert steady_ohm(model) == pytest.approx(air_ohm)
+    assert steady_ohm(model, ethanol=0.0) == pytest.approx(air_ohm)
+
+
+@pytest.mark.parametrize(
+    ("gas", "floors_ppm"),
+    [
+        ("ethanol", (4.574, 0.2986, 122.6, 105.3, 182.9)),
+        ("methane", (36.02, 1.278, 31.15, 29.9, 30.12)),
+        ("hydrogen", (1.316, 0.3385, 72.1, 45.8, math.inf)),
+    ],
+)
+def test_floors_below_which_a_gas_has_no_effect(gas, floors_ppm):
+    for model, floor_ppm in zip(("tgs2620", "tgs2600", "tgs2611", "tgs2610", "tgs2612"), floors_ppm, strict=True):
+        assert MOX_PARAMETERS[model].floor_ppm(gas) == pytest.approx(floor_ppm, rel=5e-4)
+        if math.isfinite(floor_ppm):
+            air = steady_ohm(model)
+            assert steady_ohm(model, **{gas: 0.99 * floor_ppm}) == air > steady_ohm(model, **{gas: 1.01 * floor_ppm})
+
+
+@pytest.mark.parametrize(
+    ("model", "ohms"), [("tgs2600", (33980, 16278.8, 7798.7)), ("tgs2620", (63000, 35995.5, 6930.2))]
+)
+def test_steady_resistance_in_ethanol(model, ohms):
+    for ppm, ohm in zip((1.0, 10.0, 100.0), ohms, strict=True):
+        assert steady_ohm(model, ethanol=ppm) == pytest.approx(ohm, abs=0.05)
+
+
+def test_a_mixture_lowers_the_resistance_by_the_sum_of_its_gases():
+    both = steady_ohm("tgs2620", ethanol=6.0, methane=50.0)
+    parts = [steady_ohm("tgs2620", ethanol=6.0), steady_ohm("tgs2620", methane=50.0)]
+    assert 63000 - both == pytest.approx(sum(63000 - part for part in parts))
+    assert steady_ohm("tgs2600", ethanol=1e3, methane=1e3) == pytest.approx(50000 * LEAST_RATIO)
+
+
+def test_a_gas_without_figures_has_no_effect():
+    assert steady_ohm("tgs2600", neon=1e6) == 50000
+    assert MOX_PARAMETERS["tgs2600"].floor_ppm("neon") == math.inf
+
+
+def test_the_first_reading_is_that_of_clean_air():
+    sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 0.1)
+    reading = sensor.read(sample(ethanol=50.0), STILL)
+    assert (reading.sensor, reading.quantity, reading.unit, reading.values) == ("nose", "resistance", "ohm", (50000.0,))
+
+
+def test_decay_is_slower_than_rise():
+    sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 0.1)
+    sensor.read(sample(), STILL)
+    fall_ohm = 50000.0 - sensor.read(sample(ethanol=10.0), STILL).values[0]
+    for _ in range(1000):
+        low_ohm = sensor.read(sample(ethanol=10.0), STILL).values[0]
+    back_ohm = sensor.read(sample(), STILL).values[0] - low_ohm
+    assert low_ohm == pytest.approx(16278.8, abs=0.1)
+    assert back_ohm / fall_ohm == pytest.approx(math.expm1(-0.1 / 18.75) / math.expm1(-0.1 / 4.8))
+
+
+def test_saturation_is_told():
+    sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 1.0)
+    readings = [sensor.read(sample(ethanol=1e8), STILL) for _ in range(300)]
+    assert not readings[0].is_saturated
+    assert readings[-1].is_saturated
+    assert readings[-1].values[0] == pytest.approx(500.0)

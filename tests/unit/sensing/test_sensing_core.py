@@ -1,0 +1,169 @@
+import math
+
+import pytest
+
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
+from gslcosim.contract.participant import Episode
+from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.scenario.models import Scenario
+from gslcosim.sensing.core import SensingCore, mount_velocity_world_m_s
+
+YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+
+
+def body(agent="beetle", **changes):
+    return BodyState(
+        **{
+            "agent": agent,
+            "position_world_m": (1.0, 2.0, 3.0),
+            "quaternion_wxyz": YAW_90,
+            "velocity_world_m_s": (0.5, 0.0, 0.1),
+            "angular_velocity_body_rad_s": (0.0, 0.0, 0.0),
+            "phase": "holding",
+            "awaiting_command": True,
+            "path_length_m": 7.0,
+            **changes,
+        }
+    )
+
+
+def sample(agent, sensor):
+    return MountSample(
+        agent=agent,
+        sensor=sensor,
+        gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=5.0),),
+        wind_world_m_s=(-1.0, 0.0, 0.0),
+    )
+
+
+def inbox(tick, agents=("beetle", "moth"), sensors=("nose", "wind"), **changes):
+    return {
+        keys.BODIES: BodyPoses(tick=tick, bodies=tuple(body(agent, **changes) for agent in agents)),
+        keys.SAMPLES: FieldSamples(tick=tick, samples=tuple(sample(a, s) for a in agents for s in sensors)),
+    }
+
+
+@pytest.fixture
+def scenario():
+    """Two agents with a nose and an anemometer each."""
+    sensors = [
+        {"model": "tgs2600", "name": "nose", "mount_m": (0.2, 0.0, 0.0)},
+        {"model": "anemometer", "name": "wind", "speed_noise_std_m_s": 0.0, "direction_noise_std_rad": 0.0},
+    ]
+    agents = [
+        {"name": name, "start": {"python": "x"}, "vehicle": {"start_m": (1, 1, 0.2)}, "sensors": sensors}
+        for name in ("beetle", "moth")
+    ]
+    return Scenario.model_validate(
+        {
+            "schema": "gslcosim/scenario/1",
+            "name": "test",
+            "environment": {"layout": {}},
+            "gas": {"sources": [{"position_m": (5.125, 1.375, 2.0)}]},
+            "referee": {"success": {"within_m": 0.75}, "stop": {"time_limit_s": 120}},
+            "agents": agents,
+        }
+    )
+
+
+@pytest.fixture
+def core(scenario, make_room):
+    return SensingCore(scenario, make_room())
+
+
+def test_each_agent_is_briefed_once(core, scenario):
+    briefings = core.reset(Episode(seed=3))
+    assert set(briefings) == {keys.briefing("beetle"), keys.briefing("moth")}
+    briefing = briefings[keys.briefing("beetle")]
+    assert (briefing.tick, briefing.tick_ns, briefing.mode, briefing.latency_ticks) == (0, 100_000_000, "on_request", 1)
+    assert (briefing.bounds.min_m, briefing.bounds.max_m) == ((0.0, 0.0, 0.0), (15.0, 10.0, 6.0))
+    assert [(s.name, s.model, s.quantity, s.unit) for s in briefing.sensors] == [
+        ("nose", "tgs2600", "resistance", "ohm"),
+        ("wind", "anemometer", "apparent_wind", "m/s, rad"),
+    ]
+    assert briefing.sensors[0].mount_body_m == (0.2, 0.0, 0.0)
+    assert {w.port for w in core.spec.writes if w.announced_in == "once"} == set(briefings)
+
+
+def test_the_mission_names_gas_radius_and_time(core):
+    mission = core.reset(Episode(seed=3))[keys.briefing("moth")].mission
+    assert mission == "Find the source of ethanol in the room: come within 0.75 m of it in at most 120 s."
+
+
+def test_a_declaration_task_is_told_as_such(scenario, make_room):
+    referee = scenario.referee.model_copy(
+        update={"success": scenario.referee.success.model_copy(update={"of": "declaration"})}
+    )
+    core = SensingCore(scenario.model_copy(update={"referee": referee}), make_room())
+    assert "declare a position within 0.75 m" in core.reset(Episode(seed=3))[keys.briefing("moth")].mission
+
+
+def test_a_briefing_does_not_tell_where_the_source_is(core):
+    for briefing in core.reset(Episode(seed=3)).values():
+        assert "5.125" not in str(briefing)
+        assert "1.375" not in str(briefing)
+
+
+def test_agents_seeds_differ_from_each_other_and_from_the_runs(core):
+    seeds = [core.reset(Episode(seed=seed))[keys.briefing(a)].seed for seed in (3, 4) for a in ("beetle", "moth")]
+    assert len({*seeds, 3, 4}) == 6
+
+
+def test_an_observation_tells_pose_state_and_readings(core):
+    core.reset(Episode(seed=3))
+    core.step(0, inbox(0))
+    observation = core.step(1, inbox(1, rejected_command="too far"))[keys.observation("moth")]
+    assert (observation.tick, observation.agent, observation.time_s) == (1, "moth", 0.1)
+    assert observation.position_world_m == (1.0, 2.0, 3.0)
+    assert observation.yaw_rad == pytest.approx(math.pi / 2)
+    assert (observation.status, observation.awaiting_command, observation.notice) == ("holding", True, "too far")
+    assert [r.sensor for r in observation.readings] == ["nose", "wind"]
+    assert observation.reading("nose").values[0] < 50000.0
+    assert observation.reading("wind").values == pytest.approx((1.5, 0.0))
+
+
+def test_a_mount_swings_with_the_turning_vehicle():
+    """Turning left at 2 rad/s, a mount 0.5 m ahead of a vehicle that faces +y moves to -x."""
+    turning = body(angular_velocity_body_rad_s=(0.0, 0.0, 2.0))
+    assert mount_velocity_world_m_s(turning, (0.5, 0.0, 0.0)) == pytest.approx((0.5 - 1.0, 0.0, 0.1))
+    assert mount_velocity_world_m_s(turning, (0.0, 0.0, 0.0)) == (0.5, 0.0, 0.1)
+    rolling = body(angular_velocity_body_rad_s=(3.0, 0.0, 0.0), velocity_world_m_s=(0.0, 0.0, 0.0))
+    assert mount_velocity_world_m_s(rolling, (0.0, 0.0, 0.1)) == pytest.approx((0.3, 0.0, 0.0))
+
+
+def test_equal_seeds_give_equal_messages_and_another_seed_others(scenario, make_room):
+    noisy = scenario.model_dump(by_alias=True)
+    noisy["agents"][0]["sensors"][1]["speed_noise_std_m_s"] = 0.1
+
+    def encoded(seed):
+        core = SensingCore(Scenario.model_validate(noisy), make_room())
+        core.reset(Episode(seed=seed))
+        return [codec.encode(m) for tick in range(5) for m in core.step(tick, inbox(tick)).values()]
+
+    assert encoded(3) == encoded(3)
+    assert encoded(3) != encoded(4)
+
+
+def test_reset_switches_the_instruments_on_anew(core):
+    core.reset(Episode(seed=3))
+    first = [core.step(tick, inbox(tick)) for tick in range(5)]
+    core.reset(Episode(seed=3))
+    assert [core.step(tick, inbox(tick)) for tick in range(5)] == first
+
+
+def test_missing_poses_and_samples_are_named(core):
+    core.reset(Episode(seed=3))
+    with pytest.raises(ModelError, match="pose of vehicle 'moth' in tick 0"):
+        core.step(0, inbox(0, agents=("beetle",)))
+    with pytest.raises(ModelError, match=r"sample for beetle\.wind in tick 0"):
+        core.step(0, inbox(0, sensors=("nose",)))
+
+
+def test_unknown_models_are_listed_together(scenario, make_room):
+    strange = [
+        agent.model_copy(update={"sensors": (agent.sensors[0].model_copy(update={"model": "e_nose"}),)})
+        for agent in scenario.agents
+    ]
+    with pytest.raises(ScenarioError, match=r"(?s)agents\[0\]\.sensors\[0\]\.model.*agents\[1\].*was 'e_nose'"):
+        SensingCore(scenario.model_copy(update={"agents": tuple(strange)}), make_room())

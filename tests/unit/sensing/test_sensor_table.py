@@ -1,0 +1,30 @@
+import typing
+
+import pytest
+
+from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.rng import stream
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing import SENSOR_MODELS
+
+
+def test_scenarios_know_the_same_sensors():
+    assert set(typing.get_args(SensorSpec.model_fields["model"].annotation)) == set(SENSOR_MODELS)
+
+
+@pytest.mark.parametrize("name", sorted(SENSOR_MODELS))
+def test_every_model_reads_what_its_row_promises(name):
+    kind = SENSOR_MODELS[name]
+    spec = SensorSpec(model=name, name="s")
+    truth = MountSample(
+        agent="a", sensor="s", gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=5.0),), wind_world_m_s=(1.0, 0.0, 0.0)
+    )
+
+    def readings(seed):
+        sensor = kind.build(spec, 0.1, stream(seed, "test"))
+        return [sensor.read(truth, (0.0, 0.0, 0.0)) for _ in range(3)]
+
+    assert kind.name == name
+    assert kind.description
+    assert {(r.sensor, r.quantity, r.unit) for r in readings(1)} == {("s", kind.quantity, kind.unit)}
+    assert readings(1) == readings(1)
