@@ -266,6 +266,12 @@ class Scenario(Spec):
         """Length of a tick [ns]."""
         return self.tick_ms * 1_000_000
 
+    @property
+    def slice_height_m(self) -> float:
+        """Height of the recorded slice [m]: the agents' search height, or the first source's where they differ."""
+        heights_m = {agent.vehicle.search_height_m for agent in self.agents}
+        return heights_m.pop() if len(heights_m) == 1 else self.gas.sources[0].position_m[2]
+
 
 def _shown(numbers: Vec3) -> str:
     return f"[{', '.join(f'{number:g}' for number in numbers)}]"
