@@ -1,0 +1,103 @@
+"""What the dung beetle answers to a fixed series of observations, for implementations in other languages.
+
+The series is not physical: it visits walls, corners, refusals, rising and falling ohms, and every wind direction.
+"""
+
+import json
+
+import pytest
+
+from gslcosim.agent_kit import Briefing, Observation, Reading
+from gslcosim.contract.messages import Bounds, SensorDescription
+from gslcosim_agents.dung_beetle.agent import DungBeetle
+
+N_OBSERVATIONS = 60
+SEEDS = (1, 2, 2**31 - 1)
+MAX_M = (15.0, 9.0, 8.0)
+
+
+def briefing(seed: int) -> Briefing:
+    return Briefing(
+        tick=0,
+        agent="beetle",
+        contract_version="1.0",
+        mission="",
+        tick_ns=100_000_000,
+        seed=seed,
+        mode="on_request",
+        latency_ticks=1,
+        gas="ethanol",
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=MAX_M),
+        search_height_m=2.0,
+        hold_s=2.0,
+        time_limit_s=300.0,
+        sensors=(
+            SensorDescription(
+                name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.0)
+            ),
+            SensorDescription(
+                name="wind", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
+            ),
+        ),
+    )
+
+
+def series(seed: int):
+    """Yield ohms, upwind direction, position and notice; sevenths and such make last bits matter."""
+    for i in range(N_OBSERVATIONS):
+        k = i + 17 * seed
+        ohm = 50_000.0 if i < 8 else 40_000.0 + 1000.0 * ((k * 7) % 11)
+        upwind_rad = ((k * 29) % 44 - 22) / 7.0
+        position_m = (0.3 + ((k * 13) % 29) / 2.0, 0.2 + ((k * 5) % 17) / 2.0 + 1.0 / 3.0, 2.0 + 0.001 * (k % 3))
+        yield ohm, upwind_rad, position_m, "refused" if k % 9 == 4 else None
+
+
+def observations(seed: int):
+    for tick, (ohm, upwind_rad, position_m, notice) in enumerate(series(seed)):
+        yield Observation(
+            tick=tick,
+            agent="beetle",
+            time_s=tick / 10,
+            position_world_m=position_m,
+            yaw_rad=0.0,
+            velocity_world_m_s=(0.0, 0.0, 0.0),
+            status="holding",
+            awaiting_command=True,
+            readings=(
+                Reading(sensor="nose", quantity="resistance", unit="ohm", values=(ohm,)),
+                Reading(sensor="wind", quantity="apparent_wind", unit="m/s, rad", values=(0.5, upwind_rad)),
+            ),
+            notice=notice,
+        )
+
+
+def answer(seed: int) -> list[dict[str, object]]:
+    beetle = DungBeetle(briefing(seed))
+    return [
+        {
+            "ohm": seen.reading("nose").values[0],
+            "upwind_rad": seen.reading("wind").values[1],
+            "position_m": seen.position_world_m,
+            "notice": seen.notice,
+            "goal_m": beetle.decide(seen).position_world_m,
+        }
+        for seen in observations(seed)
+    ]
+
+
+def test_the_answers_are_the_golden_ones(golden):
+    vectors = [{"seed": seed, "max_m": MAX_M, "steps": answer(seed)} for seed in SEEDS]
+    rows = [json.dumps(vector, separators=(",", ":")).replace('{"ohm"', '\n{"ohm"') for vector in vectors]
+    golden("dung_beetle_commands.json", "[\n" + ",\n".join(rows) + "\n]\n")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_series_seeks_zigzags_both_ways_and_draws(seed):
+    """Otherwise the vectors would not tell a wrong implementation from a right one."""
+    beetle = DungBeetle(briefing(seed))
+    sides = set()
+    for seen in observations(seed):
+        beetle.decide(seen)
+        sides.add(beetle.side)
+    assert sides == {0, 1, -1}
+    assert beetle.random_state != seed
