@@ -1,6 +1,7 @@
 """`gslcosim up`: fly a scenario."""
 
 import argparse
+from pathlib import Path
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import add_runs_dir_option
@@ -30,6 +31,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="do not start the services: they are started elsewhere and join, as in compose.yaml",
     )
+    parser.add_argument(
+        "--join-dir",
+        type=Path,
+        metavar="DIR",
+        help="where processes that are not started here find their join data (default: join in the run directory)",
+    )
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -41,7 +48,9 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.flight import fly
     from gslcosim.runtime.supervisor import Network
 
-    network = Network(listen=tuple(arguments.listen), starts_services=not arguments.no_services)
+    network = Network(
+        listen=tuple(arguments.listen), starts_services=not arguments.no_services, join_dir=arguments.join_dir
+    )
     with watched_flight(
         f"{loaded.name}, seed {loaded.scenario.seed}", is_quiet=arguments.quiet or arguments.json
     ) as report:

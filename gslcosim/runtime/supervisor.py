@@ -2,6 +2,7 @@
 
 import queue
 import shutil
+import socket
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -42,11 +43,20 @@ class Network:
     """How the run's processes reach its router.
 
     By default a private unix socket, and the supervisor starts everything. `listen` adds endpoints for other hosts;
-    with `starts_services` off the services are started by someone else and find their join data in `run_dir/join`.
+    with `starts_services` off the services are started by someone else. Who is not started here finds its join data
+    in `join_dir` (by default `join` in the run directory): `services/<name>.json` or `agents/<name>.json`.
     """
 
     listen: tuple[str, ...] = ()
     starts_services: bool = True
+    join_dir: Path | None = None
+
+    @property
+    def public_endpoint(self) -> str | None:
+        """The endpoint that processes on other hosts use: the first of `listen`, with this host's name for `any`."""
+        if not self.listen:
+            return None
+        return self.listen[0].replace("0.0.0.0", socket.gethostname()).replace("[::]", socket.gethostname())
 
 
 @dataclass
@@ -175,13 +185,13 @@ class Supervisor:
                 command = python_command("-m", f"gslcosim_services.{name}")
                 children.start(name, command, join=join, log=run_dir.log(name))
             else:
-                self._write_join(join)
+                self._write_join("services", join)
         for seat in self._seats.values():
             account = self._accounts[seat.spec.name]
             join = self._join(seat.spec.name, account.user, account.password)
             command = start_command(seat.spec, self._directory)
             if command is None:
-                self._write_join(join)
+                self._write_join("agents", join)
             else:
                 log = run_dir.log(door_name(seat.spec.name))
                 children.start(door_name(seat.spec.name), command, join=join, log=log, cwd=self._directory)
@@ -197,14 +207,15 @@ class Supervisor:
         )
 
     # For a process somebody else starts: the file holds its password, so only the owner may read it.
-    def _write_join(self, join: Join) -> None:
-        folder = self._setup.run_dir.path / "join"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        if self._network.listen:
-            join = join.model_copy(update={"endpoint": self._network.listen[0]})
-        path = folder / f"{join.name}.json"
-        path.touch(mode=0o600)
-        path.write_text(join.model_dump_json(exclude_none=True))
+    def _write_join(self, kind: str, join: Join) -> None:
+        folder = (self._network.join_dir or self._setup.run_dir.path / "join") / kind
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if endpoint := self._network.public_endpoint:
+            join = join.model_copy(update={"endpoint": endpoint})
+        written = folder / f".{join.name}.json"
+        written.touch(mode=0o600)
+        written.write_text(join.model_dump_json(exclude_none=True))
+        written.replace(folder / f"{join.name}.json")
 
     def _await_all_ready(self, bus: ZenohBus, interruption: Interruption) -> None:
         deadline = time.monotonic() + JOIN_LIMIT_S
@@ -212,10 +223,16 @@ class Supervisor:
             if interruption.is_set():
                 return
             if time.monotonic() > deadline:
-                text = f"expected to join within {JOIN_LIMIT_S:g} s, did not. Its log may say why."
-                raise _EndedError(self._fault(lacking[0], text, ExitCode.TIMEOUT))
+                self._give_up_on(bus, lacking)
             self._tell(f"waiting for {', '.join(lacking)}", "starting")
             self._handle_next(bus)
+
+    def _give_up_on(self, bus: ZenohBus, lacking: list[str]) -> None:
+        text = f"expected to join within {JOIN_LIMIT_S:g} s, did not."
+        for name in lacking:
+            if name not in self._seats:
+                raise _EndedError(self._fault(name, text, ExitCode.TIMEOUT))
+            self._lose(bus, self._seats[name], text)
 
     def _not_ready(self) -> list[str]:
         services = [name for name in self._services if name not in self._described]

@@ -1,0 +1,123 @@
+"""Starting real flights from tests: the installed command, real processes, real Zenoh."""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
+AGENTS = Path(__file__).parent / "agents"
+COMMAND = [sys.executable, "-m", "gslcosim"]
+LIMIT_S = 110
+
+
+@dataclass
+class Ended:
+    """A finished flight: exit code, result and what was said on standard error."""
+
+    exit_code: int
+    result: dict
+    run_dir: Path | None
+    errors: str
+
+
+@dataclass
+class Flight:
+    """A flight going on in a process of its own."""
+
+    process: subprocess.Popen
+    runs_dir: Path
+    arguments: list[str] = field(default_factory=list)
+
+    def child(self, name: str, limit_s: float = 60) -> int:
+        """Wait until a participant's process exists and return its number."""
+        deadline = time.monotonic() + limit_s
+        while time.monotonic() < deadline:
+            for pid in children_of(self.process.pid):
+                if name in command_of(pid):
+                    return pid
+            wait_a_moment()
+        raise AssertionError(f"no process {name!r} within {limit_s} s")
+
+    def wait_until_flying(self, limit_s: float = 60) -> None:
+        """Wait until the first command has passed an agent's door."""
+        deadline = time.monotonic() + limit_s
+        while time.monotonic() < deadline:
+            if any(self.runs_dir.glob("*/inputs.log")):
+                return
+            assert self.process.poll() is None, self.process.communicate()
+            wait_a_moment()
+        raise AssertionError(f"no command within {limit_s} s")
+
+    def end(self, limit_s: float = LIMIT_S) -> Ended:
+        """Wait for the end; nothing the flight has started may be left."""
+        started = children_of(self.process.pid)
+        output, errors = self.process.communicate(timeout=limit_s)
+        left = [command_of(pid) for pid in started if is_running(pid)]
+        assert not left, f"left over: {left}"
+        run_dirs = sorted(self.runs_dir.glob("*/"))
+        run_dir = run_dirs[-1] if run_dirs else None
+        result = json.loads(output) if output.strip().startswith("{") else {}
+        if not result and run_dir is not None and (run_dir / "result.json").exists():
+            result = json.loads((run_dir / "result.json").read_text())
+        return Ended(self.process.returncode, result, run_dir, errors)
+
+
+def start(scenario, runs_dir, *arguments, prefix=()) -> Flight:
+    """Start `gslcosim up` with its output captured."""
+    call = [*prefix, *COMMAND, "up", str(scenario), "--json", "--runs-dir", str(runs_dir), *arguments]
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    return Flight(process, runs_dir, list(arguments))
+
+
+def fly(scenario, runs_dir, *arguments, prefix=()) -> Ended:
+    """Fly to the end."""
+    return start(scenario, runs_dir, *arguments, prefix=prefix).end()
+
+
+def with_agent(agent: str) -> tuple[str, ...]:
+    """Return the override that starts one of the test agents instead of the scenario's."""
+    path = AGENTS / f"{agent}.py"
+    return "--set", f"agents[0].start={{command: [{sys.executable}, {path}]}}"
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the numbers of all descendants of a process."""
+    parents: dict[int, list[int]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            fields = stat.read_text().rsplit(")", 1)[1].split()
+            parents.setdefault(int(fields[1]), []).append(int(stat.parent.name))
+    found, todo = [], [pid]
+    while todo:
+        children = parents.get(todo.pop(), [])
+        found += children
+        todo += children
+    return found
+
+
+def command_of(pid: int) -> str:
+    """Return a process's command line, empty when it is gone."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process exists and is not a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def wait_a_moment() -> None:
+    """Give way while waiting on a condition."""
+    os.sched_yield()
+    time.sleep(0.005)

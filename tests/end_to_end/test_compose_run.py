@@ -1,0 +1,67 @@
+"""The commands of compose.yaml, run as processes of this machine: all but the containers themselves."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BIN = Path(sys.executable).parent
+# Quick to start, and without what the recorder needs most time for.
+QUICK = ["--set=wind.solver=uniform", "--set=gas.warm_up_s=1", "--set=referee.stop.time_limit_s=20", "--json"]
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+@pytest.fixture
+def services() -> dict:
+    """The services as the compose tool understands them."""
+    tool = shutil.which("docker-compose", path=f"{BIN}{os.pathsep}{os.environ['PATH']}")
+    if tool is None:
+        pytest.skip("no compose tool here: the dev extra brings one for Linux on x86_64")
+    command = [tool, "--file", str(ROOT / "compose.yaml"), "config", "--format", "json"]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)["services"]
+
+
+@pytest.mark.end_to_end
+def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
+    """Volumes become folders, the supervisor's host becomes this one; a service may start before its join file is there."""
+    replaced = {
+        "/join": f"{tmp_path}/join",
+        "/runs": f"{tmp_path}/runs",
+        "supervisor:7447": f"127.0.0.1:{free_port()}",
+    }
+
+    def here(text: str) -> str:
+        for old, new in replaced.items():
+            text = text.replace(old, new)
+        return text
+
+    def start(name: str) -> subprocess.Popen[str]:
+        program, *arguments = services[name]["command"]
+        variables = {key: here(value) for key, value in (services[name].get("environment") or {}).items()}
+        command = [str(BIN / program), *map(here, arguments), *(QUICK if name == "supervisor" else [])]
+        return subprocess.Popen(
+            command, env=os.environ | variables, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+
+    processes = {name: start(name) for name in sorted(services, key=lambda name: name == "supervisor")}
+    try:
+        output = processes["supervisor"].communicate(timeout=100)[0]
+        codes = {name: process.wait(timeout=20) for name, process in processes.items()}
+    finally:
+        for process in processes.values():
+            process.kill()
+            process.communicate()
+    assert set(codes.values()) == {0}, f"{codes}\n{output}"
+    result = json.loads(output[output.index("{") :])
+    assert (result["valid"], result["end_reason"], result["sim_time_s"]) == (True, "time_limit", 20.0)

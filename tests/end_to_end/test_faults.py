@@ -1,0 +1,129 @@
+"""Whatever fails is named, the exit code says whose fault it was, and nothing is left running."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from flights import TINY_ROOM, fly, is_running, start, with_agent
+
+# A run long enough to be interrupted: the vehicle only ever holds.
+LONG = ("--set", "referee.stop.time_limit_s=3000", "--set", "agents[0].vehicle.hold_s=0.5")
+
+
+def long_flight(tmp_path):
+    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent("silent_after_one"))
+    flight.wait_until_flying()
+    return flight
+
+
+@pytest.mark.parametrize("name", ["world", "fields", "sensing", "referee", "recorder"])
+def test_a_killed_service_ends_the_run_by_name(tmp_path, name):
+    """Within three seconds, with exit code 3, and the recording can still be read."""
+    flight = long_flight(tmp_path)
+    os.kill(flight.child(f"gslcosim_services.{name}"), signal.SIGKILL)
+    killed_at = time.monotonic()
+    ended = flight.end()
+    assert time.monotonic() - killed_at < 3 + 3  # the second three are for writing and repairing the recording
+    assert ended.exit_code == 3
+    assert ended.result["valid"] is False
+    assert ended.result["faults"][0]["participant"] == name
+    assert "SIGKILL" in ended.result["faults"][0]["text"]
+    assert_recording_is_whole(ended.run_dir)
+
+
+def test_a_hanging_service_is_noticed_by_its_silence(tmp_path):
+    """A stopped process keeps its link; its liveliness token goes."""
+    flight = long_flight(tmp_path)
+    os.kill(flight.child("gslcosim_services.fields"), signal.SIGSTOP)
+    ended = flight.end()
+    assert ended.exit_code == 3
+    assert ended.result["faults"][0]["participant"] == "fields"
+    assert "contact was lost" in ended.result["faults"][0]["text"]
+
+
+def test_a_killed_agent_is_a_result_of_a_valid_run(tmp_path):
+    """The verdict says agent_failed, and the fault tells how the process ended."""
+    flight = long_flight(tmp_path)
+    os.kill(flight.child("silent_after_one.py"), signal.SIGKILL)
+    ended = flight.end()
+    assert ended.exit_code == 1
+    assert ended.result["valid"] is True
+    assert ended.result["end_reason"] == "agent_failed"
+    assert "SIGKILL" in ended.result["faults"][0]["text"]
+
+
+def test_ctrl_c_stops_cleanly(tmp_path):
+    """Exit code 130, a result that says so, a recording that can be read."""
+    flight = long_flight(tmp_path)
+    flight.process.send_signal(signal.SIGINT)
+    ended = flight.end()
+    assert ended.exit_code == 130
+    assert ended.result["end_reason"] == "interrupted"
+    assert ended.result["valid"] is False
+    assert_recording_is_whole(ended.run_dir)
+
+
+def test_a_killed_supervisor_takes_everything_with_it(tmp_path):
+    """Even when it cannot clean up, no participant goes on."""
+    flight = long_flight(tmp_path)
+    pids = [flight.child(name) for name in ("gslcosim_services.world", "silent_after_one.py")]
+    flight.process.kill()
+    flight.process.communicate()
+    deadline = time.monotonic() + 10
+    while any(is_running(pid) for pid in pids) and time.monotonic() < deadline:
+        os.sched_yield()
+    assert not any(is_running(pid) for pid in pids)
+
+
+@pytest.mark.parametrize(
+    ("agent", "expected"),
+    [
+        ("garbage", "expected a msgpack map"),
+        ("not_a_number", "position_world_m.0"),
+        ("huge", "expected at most 1048576 bytes, was 50000000"),
+        ("flooding", "expected no command now"),
+    ],
+)
+def test_a_wrong_agent_is_answered_and_the_run_goes_on(tmp_path, agent, expected):
+    """The vehicle holds, the fault says what was expected, and the referee ends the run as always."""
+    ended = fly(TINY_ROOM, tmp_path, *with_agent(agent), "--set", "referee.stop.time_limit_s=12")
+    assert ended.result["valid"] is True, ended.errors
+    assert ended.result["end_reason"] == "time_limit"
+    assert expected in ended.result["faults"][0]["text"]
+    assert ended.exit_code == 1
+
+
+@pytest.mark.parametrize(("agent", "expected"), [("silent", "did not answer within 1 s"), ("crashing", "lost my way")])
+def test_an_agent_that_is_no_use_fails_the_task(tmp_path, agent, expected):
+    """Silence and a crash are results: agent_failed, with the reason."""
+    ended = fly(TINY_ROOM, tmp_path, *with_agent(agent), "--set", "agents[0].answer_within_s=1")
+    assert ended.result["valid"] is True, ended.errors
+    assert ended.result["end_reason"] == "agent_failed"
+    assert expected in ended.result["faults"][0]["text"]
+
+
+def test_an_agent_that_cannot_start_fails_the_task(tmp_path):
+    """A program that ends at once is not waited for."""
+    change = ("--set", f"agents[0].start={{command: [{sys.executable}, -c, 'raise SystemExit(7)']}}")
+    ended = fly(TINY_ROOM, tmp_path, *change)
+    assert ended.result["end_reason"] == "agent_failed", ended.errors
+    assert "exit code 7" in ended.result["faults"][0]["text"]
+
+
+def test_an_agent_reaches_nothing_but_its_own_keys(tmp_path):
+    """Listening to everything and writing everywhere shows it nothing and changes nothing."""
+    spied = fly(TINY_ROOM, tmp_path / "spied", *with_agent("spying"), "--set", "referee.stop.time_limit_s=8")
+    assert spied.result["valid"] is True, spied.errors
+    assert spied.result["end_reason"] == "time_limit"
+    log = next((spied.run_dir / "logs").glob("agent_*.log")).read_text()
+    assert "foreign: []" in log
+    assert "own only: True" in log
+
+
+def assert_recording_is_whole(run_dir):
+    call = [sys.executable, "-m", "rerun", "rrd", "verify", str(run_dir / "recording.rrd")]
+    verified = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert verified.returncode == 0, verified.stderr

@@ -1,0 +1,50 @@
+"""One scenario and seed have one digest: in many processes, on one loaded core, in one process."""
+
+import subprocess
+import sys
+
+import pytest
+from flights import TINY_ROOM, fly
+
+
+def digest_of(ended):
+    assert ended.result["valid"], ended.errors
+    return ended.result["digest"]
+
+
+@pytest.fixture
+def busy_process():
+    """Keep core 0 busy, as a second program would."""
+    process = subprocess.Popen(["taskset", "-c", "0", sys.executable, "-c", "while True: pass"])
+    yield
+    process.kill()
+    process.wait()
+
+
+def test_the_digest_does_not_depend_on_how_a_run_is_executed(tmp_path, busy_process):
+    """Processes, a loaded single core, and one process agree; another seed does not."""
+    multi = fly(TINY_ROOM, tmp_path / "multi")
+    pinned = fly(TINY_ROOM, tmp_path / "pinned", prefix=("taskset", "-c", "0"))
+    single = fly(TINY_ROOM, tmp_path / "single", "--in-process")
+    other = fly(TINY_ROOM, tmp_path / "other", "--seed", "8")
+    assert digest_of(multi) == digest_of(pinned) == digest_of(single)
+    assert digest_of(other) != digest_of(multi)
+    assert (multi.result["agents"], multi.result["ticks"]) == (single.result["agents"], single.result["ticks"])
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "{latency: 3}"])
+def test_parity_holds_in_every_mode(tmp_path, mode):
+    """Agents that are asked every tick give the same digest in one process and in many."""
+    change = ("--set", f"agents[0].mode={mode}", "--set", "referee.stop.time_limit_s=8")
+    multi = fly(TINY_ROOM, tmp_path / "multi", *change)
+    single = fly(TINY_ROOM, tmp_path / "single", *change, "--in-process")
+    assert digest_of(multi) == digest_of(single)
+
+
+def test_runs_at_the_same_time_never_meet(tmp_path):
+    """Two runs on one machine have their own routers and the same digests as alone."""
+    from flights import start
+
+    flights = [start(TINY_ROOM, tmp_path / str(i)) for i in range(2)]
+    first, second = (digest_of(flight.end()) for flight in flights)
+    assert first == second
