@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 Report = Callable[["FlightStatus"], None]
 
 REFRESH_HZ = 10
-BAR_WIDTH = 32
+BAR_WIDTH = 24
+STATUS_COLUMN = 2
 
 _ENDINGS = {
     "success": "The source was found",
@@ -75,34 +76,35 @@ class LiveLine:
 
         status = self._status
         line = Table.grid(padding=(0, 1))
-        cells: list[Any] = [self._spinner, self._title]
-        if status is not None:
-            cells.append(status_text(status))
-            if status.fraction is not None:
-                cells.append(ProgressBar(total=1.0, completed=status.fraction, width=BAR_WIDTH))
-                cells.append(f"{100 * status.fraction:3.0f} %")
+        cells: list[Any] = [self._spinner, self._title, status_text(status) if status else ""]
+        if status is not None and status.fraction is not None:
+            cells += [ProgressBar(total=1.0, completed=status.fraction, width=BAR_WIDTH)]
+            cells += [f"{100 * status.fraction:3.0f} %"]
+        for i in range(len(cells)):
+            line.add_column(no_wrap=True, overflow="ellipsis" if i == STATUS_COLUMN else "crop")
         line.add_row(*cells)
         return line
 
 
 class PlainLines:
-    """One line for each state of the flight, for logs and pipes."""
+    """One line for each piece of preparation and each state of the flight, for logs and pipes."""
 
     def __init__(self, title: str) -> None:
         self._title = title
-        self._state = ""
+        self._last = ""
 
     def __call__(self, status: "FlightStatus") -> None:
-        """Write the state when it is a new one."""
-        if status.state == self._state:
+        """Write the status when it is a new one."""
+        piece = status_text(status) if status.state == "preparing" else status.state
+        if piece == self._last:
             return
-        self._state = status.state
+        self._last = piece
         write_note(f"{self._title}: {status_text(status)}")
 
 
 def status_text(status: "FlightStatus") -> str:
     """Return the status in words: `flying, 84.3 s simulated, 212 x real time`."""
-    parts = [status.state]
+    parts = [] if status.state == "preparing" and status.text else [status.state]
     if status.sim_time_s > 0:
         parts += [f"{status.sim_time_s:.1f} s simulated", f"{status.real_time_factor:.0f} x real time"]
     if status.text:

@@ -20,7 +20,7 @@ def drawn(line):
     ("status", "text"),
     [
         (FlightStatus(state="starting"), "starting"),
-        (FlightStatus(state="preparing", text="Solving the wind", fraction=0.2), "preparing, Solving the wind"),
+        (FlightStatus(state="preparing", text="Solving the wind", fraction=0.2), "Solving the wind"),
         (FlightStatus(state="flying", sim_time_s=84.26, real_time_factor=211.7), "flying, 84.3 s simulated, 212 x "
          "real time"),
     ],
@@ -44,6 +44,21 @@ def test_the_live_line_has_a_bar_while_the_share_is_known():
     assert " 25 %" in drawn(line)
     line(FlightStatus(state="flying", sim_time_s=3.0))
     assert "━" not in drawn(line)
+
+
+def test_the_live_line_stays_one_line():
+    line = LiveLine("warehouse_empty, seed 7")
+    line(
+        FlightStatus(
+            state="starting", text="waiting for world, fields, sensing, referee, recorder, agent_beetle", fraction=0.5
+        )
+    )
+    console = Console(file=io.StringIO(), width=80, force_terminal=False)
+    console.print(line.render())
+    text = console.file.getvalue()
+    assert text.count("\n") == 1
+    assert "starting, waiting" in text
+    assert "…" in text
 
 
 def test_a_terminal_gets_the_live_line_and_keeps_nothing_of_it(monkeypatch):
