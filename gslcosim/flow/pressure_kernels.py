@@ -1,0 +1,317 @@
+"""Multigrid-preconditioned conjugate gradients for the pressure: the loops over cells.
+
+All arrays are padded: cell (0, 0, 0) is at index (2, 2, 2), with two cells below and three above per axis.
+Padding of potentials, right-hand sides and coefficients of closed faces is zero and stays so.
+
+The system is  sum over the six faces of  a_f (x_c - x_n) = b_c,  a_f >= 0 the face's coefficient:
+0 closed, 1 between two air cells, 2 to an outlet (x = 0 on the face, half a cell away).
+"""
+# pyright: basic
+
+import numba
+import numpy as np
+
+LOW = 2  # padding below cell 0 on every axis
+HIGH = 3  # padding above the last cell: one face more than cells, and the advection stencil's reach
+
+
+@numba.njit(cache=True, nogil=True)
+def negative_divergence(u, v, w, x_coefficient, y_coefficient, z_coefficient, b):
+    """Write inflow minus outflow of every cell, b = -(div u) h, and return its root mean square and maximum.
+
+    b_c = u_i - u_{i+1} + v_j - v_{j+1} + w_k - w_{k+1}
+    [m/s] = [m/s]
+
+    Cells without an open face (solids) get zero.
+
+    Args:
+        u: Padded x-face velocities [m/s]; u[i, j, k] is on the low-x face of cell (i, j, k).
+        v: Same on low-y faces [m/s].
+        w: Same on low-z faces [m/s].
+        x_coefficient: Face coefficients of the pressure system, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        b: Written: padded right-hand side [m/s].
+
+    Returns:
+        (sum of squares over cells [m2/s2], largest magnitude [m/s]).
+
+    Held by:
+        tests/unit/flow/test_pressure.py (zero for a linear solenoidal field)
+    """
+    nx, ny, nz = b.shape
+    row = np.zeros(nz, np.float32)
+    largest = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                is_open = (
+                    x_coefficient[i, j, k] + x_coefficient[i + 1, j, k]
+                    + y_coefficient[i, j, k] + y_coefficient[i, j + 1, k]
+                    + z_coefficient[i, j, k] + z_coefficient[i, j, k + 1]
+                ) > 0  # fmt: skip
+                net = u[i, j, k] - u[i + 1, j, k] + v[i, j, k] - v[i, j + 1, k] + w[i, j, k] - w[i, j, k + 1]
+                b[i, j, k] = net if is_open else np.float32(0)
+            for k in range(LOW, nz - HIGH):
+                row[k] += b[i, j, k] * b[i, j, k]
+                largest[k] = max(largest[k], abs(b[i, j, k]))
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total, np.max(largest)
+
+
+@numba.njit(cache=True, nogil=True)
+def subtract_gradient(u, v, w, x, x_coefficient, y_coefficient, z_coefficient):
+    """Correct face velocities in place so that they are divergence-free: u_f -= a_f (x_c - x_low).
+
+    [m/s] = [m/s]: x is the pressure times dt / h.
+
+    Args:
+        u: Padded x-face velocities [m/s], modified.
+        v: y-face velocities [m/s], modified.
+        w: z-face velocities [m/s], modified.
+        x: Padded solution of the pressure system [m/s].
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+
+    Held by:
+        tests/unit/flow/test_pressure.py (divergence after a projection)
+    """
+    nx, ny, nz = x.shape
+    for i in range(LOW, nx - HIGH + 1):
+        for j in range(LOW, ny - HIGH + 1):
+            for k in range(LOW, nz - HIGH + 1):
+                u[i, j, k] -= x_coefficient[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
+            for k in range(LOW, nz - HIGH + 1):
+                v[i, j, k] -= y_coefficient[i, j, k] * (x[i, j, k] - x[i, j - 1, k])
+            for k in range(LOW, nz - HIGH + 1):
+                w[i, j, k] -= z_coefficient[i, j, k] * (x[i, j, k] - x[i, j, k - 1])
+
+
+@numba.njit(cache=True, nogil=True)
+def accumulate_scaled(target, x, factor):
+    """Add factor * x to the target in place (all padding included)."""
+    nx, ny, nz = x.shape
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                target[i, j, k] += factor * x[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def smooth_first_colour(x, b, inverse_diagonal, colour_masks, colour):
+    """Start a Gauss-Seidel sweep from x = 0: one colour becomes b / diagonal, the other 0.
+
+    Args:
+        x: Written: padded potential [m/s].
+        b: Padded right-hand side [m/s].
+        inverse_diagonal: 1 / sum of the six coefficients, 0 in solids.
+        colour_masks: (2, nz) float32, 1 where k has the parity of the row's index.
+        colour: 0 or 1, the parity of i + j + k that is set.
+    """
+    nx, ny, nz = x.shape
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            parity = (i + j + colour) & 1
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] = colour_masks[parity, k] * b[i, j, k] * inverse_diagonal[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def smooth_colour(x, b, x_coefficient, y_coefficient, z_coefficient, inverse_diagonal, colour_masks, colour):
+    """Solve the equation of every cell of one chequerboard colour for its own value, in place.
+
+    x_c = (b_c + sum a_f x_n) / sum a_f   for cells with (i + j + k) mod 2 = colour
+
+    The whole row is computed and only one colour of it taken over: that vectorises, a stride of two does not.
+    Cells of one colour do not touch, so their order does not matter.
+
+    Args:
+        x: Padded potential [m/s], modified.
+        b: Padded right-hand side [m/s].
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        inverse_diagonal: 1 / sum of the six coefficients, 0 in solids.
+        colour_masks: (2, nz) float32, 1 where k has the parity of the row's index.
+        colour: 0 or 1.
+
+    Held by:
+        tests/unit/flow/test_pressure.py (the V-cycle is symmetric and contracts)
+    """
+    nx, ny, nz = x.shape
+    row = np.empty(nz, np.float32)
+    ax, ay, az = x_coefficient, y_coefficient, z_coefficient
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                row[k] = (
+                    b[i, j, k]
+                    + ax[i, j, k] * x[i - 1, j, k] + ax[i + 1, j, k] * x[i + 1, j, k]
+                    + ay[i, j, k] * x[i, j - 1, k] + ay[i, j + 1, k] * x[i, j + 1, k]
+                    + az[i, j, k] * x[i, j, k - 1] + az[i, j, k + 1] * x[i, j, k + 1]
+                ) * inverse_diagonal[i, j, k]  # fmt: skip
+            parity = (i + j + colour) & 1
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] += colour_masks[parity, k] * (row[k] - x[i, j, k])
+
+
+@numba.njit(cache=True, nogil=True)
+def restrict_residual(x, b, x_coefficient, y_coefficient, z_coefficient, coarse_b):
+    """Sum the residual b - A x of the eight cells below each coarse cell.
+
+    Args:
+        x: Padded potential [m/s].
+        b: Padded right-hand side [m/s].
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        coarse_b: Written: right-hand side of the coarser level [m/s].
+    """
+    ncx, ncy, ncz = coarse_b.shape
+    nz = x.shape[2]
+    ax, ay, az = x_coefficient, y_coefficient, z_coefficient
+    row = np.zeros(nz + 1, np.float32)
+    for ci in range(LOW, ncx - HIGH):
+        for cj in range(LOW, ncy - HIGH):
+            row[:] = 0
+            for child in range(4):
+                i = 2 * ci - LOW + child // 2
+                j = 2 * cj - LOW + child % 2
+                for k in range(LOW, nz - HIGH):
+                    row[k] += b[i, j, k] - (
+                        ax[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
+                        + ax[i + 1, j, k] * (x[i, j, k] - x[i + 1, j, k])
+                        + ay[i, j, k] * (x[i, j, k] - x[i, j - 1, k])
+                        + ay[i, j + 1, k] * (x[i, j, k] - x[i, j + 1, k])
+                        + az[i, j, k] * (x[i, j, k] - x[i, j, k - 1])
+                        + az[i, j, k + 1] * (x[i, j, k] - x[i, j, k + 1])
+                    )
+            for ck in range(LOW, ncz - HIGH):
+                k = 2 * ck - LOW
+                coarse_b[ci, cj, ck] = row[k] + row[k + 1]
+
+
+@numba.njit(cache=True, nogil=True)
+def prolong(x, coarse_x, inverse_diagonal):
+    """Add each coarse cell's correction to the (up to) eight cells below it, in place; solids stay 0.
+
+    Args:
+        x: Padded potential of the finer level [m/s], modified.
+        coarse_x: Padded correction [m/s].
+        inverse_diagonal: Of the finer level; 0 marks solids.
+    """
+    nx, ny, nz = x.shape
+    row = np.zeros(nz + 2, np.float32)
+    for i in range(LOW, nx - HIGH):
+        ci = (i + LOW) // 2
+        for j in range(LOW, ny - HIGH):
+            cj = (j + LOW) // 2
+            for ck in range(LOW, coarse_x.shape[2] - HIGH):
+                row[2 * ck - LOW] = coarse_x[ci, cj, ck]
+                row[2 * ck - LOW + 1] = coarse_x[ci, cj, ck]
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] += row[k] if inverse_diagonal[i, j, k] > 0 else np.float32(0)
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_operator(x, x_coefficient, y_coefficient, z_coefficient, ax_out):
+    """Write A x and return x . A x.
+
+    (A x)_c = sum a_f (x_c - x_n)
+
+    Args:
+        x: Padded vector.
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        ax_out: Written: padded product.
+
+    Returns:
+        The scalar product of x and A x, summed along rows, then over rows in index order (float64).
+    """
+    nx, ny, nz = x.shape
+    ax, ay, az = x_coefficient, y_coefficient, z_coefficient
+    row = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                ax_out[i, j, k] = (
+                    ax[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
+                    + ax[i + 1, j, k] * (x[i, j, k] - x[i + 1, j, k])
+                    + ay[i, j, k] * (x[i, j, k] - x[i, j - 1, k])
+                    + ay[i, j + 1, k] * (x[i, j, k] - x[i, j + 1, k])
+                    + az[i, j, k] * (x[i, j, k] - x[i, j, k - 1])
+                    + az[i, j, k + 1] * (x[i, j, k] - x[i, j, k + 1])
+                )
+            for k in range(LOW, nz - HIGH):
+                row[k] += x[i, j, k] * ax_out[i, j, k]
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def descend(x, residual, direction, a_direction, step):
+    """Take one step of conjugate gradients in place: x += s d, r -= s A d.
+
+    Args:
+        x: Padded solution, modified.
+        residual: Padded residual b - A x, modified.
+        direction: Padded search direction d.
+        a_direction: A d.
+        step: s.
+
+    Returns:
+        (sum of squares of the new residual, its largest magnitude).
+    """
+    nx, ny, nz = x.shape
+    step32 = np.float32(step)
+    row = np.zeros(nz, np.float32)
+    largest = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] += step32 * direction[i, j, k]
+            for k in range(LOW, nz - HIGH):
+                residual[i, j, k] -= step32 * a_direction[i, j, k]
+            for k in range(LOW, nz - HIGH):
+                row[k] += residual[i, j, k] * residual[i, j, k]
+                largest[k] = max(largest[k], abs(residual[i, j, k]))
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total, np.max(largest)
+
+
+@numba.njit(cache=True, nogil=True)
+def scalar_product(x, y):
+    """Return x . y over the cells, summed along rows, then over rows in index order (float64)."""
+    nx, ny, nz = x.shape
+    row = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                row[k] += x[i, j, k] * y[i, j, k]
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_direction(direction, preconditioned, factor):
+    """Form the next search direction in place: d = z + factor d."""
+    nx, ny, nz = direction.shape
+    factor32 = np.float32(factor)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                direction[i, j, k] = preconditioned[i, j, k] + factor32 * direction[i, j, k]

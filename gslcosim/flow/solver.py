@@ -1,0 +1,217 @@
+"""The time stepping: Heun's method with one projection per step and a time step by Courant number."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import FlowError
+from gslcosim.flow import momentum_kernels, pressure_kernels, wall_kernels
+from gslcosim.flow.domain import Domain, PlacedPatch
+from gslcosim.flow.patches import Inlet, Outlet
+from gslcosim.flow.pressure import F32, PressureSolver, SolveStats, padded
+from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.turbulence import TurbulenceModel, Velocity, still_velocity
+
+_RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
+_VISCOUS_LIMIT = 1 / 8  # nu dt / h^2; Heun's method is stable up to 1/6 for the plain Laplacian
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepRecord:
+    """One time step, for the history: its end [s], length [s], largest speed sum and viscosity, pressure solve."""
+
+    time_s: float
+    dt_s: float
+    max_speed_m_s: float
+    max_viscosity_m2_s: float
+    pressure: SolveStats
+
+
+class FlowSolver:
+    """Incompressible flow in a domain: state, and one method that advances it.
+
+    du/dt + div(u u) = -grad p + div(2 nu S),  div u = 0            p pressure over density [m2/s2]
+
+    Staggered grid; advection third order upwind with Koren's limiter; stress central; explicit in time (Heun) with
+    the last pressure in both stages and one projection for its increment at the end.
+
+    Source: Harlow and Welch 1965, doi:10.1063/1.1761178 (grid); van Kan 1986, doi:10.1137/0907059 (increment).
+    Held by: tests/analytic/flow
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        model: TurbulenceModel,
+        *,
+        courant: float = 0.8,
+        tolerance: float = 1e-4,
+        initial_velocity: Velocity | None = None,
+    ) -> None:
+        """Start the flow, projected to be divergence-free.
+
+        Args:
+            domain: Geometry and boundary conditions.
+            model: Turbulence model of the same domain.
+            courant: Largest (|u| + |v| + |w|) dt / h, at most 1.
+            tolerance: Root mean square of div(u) h that a step may leave, over the reference speed.
+            initial_velocity: Padded face velocities [m/s]; still air if absent.
+        """
+        self.domain = domain
+        self.model = model
+        self.courant = courant
+        self.time_s = 0.0
+        self.n_steps = 0
+        self.velocity = initial_velocity or still_velocity(domain)
+        self._stage = still_velocity(domain)
+        self.pressure = padded(domain.shape)
+        self._projection = PressureSolver(domain.coefficients, is_closed=domain.is_closed)
+        for state in (self.velocity, self._stage):
+            for placed in domain.inlets:
+                _impose_inlet(placed, state, domain)
+        speed = domain.reference_speed_m_s
+        if initial_velocity is not None:
+            speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
+        self.reference_speed_m_s = speed or 1.0
+        self._tolerance_m_s = tolerance * self.reference_speed_m_s
+        self.project_tightly()
+
+    def project_tightly(self, velocity: Velocity | None = None) -> SolveStats:
+        """Remove what divergence is left, to near the resolution of float32, from the state or given velocities."""
+        return self._projection.project(
+            *(velocity or self.velocity),
+            tolerance_m_s=1e-5 * self.reference_speed_m_s,
+            max_tolerance_m_s=1e-5 * self.reference_speed_m_s,
+            max_iterations=100,
+        )
+
+    def step(self, *, until_s: float) -> StepRecord:
+        """Advance by one time step that does not pass `until_s` [s].
+
+        Raises:
+            FlowError: the flow has diverged; says when, where, and what to change.
+        """
+        dt_s, speed, viscosity = self._time_step(until_s)
+        self.model.update(self.velocity, dt_s, self._stage)
+        self._restore_stage()
+        self._advance(self.velocity, dt_s, 1.0, self._stage)
+        self._advance(self._stage, dt_s, 0.5, self.velocity)
+        stats = self._projection.project(*self.velocity, tolerance_m_s=self._tolerance_m_s)
+        factor = np.float32(self.domain.cell_m / dt_s)
+        pressure_kernels.accumulate_scaled(self.pressure, self._projection.x, factor)
+        self.n_steps += 1
+        is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
+        self.time_s = until_s if is_last else self.time_s + dt_s
+        return StepRecord(
+            time_s=self.time_s, dt_s=dt_s, max_speed_m_s=speed, max_viscosity_m2_s=viscosity, pressure=stats
+        )
+
+    def centre_velocity(self, velocity: Velocity | None = None) -> F32:
+        """Return the (nx, ny, nz, 3) velocity at cell centres [m/s], zero in solids."""
+        out = np.empty((*self.domain.shape, 3), np.float32)
+        momentum_kernels.centre_velocity(*(velocity or self.velocity), out)
+        out[~self.domain.air[(slice(LOW, -HIGH),) * 3]] = 0
+        return out
+
+    def divergence_m_s(self, velocity: Velocity | None = None) -> float:
+        """Return the largest |div u| h of a cell [m/s]."""
+        scratch = padded(self.domain.shape)
+        _, largest = pressure_kernels.negative_divergence(
+            *(velocity or self.velocity), *self.domain.coefficients, scratch
+        )
+        return float(largest)
+
+    # One stage of Heun's method, boundary values and wall friction included.
+    def _advance(self, start: Velocity, dt_s: float, weight: float, out: Velocity) -> None:
+        domain, model = self.domain, self.model
+        for placed in domain.outlets:
+            _fill_outlet(placed, start, self.pressure, domain)
+        kernels = (momentum_kernels.advance_u, momentum_kernels.advance_v, momentum_kernels.advance_w)
+        walls = domain.friction
+        for axis, kernel in enumerate(kernels):
+            kernel(
+                *start, self.pressure, model.nu, domain.coefficients[axis], self.velocity[axis],
+                dt_s, domain.cell_m, weight, out[axis],
+            )  # fmt: skip
+        for axis in range(3):
+            wall_kernels.rub(
+                start[axis].ravel(), out[axis].ravel(), walls.faces[axis], walls.owners[axis],
+                walls.wall_speed_m_s[axis], model.friction_m_s, dt_s, domain.cell_m, weight,
+            )  # fmt: skip
+
+    # The turbulence model may use the stage arrays as scratch: bring back their padding and fixed faces.
+    def _restore_stage(self) -> None:
+        for placed in self.domain.inlets:
+            _impose_inlet(placed, self._stage, self.domain)
+
+    # Time step [s] by Courant number and viscosity, and the largest speed and viscosity.
+    def _time_step(self, until_s: float) -> tuple[float, float, float]:
+        cell_m = self.domain.cell_m
+        speed, viscosity = momentum_kernels.largest_speeds(*self.velocity, self.model.nu)
+        speed, viscosity = float(speed), float(viscosity)
+        self._check_speed(speed)
+        limits = [until_s - self.time_s, self.courant * cell_m / max(speed, self.reference_speed_m_s)]
+        if viscosity > 0:
+            limits.append(_VISCOUS_LIMIT * cell_m**2 / viscosity)
+        return min(limits), speed, viscosity
+
+    def _check_speed(self, speed: float) -> None:
+        if np.isfinite(speed) and speed <= _RUNAWAY_SPEEDS * self.reference_speed_m_s:
+            return
+        magnitude = np.abs(self.centre_velocity()).sum(axis=-1)
+        worst = np.unravel_index(np.argmax(np.nan_to_num(magnitude, nan=np.inf)), magnitude.shape)
+        where = ", ".join(f"{(i + 0.5) * self.domain.cell_m:.2f}" for i in worst)
+        raise FlowError(
+            f"the wind diverged at {self.time_s:.3f} s (step {self.n_steps}): the speed is {speed:.3g} m/s near "
+            f"({where}) m, expected at most {_RUNAWAY_SPEEDS * self.reference_speed_m_s:.3g} m/s. "
+            f"Use a smaller courant number (now {self.courant}), smaller cells where openings are a cell wide, "
+            f"or move inlets and outlets apart."
+        )
+
+
+# Prescribed velocities on an inlet's faces and in the padding outside of it.
+def _impose_inlet(placed: PlacedPatch, velocity: Velocity, domain: Domain) -> None:
+    inlet = placed.patch
+    assert isinstance(inlet, Inlet)
+    n = domain.shape[placed.axis]
+    inside = LOW + n - 1 if placed.is_high else LOW
+    is_air = domain.air[placed.layer(slice(inside, inside + 1))]
+    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
+    normal = slice(inside + 1, None) if placed.is_high else slice(0, LOW + 1)
+    for axis, speed in enumerate(inlet.velocity_m_s):
+        layer = placed.layer(normal if axis == placed.axis else outside)
+        velocity[axis][layer] = np.where(is_air, np.float32(speed), np.float32(0))
+
+
+# Padding outside an outlet: velocities as inside where air leaves, none where it enters; pressure 0 on the face.
+def _fill_outlet(placed: PlacedPatch, velocity: Velocity, pressure: F32, domain: Domain) -> None:
+    assert isinstance(placed.patch, Outlet)
+    n = domain.shape[placed.axis]
+    face = LOW + n if placed.is_high else LOW
+    normal = velocity[placed.axis]
+    leaving = normal[placed.layer(slice(face, face + 1))]
+    leaving = np.maximum(leaving, 0) if placed.is_high else np.minimum(leaving, 0)
+    inside = face - 1 if placed.is_high else face
+    normal[placed.layer(slice(face + 1, None) if placed.is_high else slice(0, face))] = leaving
+    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
+    for axis in range(3):
+        if axis != placed.axis:
+            along = placed.layer(slice(inside, inside + 1), face_axis=axis)
+            velocity[axis][placed.layer(outside, face_axis=axis)] = velocity[axis][along]
+    just_outside = inside + 1 if placed.is_high else inside - 1
+    pressure[placed.layer(just_outside)] = 0.0
+
+
+def mass_balance(domain: Domain, velocity: Velocity) -> tuple[float, float]:
+    """Return the volume flow into and out of the box [m3/s], summed over boundary faces by sign."""
+    flows: list[NDArray[np.float64]] = []
+    for placed in (*domain.inlets, *domain.outlets):
+        n = domain.shape[placed.axis]
+        face = LOW + n if placed.is_high else LOW
+        outward = 1.0 if placed.is_high else -1.0
+        flows.append(outward * velocity[placed.axis][placed.layer(face)].astype(np.float64).ravel())
+    outward_flow = np.concatenate(flows) if flows else np.zeros(0)
+    area = domain.cell_m**2
+    inflow = -float(outward_flow[outward_flow < 0].sum()) * area
+    return inflow, float(outward_flow[outward_flow > 0].sum()) * area
