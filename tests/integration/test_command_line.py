@@ -1,0 +1,43 @@
+"""The command line over a real flight in this process."""
+
+import json
+
+import pytest
+
+from gslcosim.cli.main import main
+
+pytestmark = pytest.mark.slow
+
+FLY = ["up", "tiny_room", "--in-process", "--json"]
+
+
+@pytest.fixture
+def fly(tmp_path, capsys):
+    """Fly the tiny room with further options and return the exit code and the result."""
+
+    def run(*options):
+        exit_code = main([*FLY, "--runs-dir", str(tmp_path), *options])
+        return exit_code, json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def test_a_flight_leaves_a_run_that_the_other_commands_find(fly, tmp_path, capsys):
+    results = [fly("--seed", seed)[1] for seed in ("3", "3", "4")]
+    ids = [result["run_id"] for result in results]
+    assert all(result["valid"] for result in results)
+    assert main(["compare", ids[0], ids[1], "--runs-dir", str(tmp_path)]) == 0
+    assert main(["compare", ids[0], ids[2], "--runs-dir", str(tmp_path)]) == 5
+    capsys.readouterr()
+
+
+def test_the_resolved_scenario_of_a_run_flies_the_same_run_again(fly, tmp_path, capsys):
+    _, first = fly("--set", "agents[0].vehicle.hold_s=0.3")
+    saved = tmp_path / first["run_id"] / "scenario.yaml"
+    assert main(["up", str(saved), *FLY[2:], "--runs-dir", str(tmp_path)]) in (0, 1)
+    assert json.loads(capsys.readouterr().out)["digest"] == first["digest"]
+
+
+def test_an_agent_that_does_not_find_the_source_returns_1(fly):
+    exit_code, result = fly("--set", "referee.stop.time_limit_s=2")
+    assert (exit_code, result["end_reason"], result["valid"]) == (1, "time_limit", True)
