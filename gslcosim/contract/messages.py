@@ -31,6 +31,16 @@ class Message(Record):
 
     tick: Tick
 
+    @property
+    def closes_port(self) -> bool:
+        """Whether no further message follows on this port."""
+        return False
+
+    @property
+    def is_question(self) -> bool:
+        """Whether somebody's answer to this message is waited for."""
+        return False
+
     def announced_ports(self) -> frozenset[str]:
         """Return the announced ports that carry a message for this tick because of this one."""
         return frozenset()
@@ -95,7 +105,8 @@ class FieldSamples(Message):
 
 class ConcentrationSlice(Record):
     """A horizontal slice of the mixing ratio [ppm]; `mixing_ratio_ppm` is (nx, ny) float32 at cell centres
-    `origin_m + (i + 0.5) * cell_m`, at height `height_m`, world frame."""
+    `origin_m + (i + 0.5) * cell_m`, at height `height_m`, world frame.
+    """
 
     gas: str
     origin_m: tuple[float, float]
@@ -188,6 +199,11 @@ class Observation(Message):
     readings: tuple[Reading, ...]
     notice: str | None = None
 
+    @property
+    def is_question(self) -> bool:
+        """Whether the agent is asked."""
+        return self.awaiting_command
+
     def reading(self, sensor: str) -> Reading:
         """Return the reading of the sensor of that name.
 
@@ -211,20 +227,25 @@ class Command(Message):
     """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
 
     `waypoint` flies to `position_world_m` and holds there `hold_s` (absent: the briefing's);
+    `velocity` flies with `velocity_world_m_s` and does not stop for the next command, which is asked for after
+    `hold_s`; at the edge of the room the vehicle stops by itself;
     `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
     `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
     """
 
-    kind: Literal["waypoint", "hold", "noop", "declare_source", "failed"]
+    kind: Literal["waypoint", "hold", "noop", "declare_source", "velocity", "failed"]
     position_world_m: Vec3 | None = None
     hold_s: Annotated[float, Field(ge=0, le=3600)] | None = None
     declaration: Declaration | None = None
     reason: Annotated[str, StringConstraints(max_length=500)] = ""
+    velocity_world_m_s: Vec3 | None = None
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:
         if self.kind == "waypoint" and self.position_world_m is None:
             raise ValueError("a waypoint command needs position_world_m")
+        if self.kind == "velocity" and self.velocity_world_m_s is None:
+            raise ValueError("a velocity command needs velocity_world_m_s")
         if self.kind == "declare_source" and self.declaration is None:
             raise ValueError("a declare_source command needs declaration")
         return self
@@ -271,7 +292,7 @@ class AgentResult(Record):
 
 
 class RefereeEvent(Record):
-    """Something the referee saw at this tick: take-off, first gas contact, collision, declaration, success …"""
+    """Something the referee saw at this tick: take-off, first gas contact, collision, declaration, success."""
 
     agent: Name | None
     kind: str

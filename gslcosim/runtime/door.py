@@ -100,7 +100,8 @@ class Door:
                 return []
             return self._refuse(f"Command: tick: expected {self._oldest()}, was {command.tick}.")
         if command.kind == "failed":
-            return self._refuse("Command: kind: expected waypoint, hold, noop or declare_source, was 'failed'.")
+            expected = "waypoint, hold, noop, declare_source or velocity"
+            return self._refuse(f"Command: kind: expected {expected}, was 'failed'.")
         del self._pending[command.tick]
         return [command]
 

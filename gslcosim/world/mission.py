@@ -27,8 +27,8 @@ class Mission:
     A tick goes: `begin_tick` with the agent's command, physics along `trajectory`, `end_tick` with the true state.
     A command takes effect at the start of the tick.
 
-    State: phase, trajectory, target, the tick until which it holds, a waypoint kept for after take-off, the notice
-    about a refused command (kept until the next command), and whether the vehicle has left the ground.
+    State: phase, trajectory, target or velocity, the tick until which it holds, a command kept for after take-off, the
+    notice about a refused command (kept until the next command), and whether the vehicle has left the ground.
     """
 
     def __init__(self, agent: AgentSpec, space: FlightSpace, tick_ns: int) -> None:
@@ -44,13 +44,14 @@ class Mission:
         self.trajectory: Trajectory = stay_at(position_world_m, 0)
         self.phase: Phase = "on_ground"
         self.target_world_m: Vec3 | None = None
+        self._velocity_world_m_s: Vec3 | None = None
         self.awaiting_command = self._agent.is_asked_every_tick
         self.notice: str | None = None
         self.has_taken_off = False
         self._is_asked = False
         self._hold_ticks = 0
         self._hold_until_tick = 0
-        self._kept_waypoint_m: Vec3 | None = None
+        self._kept_command: Command | None = None
 
     @property
     def waypoint_world_m(self) -> Vec3 | None:
@@ -85,12 +86,15 @@ class Mission:
         """
         if not self.has_taken_off and self.trajectory.is_over(tick, self._tick_ns):
             self.has_taken_off = True
-        if self.phase in ("taking_off", "flying"):
+        if self._velocity_world_m_s is not None:
+            self._check_edge(tick)
+        elif self.phase in ("taking_off", "flying"):
             self._check_arrival(tick, position_world_m, velocity_world_m_s)
         if self._agent.is_asked_every_tick:
             self.awaiting_command = self.phase != "failed"
             return
-        self.awaiting_command = self.phase == "holding" and tick >= self._hold_until_tick
+        is_free_to_ask = self.phase == "holding" or self._velocity_world_m_s is not None
+        self.awaiting_command = is_free_to_ask and tick >= self._hold_until_tick
         self._is_asked = self.awaiting_command
 
     def _take_off(self, tick: int) -> None:
@@ -100,37 +104,79 @@ class Mission:
 
     def _obey(self, tick: int, command: Command) -> None:
         hold_s = self._agent.vehicle.hold_s if command.hold_s is None else command.hold_s
-        if command.kind != "waypoint" or command.position_world_m is None:
+        if command.kind not in ("waypoint", "velocity"):
             self._hold(tick, hold_s)
             return
-        waypoint_m = command.position_world_m
-        self.notice = self._space.refusal("waypoint", waypoint_m)
+        self.notice = self._refusal(tick, command)
         if self.notice is not None:
             self._hold(tick, self._agent.vehicle.hold_s)
         elif self.phase == "taking_off":
-            self._kept_waypoint_m = waypoint_m
-        elif not (self._agent.is_asked_every_tick and waypoint_m == self.target_world_m):
-            self._fly_to(tick, waypoint_m, hold_s)
+            self._kept_command = command
+        elif command.position_world_m is not None and command.kind == "waypoint":
+            is_repeated = self._agent.is_asked_every_tick and command.position_world_m == self.target_world_m
+            if not is_repeated:
+                self._fly_to(tick, command.position_world_m, hold_s)
+        elif command.velocity_world_m_s is not None:
+            self._cruise(tick, command.velocity_world_m_s, hold_s)
+
+    def _refusal(self, tick: int, command: Command) -> str | None:
+        if command.kind == "waypoint" and command.position_world_m is not None:
+            return self._space.refusal("waypoint", command.position_world_m)
+        velocity_m_s = command.velocity_world_m_s or _AT_REST
+        speed_m_s, most_m_s = math.hypot(*velocity_m_s), self._limits.max_speed_m_s
+        if speed_m_s > most_m_s * (1 + 1e-9):
+            return f"velocity: expected at most {most_m_s:g} m/s, was {speed_m_s:g} m/s."
+        if self.phase == "taking_off" or velocity_m_s == self._velocity_world_m_s:
+            return None
+        return self._edge_ahead(tick, self._cruise_from(tick, velocity_m_s))
 
     def _fly_to(self, tick: int, waypoint_m: Vec3, hold_s: float) -> None:
         self.trajectory = fly_to(self.trajectory.state_at(tick, self._tick_ns), waypoint_m, self._limits, tick)
         self.target_world_m = waypoint_m
+        self._velocity_world_m_s = None
         self.phase = "flying"
         self._hold_ticks = ticks_from_seconds(hold_s, self._tick_ns)
+
+    def _cruise(self, tick: int, velocity_m_s: Vec3, hold_s: float) -> None:
+        if velocity_m_s != self._velocity_world_m_s:
+            self.trajectory = self._cruise_from(tick, velocity_m_s)
+        self.target_world_m = None
+        self._velocity_world_m_s = velocity_m_s
+        self.phase = "flying"
+        self._hold_until_tick = tick + ticks_from_seconds(hold_s, self._tick_ns)
+
+    def _cruise_from(self, tick: int, velocity_m_s: Vec3) -> Trajectory:
+        return fly_at(self.trajectory.state_at(tick, self._tick_ns), velocity_m_s, self._limits, tick)
+
+    # A stop that begins a tick later must still end in free space.
+    def _edge_ahead(self, tick: int, trajectory: Trajectory) -> str | None:
+        state = trajectory.state_at(tick + 1, self._tick_ns)
+        x_m, y_m, z_m = fly_at(state, _AT_REST, self._limits, tick).end_world_m
+        u, v, w = state[1].tolist()
+        return self._space.edge_ahead("velocity", (x_m, y_m, z_m), (u, v, w))
+
+    def _check_edge(self, tick: int) -> None:
+        edge = self._edge_ahead(tick, self.trajectory)
+        if edge is not None:
+            self._hold(tick, self._agent.vehicle.hold_s)
+            self.notice = edge
 
     # A take-off is always finished: just above the floor is no place to hold.
     def _hold(self, tick: int, hold_s: float) -> None:
         if self.phase == "taking_off":
-            self._kept_waypoint_m = None
+            self._kept_command = None
             return
         self._stop(tick)
         self.phase = "holding"
         self._hold_until_tick = tick + ticks_from_seconds(hold_s, self._tick_ns)
 
+    # A stop under way is kept: planned anew at every tick it would never end.
     def _stop(self, tick: int) -> None:
+        is_stopping = self.target_world_m is None and self.trajectory.end_velocity_world_m_s == _AT_REST
         self.target_world_m = None
-        if not self.trajectory.is_over(tick, self._tick_ns) or self.trajectory.end_velocity_world_m_s != _AT_REST:
-            self.trajectory = fly_at(self.trajectory.state_at(tick, self._tick_ns), _AT_REST, self._limits, tick)
+        self._velocity_world_m_s = None
+        if not is_stopping:
+            self.trajectory = self._cruise_from(tick, _AT_REST)
 
     def _fail(self, tick: int) -> None:
         if self.phase != "taking_off":
@@ -162,8 +208,8 @@ class Mission:
         )
 
     def _arrive(self, tick: int) -> None:
-        kept, self._kept_waypoint_m = self._kept_waypoint_m, None
+        kept, self._kept_command = self._kept_command, None
         self.phase = "holding"
         self._hold_until_tick = tick + self._hold_ticks
         if kept is not None:
-            self._fly_to(tick, kept, self._agent.vehicle.hold_s)
+            self._obey(tick, kept)

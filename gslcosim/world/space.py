@@ -8,6 +8,9 @@ from gslcosim.environment.model import Cell, Environment
 
 Vec3 = tuple[float, float, float]
 
+# What a vehicle may stray from its reference while it brakes.
+CLEARANCE_M = 0.1
+
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSpace:
@@ -41,8 +44,31 @@ class FlightSpace:
                 return f"{name}: expected {axis} within {low + margin:g} to {high - margin:g} m, was {value:g} m."
         cell = np.minimum(grid.cell_of(np.array(position_world_m)), np.array(grid.shape) - 1)
         if self.environment.occupancy[tuple(cell)] == Cell.SOLID:
-            place = ", ".join(f"{value:g}" for value in position_world_m)
-            return f"{name}: expected a free place, was ({place}) m{self._inside_text(position_world_m)}."
+            return f"{name}: expected a free place, was {self._place_text(position_world_m)}."
+        return None
+
+    def edge_ahead(self, name: str, stop_world_m: Vec3, velocity_world_m_s: Vec3) -> str | None:
+        """Return why a vehicle that would stop at a place must brake now, or nothing while there is room.
+
+        It keeps its radius and a clearance from the room's faces that it moves towards, and out of solid cells.
+
+        Args:
+            name: What brought it there, for the text.
+            stop_world_m: Where it would come to rest, world frame [m].
+            velocity_world_m_s: How it moves now, world frame [m/s].
+        """
+        grid = self.environment.grid
+        for axis, stop, speed, low, high in zip(
+            "xyz", stop_world_m, velocity_world_m_s, grid.origin_m, grid.max_m, strict=True
+        ):
+            least, most = low + self.radius_m + CLEARANCE_M, high - self.radius_m - CLEARANCE_M
+            if (speed > 0 and stop > most) or (speed < 0 and stop < least):
+                return (
+                    f"{name}: expected a stop at {axis} within {least:g} to {most:g} m, was heading for {stop:.2f} m."
+                )
+        cell = np.clip(grid.cell_of(np.array(stop_world_m)), 0, np.array(grid.shape) - 1)
+        if self.environment.occupancy[tuple(cell)] == Cell.SOLID and any(velocity_world_m_s):
+            return f"{name}: expected a stop in a free place, was heading for {self._place_text(stop_world_m)}."
         return None
 
     def support_height_m(self, position_world_m: Vec3) -> float:
@@ -59,8 +85,9 @@ class FlightSpace:
         return max([self.environment.grid.origin_m[2], *tops_m])
 
     # Names the solid, where the cell belongs to a named one.
-    def _inside_text(self, position_world_m: Vec3) -> str:
+    def _place_text(self, position_world_m: Vec3) -> str:
+        place = ", ".join(f"{value:.4g}" for value in position_world_m)
         for box in self.environment.boxes:
             if all(a <= p <= b for a, p, b in zip(box.min_m, position_world_m, box.max_m, strict=True)):
-                return f", inside {box.name}"
-        return ", inside a solid cell"
+                return f"({place}) m, inside {box.name}"
+        return f"({place}) m, inside a solid cell"

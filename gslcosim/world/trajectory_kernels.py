@@ -11,7 +11,8 @@ PEAK_SPEED_FACTOR = 15.0 / 8.0
 PEAK_ACCELERATION_FACTOR = 10.0 / math.sqrt(3.0)
 
 _N_SAMPLES = 32
-_SHORTEST_S = 0.02
+# No polynomial is shorter than a few times the response of an attitude loop: a vehicle could not follow its jerk.
+_SHORTEST_S = 0.2
 _GROWTH = 1.04
 _N_DURATIONS = 250
 
@@ -191,7 +192,7 @@ def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_accel
         max_acceleration_m_s2: Greatest acceleration [m/s^2], > 0.
 
     Returns:
-        Duration [s], >= 0.02.
+        Duration [s], >= 0.2.
 
     Held by:
         tests/analytic/test_world_trajectory.py, tests/properties/test_world_trajectory_laws.py

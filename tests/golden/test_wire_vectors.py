@@ -153,6 +153,7 @@ EXAMPLES: dict[str, Message] = {
         declaration=Declaration(position_world_m=(5.0, 1.0, 2.0), confidence=0.75),
         reason="the belief has converged",
     ),
+    "command_velocity": Command(tick=66, kind="velocity", velocity_world_m_s=(0.5, -0.25, 0.0), hold_s=0.0),
     "command_noop": Command(tick=67, kind="noop"),
     "ending": Ending(tick=900, reason="success"),
     "score": Score(

@@ -209,3 +209,112 @@ def test_failing_on_the_ground_finishes_the_take_off_without_a_collision(make_pi
     assert {m.bodies[0].phase for m in pilot.log[1:]} == {"failed"}
     assert not any(m.bodies[0].awaiting_command or m.bodies[0].contacts for m in pilot.log[1:])
     assert body.position_world_m == pytest.approx((3.0, 3.0, 2.0), abs=0.02)
+
+
+# ---------------------------------------------------------------- velocity
+
+
+def velocity(*velocity_world_m_s, **more):
+    return {"kind": "velocity", "velocity_world_m_s": velocity_world_m_s, **more}
+
+
+def test_a_velocity_is_flown_without_stopping_for_the_question(make_pilot):
+    pilot = make_pilot()
+    pilot.run_until_asked()
+    pilot.step(agent_0=velocity(0.5, 0.0, 0.0, hold_s=2.0))
+    asked_at = pilot.tick - 1
+    body = pilot.run_until_asked()
+    assert pilot.tick == asked_at + 20
+    assert body.phase == "flying"
+    assert body.velocity_world_m_s == pytest.approx((0.5, 0.0, 0.0), abs=0.02)
+    body = pilot.step(agent_0=velocity(0.5, 0.0, 0.0, hold_s=0.0))
+    assert body.awaiting_command
+    assert body.velocity_world_m_s == pytest.approx((0.5, 0.0, 0.0), abs=0.02)
+
+
+def test_a_new_velocity_turns_the_flight_within_the_acceleration(make_pilot):
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(45)
+    pilot.step(agent_0=velocity(1.0, 0.0, 0.0))
+    pilot.run(20)
+    before = pilot.body().velocity_world_m_s
+    pilot.step(agent_0=velocity(0.0, 1.0, 0.0))
+    assert math.dist(pilot.body().velocity_world_m_s, before) < 0.1 * 2.0 * 1.3
+    assert pilot.run(25).velocity_world_m_s == pytest.approx((0.0, 1.0, 0.0), abs=0.03)
+
+
+def test_repeating_a_velocity_changes_nothing(make_pilot):
+    once, often = make_pilot(mode="lockstep"), make_pilot(mode="lockstep")
+    for pilot in (once, often):
+        pilot.run(45)
+        pilot.step(agent_0=velocity(0.6, 0.3, 0.0))
+    for _ in range(30):
+        once.step(agent_0={"kind": "noop"})
+        often.step(agent_0=velocity(0.6, 0.3, 0.0))
+    assert often.log == once.log
+
+
+@pytest.mark.parametrize(
+    "wanted", [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
+)
+@pytest.mark.parametrize("is_repeated", [False, True])
+def test_a_velocity_ends_before_the_edge_of_the_room(make_pilot, wanted, is_repeated):
+    """Also when the agent insists at every tick, the vehicle touches nothing and stops within reach of its radius."""
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(45)
+    pilot.step(agent_0=velocity(*wanted))
+    pilot.run_until(lambda body: body.rejected_command)
+    assert "expected a stop at" in pilot.body().rejected_command
+    for _ in range(60):
+        pilot.step(**({"agent_0": velocity(*wanted)} if is_repeated else {}))
+    assert pilot.body().phase == "holding"
+    assert all(m.bodies[0].contacts == () for m in pilot.log[5:])
+    assert math.hypot(*pilot.body().velocity_world_m_s) < 0.05
+    axis = next(i for i in range(3) if wanted[i])
+    edge_m = (15.0, 10.0, 6.0)[axis] - 0.48 if wanted[axis] > 0 else 0.48
+    assert abs(pilot.body().position_world_m[axis] - edge_m) < 0.15
+
+
+def test_a_velocity_away_from_a_near_wall_is_allowed(make_pilot):
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(45)
+    pilot.step(agent_0=velocity(-1.0, 0.0, 0.0))
+    pilot.run_until(lambda body: body.rejected_command)
+    pilot.run(20)
+    pilot.step(agent_0=velocity(0.5, 0.0, 0.0))
+    assert pilot.body().rejected_command is None
+    assert pilot.run(20).velocity_world_m_s[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_velocity_into_an_obstacle_is_refused(make_pilot):
+    pilot = make_pilot(mode="lockstep", obstacles=[("crate", (5.0, 2.0, 0.0), (6.0, 4.0, 4.0))])
+    pilot.run(45)
+    pilot.step(agent_0=velocity(1.0, 0.0, 0.0))
+    pilot.run_until(lambda body: body.rejected_command)
+    assert "inside crate" in pilot.body().rejected_command
+
+
+def test_too_high_a_velocity_is_refused_with_the_limit(make_pilot):
+    pilot = make_pilot()
+    pilot.run_until_asked()
+    body = pilot.step(agent_0=velocity(3.0, 4.0, 0.0))
+    assert body.rejected_command == "velocity: expected at most 1 m/s, was 5 m/s."
+    assert body.phase == "holding"
+
+
+def test_a_waypoint_ends_a_velocity(make_pilot):
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(45)
+    pilot.step(agent_0=velocity(0.0, 0.8, 0.0))
+    pilot.run(10)
+    pilot.step(agent_0=WAYPOINT)
+    pilot.run_until(lambda body: body.phase == "holding")
+    assert math.dist(pilot.body().position_world_m, (4.0, 4.0, 2.5)) < 0.05
+
+
+def test_a_velocity_of_the_take_off_is_flown_after_it(make_pilot):
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(5)
+    assert pilot.step(agent_0=velocity(0.5, 0.0, 0.0)).phase == "taking_off"
+    pilot.run_until(lambda body: body.phase == "flying")
+    assert pilot.run(20).velocity_world_m_s == pytest.approx((0.5, 0.0, 0.0), abs=0.02)

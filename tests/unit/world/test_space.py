@@ -37,3 +37,31 @@ def test_support_is_the_highest_top_below(space):
     assert space.support_height_m((5.5, 5.5, 1.2)) == 1.0
     assert space.support_height_m((5.5, 5.5, 0.2)) == 0.0
     assert space.support_height_m((1.0, 1.0, 3.0)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("stop", "velocity", "text"),
+    [
+        (
+            (14.6, 5.0, 2.0),
+            (0.5, 0.0, 0.0),
+            "velocity: expected a stop at x within 0.5 to 14.5 m, was heading for 14.60 m.",
+        ),
+        (
+            (7.0, 5.0, 0.3),
+            (0.0, 0.0, -0.5),
+            "velocity: expected a stop at z within 0.5 to 5.5 m, was heading for 0.30 m.",
+        ),
+        (
+            (5.5, 5.5, 0.6),
+            (0.5, 0.0, 0.0),
+            "velocity: expected a stop in a free place, was heading for (5.5, 5.5, 0.6) m, inside crate.",
+        ),
+    ],
+)
+def test_the_edge_ahead_is_named(space, stop, velocity, text):
+    assert space.edge_ahead("velocity", stop, velocity) == text
+
+
+def test_moving_away_from_an_edge_is_no_reason_to_brake(space):
+    assert space.edge_ahead("velocity", (14.7, 5.0, 2.0), (-0.5, 0.0, 0.0)) is None
