@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
-from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models import AgentSpec, Scenario
@@ -20,6 +20,7 @@ from gslcosim.world import records
 from gslcosim.world.flight_kernels import fly_substeps_inplace
 from gslcosim.world.mission import Mission
 from gslcosim.world.mujoco_kernels import step_address
+from gslcosim.world.ports import world_spec
 from gslcosim.world.scene import Scene, build_scene
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.vehicle import VehicleModel, load_vehicle
@@ -44,6 +45,7 @@ class WorldCore:
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        self._spec = world_spec(scenario)
         self._tick_ns = scenario.tick_ns
         self._environment = environment
         self._agents = scenario.agents
@@ -70,11 +72,7 @@ class WorldCore:
     @property
     def spec(self) -> ParticipantSpec:
         """Return the declared reads and writes."""
-        return ParticipantSpec(
-            name="world",
-            reads=tuple(Read(port=keys.command(a.name), delay_ticks=a.latency_ticks) for a in self._agents),
-            writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
-        )
+        return self._spec
 
     @property
     def model(self) -> mujoco.MjModel:
