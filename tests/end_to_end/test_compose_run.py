@@ -12,8 +12,6 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
-# Quick to start, and without what the recorder needs most time for.
-QUICK = ["--set=wind.solver=uniform", "--set=gas.warm_up_s=1", "--set=referee.stop.time_limit_s=20", "--json"]
 
 
 def free_port() -> int:
@@ -29,12 +27,14 @@ def services() -> dict:
     if tool is None:
         pytest.skip("no compose tool here: the dev extra brings one for Linux on x86_64")
     command = [tool, "--file", str(ROOT / "compose.yaml"), "config", "--format", "json"]
-    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)["services"]
+    variables = os.environ | {"SCENARIO": "tiny_room"}
+    outcome = subprocess.run(command, env=variables, capture_output=True, text=True, check=True)
+    return json.loads(outcome.stdout)["services"]
 
 
 @pytest.mark.end_to_end
 def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
-    """Volumes become folders, the supervisor's host becomes this one; a service may start before its join file is there."""
+    """Volumes become folders, and the supervisor's host becomes this one; services start before their files exist."""
     replaced = {
         "/join": f"{tmp_path}/join",
         "/runs": f"{tmp_path}/runs",
@@ -49,7 +49,7 @@ def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
     def start(name: str) -> subprocess.Popen[str]:
         program, *arguments = services[name]["command"]
         variables = {key: here(value) for key, value in (services[name].get("environment") or {}).items()}
-        command = [str(BIN / program), *map(here, arguments), *(QUICK if name == "supervisor" else [])]
+        command = [str(BIN / program), *map(here, arguments), *(["--json"] if name == "supervisor" else [])]
         return subprocess.Popen(
             command, env=os.environ | variables, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
@@ -62,6 +62,7 @@ def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
         for process in processes.values():
             process.kill()
             process.communicate()
-    assert set(codes.values()) == {0}, f"{codes}\n{output}"
+    assert codes.pop("supervisor") in (0, 1), output
+    assert set(codes.values()) == {0}, codes
     result = json.loads(output[output.index("{") :])
-    assert (result["valid"], result["end_reason"], result["sim_time_s"]) == (True, "time_limit", 20.0)
+    assert (result["valid"], result["scenario"], len(result["agents"])) == (True, "tiny_room", 1)
