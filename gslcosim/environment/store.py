@@ -193,15 +193,19 @@ def _is_whole(folder: Path, content_hash: str) -> bool:
         return False
 
 
-# Moves an old environment out of the way in one step, and never touches anything else.
+# Moves an old environment out of the way in one step, and never touches anything else. Another process may do the
+# same at any moment; then the folder is gone, or is another one, and the caller tries again.
 def _clear(folder: Path) -> None:
-    if not (folder / HEADER_FILE).exists() and folder.exists():
-        raise EnvironmentDataError(
-            f"{folder}: expected a new folder or an environment to replace, was something without {HEADER_FILE}. "
-            "Nothing was written; choose another folder."
-        )
     aside = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}.old")
     try:
+        before = folder.stat().st_ino
+        if not (folder / HEADER_FILE).exists():
+            if folder.stat().st_ino == before:
+                raise EnvironmentDataError(
+                    f"{folder}: expected a new folder or an environment to replace, was something without "
+                    f"{HEADER_FILE}. Nothing was written; choose another folder."
+                )
+            return
         folder.rename(aside)
     except FileNotFoundError:
         return

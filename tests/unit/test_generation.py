@@ -1,0 +1,140 @@
+"""Environments from scenarios: made once, kept by what they were made from, and solved with the built-in solver."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gslcosim import generation
+from gslcosim.environment.model import Cell
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import EnvironmentDataError, ScenarioError
+from gslcosim.generation import prepare_environment, recipe_hash
+from gslcosim.scenario.models import LayoutSpec, Scenario, WindSpec
+
+SMALL = {"size_m": [4.0, 3.0, 2.0], "obstacles": [{"name": "box", "min_m": [1, 1, 0], "max_m": [2, 2, 1]}]}
+UNIFORM = {"solver": "uniform", "inlet_velocity_m_s": [0.5, -0.25, 0.0], "cell_m": 0.25}
+
+
+def scenario(environment=None, wind=None):
+    return Scenario.model_validate(
+        {
+            "schema": "gslcosim/scenario/1",
+            "name": "test",
+            "environment": environment or {"layout": SMALL},
+            "wind": wind or UNIFORM,
+            "gas": {"sources": [{"position_m": [3.0, 1.0, 1.0]}]},
+            "agents": [
+                {
+                    "name": "agent",
+                    "start": {"attach": True},
+                    "vehicle": {"start_m": [3.0, 2.0, 0.2]},
+                    "sensors": [{"model": "tgs2600", "name": "nose"}],
+                }
+            ],
+        }
+    )
+
+
+def test_uniform_wind_is_the_same_in_all_air_and_zero_in_solids(tmp_path):
+    environment = load_environment(prepare_environment(scenario(), cache_dir=tmp_path), check_hash=True)
+    assert environment.wind.velocity_m_s.shape == (1, 16, 12, 8, 3)
+    is_air = environment.occupancy != Cell.SOLID
+    assert (environment.wind.velocity_m_s[0][is_air] == np.float32([0.5, -0.25, 0.0])).all()
+    assert (environment.wind.velocity_m_s[0][~is_air] == 0.0).all()
+    assert 0 < (~is_air).sum() < is_air.sum()
+
+
+def test_an_environment_is_made_once(tmp_path):
+    reports = []
+
+    def tell(text, fraction):
+        reports.append((text, fraction))
+
+    first = prepare_environment(scenario(), cache_dir=tmp_path, progress=tell)
+    assert reports[0] == ("Building the room", 0.0)
+    assert reports[-1][1] == 1.0
+    made = (first / "wind.npy").stat().st_ino
+    reports.clear()
+    assert prepare_environment(scenario(), cache_dir=tmp_path, progress=tell) == first
+    assert reports == []
+    assert (first / "wind.npy").stat().st_ino == made
+
+
+def test_a_damaged_environment_in_the_cache_is_made_anew(tmp_path, caplog):
+    folder = prepare_environment(scenario(), cache_dir=tmp_path)
+    (folder / "wind.npy").write_bytes(b"half")
+    assert prepare_environment(scenario(), cache_dir=tmp_path) == folder
+    assert "damaged" in caplog.text
+    load_environment(folder, check_hash=True)
+
+
+def test_the_cache_is_the_one_of_the_package_unless_told_otherwise(tmp_path, monkeypatch):
+    monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path))
+    assert prepare_environment(scenario()).parent == tmp_path / "environments"
+
+
+def test_the_recipe_changes_with_everything_that_changes_the_result():
+    layout, wind = LayoutSpec(), WindSpec()
+    recipes = {
+        recipe_hash(layout, wind),
+        recipe_hash(layout.model_copy(update={"size_m": (10.0, 15.0, 8.0)}), wind),
+        recipe_hash(layout.model_copy(update={"seed": 2}), wind),
+        recipe_hash(layout, wind.model_copy(update={"solver": "uniform"})),
+        recipe_hash(layout, wind.model_copy(update={"cell_m": 0.25})),
+        recipe_hash(layout, wind.model_copy(update={"end_time_s": 61.0})),
+        recipe_hash(layout, wind.model_copy(update={"average_from_s": None})),
+        recipe_hash(layout, wind.model_copy(update={"inlet_velocity_m_s": (1.5, 0.0, 0.0)})),
+    }
+    assert len(recipes) == 8
+
+
+def test_the_recipe_of_uniform_wind_does_not_depend_on_the_solver():
+    wind = WindSpec(solver="uniform")
+    assert recipe_hash(LayoutSpec(), wind) == recipe_hash(LayoutSpec(), wind.model_copy(update={"end_time_s": 5.0}))
+
+
+def test_the_recipe_names_all_code_that_decides_the_result():
+    for solver in ("uniform", "built_in"):
+        sources = generation._sources(WindSpec(solver=solver))
+        assert all(path.is_file() for path in sources)
+        assert any(path.parent.name == "flow" for path in sources) == (solver == "built_in")
+
+
+PREPARE = """
+import sys
+from pathlib import Path
+from gslcosim.generation import prepare_environment
+from gslcosim.scenario.models import Scenario
+scenario = Scenario.model_validate_json(sys.argv[1])
+sys.stdout.write(str(prepare_environment(scenario, cache_dir=Path(sys.argv[2]))))
+"""
+
+
+@pytest.mark.slow
+def test_processes_that_prepare_the_same_environment_at_once_all_get_it(tmp_path):
+    text = scenario().model_dump_json(by_alias=True)
+    command = [sys.executable, "-c", PREPARE, text, str(tmp_path / "cache")]
+    processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    folders = {process.communicate(timeout=60)[0] for process in processes}
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert len(folders) == 1
+    load_environment(Path(folders.pop()), check_hash=True)
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+
+
+def test_the_folder_of_a_path_is_checked_and_returned(tmp_path):
+    folder = prepare_environment(scenario(), cache_dir=tmp_path)
+    stored = scenario({"path": folder.name})
+    assert prepare_environment(stored, scenario_dir=tmp_path) == folder
+    (folder / "occupancy.npy").unlink()
+    with pytest.raises(EnvironmentDataError, match=r"environment\.path: occupancy\.npy"):
+        prepare_environment(stored, scenario_dir=tmp_path)
+
+
+def test_an_impossible_room_is_refused_and_leaves_nothing(tmp_path):
+    with pytest.raises(ScenarioError, match="whole number"):
+        prepare_environment(scenario({"layout": {"size_m": [4.1, 3, 2]}}), cache_dir=tmp_path)
+    assert list(tmp_path.iterdir()) == []
