@@ -138,3 +138,31 @@ def test_an_impossible_room_is_refused_and_leaves_nothing(tmp_path):
     with pytest.raises(ScenarioError, match="whole number"):
         prepare_environment(scenario({"layout": {"size_m": [4.1, 3, 2]}}), cache_dir=tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_the_built_in_solver_blows_from_the_inlet_around_the_obstacle_to_the_outlet(tmp_path):
+    wind = {"inlet_velocity_m_s": [0.5, 0.0, 0.0], "cell_m": 0.25, "end_time_s": 4.0, "average_from_s": None}
+    reports = []
+    folder = prepare_environment(
+        scenario(wind=wind), cache_dir=tmp_path, progress=lambda text, fraction: reports.append((text, fraction))
+    )
+    environment = load_environment(folder, check_hash=True)
+    velocity_m_s = environment.wind.velocity_m_s[0]
+    assert (velocity_m_s[environment.occupancy == Cell.SOLID] == 0.0).all()
+    inlet, outlet = environment.openings
+    assert velocity_m_s[0][: round(inlet.max_m[1] / 0.25), : round(inlet.max_m[2] / 0.25), 0] == pytest.approx(
+        0.5, abs=0.1
+    )
+    assert velocity_m_s[-1][round(outlet.min_m[1] / 0.25) :, : round(outlet.max_m[2] / 0.25), 0].mean() > 0.25
+    fractions = [fraction for text, fraction in reports if text == "Solving the wind"]
+    assert len(fractions) > 1
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
+
+
+@pytest.mark.slow
+def test_an_inlet_without_wind_leaves_the_air_still(tmp_path):
+    wind = {"inlet_velocity_m_s": [0.0, 0.0, 0.0], "cell_m": 0.25, "end_time_s": 1.0, "average_from_s": None}
+    environment = load_environment(prepare_environment(scenario(wind=wind), cache_dir=tmp_path))
+    assert not environment.wind.velocity_m_s.any()
