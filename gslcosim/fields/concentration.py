@@ -32,7 +32,7 @@ class Walls:
         return cls(
             occupancy=occupancy,
             solid_sums=sums_of_solids(occupancy),
-            origin_m=_float3(environment.grid.origin_m),
+            origin_m=float3(environment.grid.origin_m),
             cell_m=float(environment.grid.cell_m),
         )
 
@@ -45,7 +45,7 @@ def sums_of_solids(occupancy: NDArray[np.uint8]) -> NDArray[np.int32]:
     return sums
 
 
-_NO_WALLS = Walls(
+NO_WALLS = Walls(
     occupancy=np.zeros((1, 1, 1), np.uint8),
     solid_sums=np.zeros((2, 2, 2), np.int32),
     origin_m=(0.0, 0.0, 0.0),
@@ -86,11 +86,9 @@ def mixing_ratio_ppm_at(
     Raises:
         ShapeError: the points are not (m, 3).
     """
-    points = np.ascontiguousarray(points_world_m, np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ShapeError(f"points_world_m: expected shape (m, 3), was {points.shape}.")
+    points = checked_points(points_world_m)
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
-    seen_through = _NO_WALLS if walls is None else walls
+    seen_through = NO_WALLS if walls is None else walls
     add_filaments_at_points_inplace(
         points,
         filaments.position_world_m,
@@ -142,12 +140,25 @@ def mixing_ratio_ppm_on_grid(
         filaments.gas_index,
         gas,
         float(cutoff_sigma),
-        _float3(first_point_m),
+        float3(first_point_m),
         float(spacing_m),
         mixing_ratio_ppm,
     )
     return mixing_ratio_ppm
 
 
-def _float3(vector: Vec3) -> Vec3:
+def checked_points(points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (m, 3) points in the form that kernels take.
+
+    Raises:
+        ShapeError: the points are not (m, 3).
+    """
+    points = np.ascontiguousarray(points_world_m, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ShapeError(f"points_world_m: expected shape (m, 3), was {points.shape}.")
+    return points
+
+
+def float3(vector: Vec3) -> Vec3:
+    """Return a vector as Python floats, the one type kernels are compiled for."""
     return (float(vector[0]), float(vector[1]), float(vector[2]))

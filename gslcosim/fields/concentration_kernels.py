@@ -28,6 +28,31 @@ def _n_solid_in_box(solid_sums, i0, j0, k0, i1, j1, k1):
 
 
 @numba.njit(cache=True, nogil=True)
+def is_box_of_air(solid_sums, origin_m, cell_m, x0, x1, y0, y1, z0, z1):
+    """Tell whether no cell that touches a box is solid; outside the grid nothing is.
+
+    Args:
+        solid_sums: (nx + 1, ny + 1, nz + 1) int32 (see `is_seen`).
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        x0: Least x of the box, world frame [m]; y0 and z0 likewise.
+        x1: Greatest x of the box, world frame [m], finite; y1 and z1 likewise.
+        y0: See x0.
+        y1: See x1.
+        z0: See x0.
+        z1: See x1.
+
+    Held by:
+        tests/unit/fields/test_concentration.py
+    """
+    nx, ny, nz = solid_sums.shape[0] - 1, solid_sums.shape[1] - 1, solid_sums.shape[2] - 1
+    i0, i1 = max(cell_index(x0, origin_m[0], cell_m), 0), min(cell_index(x1, origin_m[0], cell_m), nx - 1)
+    j0, j1 = max(cell_index(y0, origin_m[1], cell_m), 0), min(cell_index(y1, origin_m[1], cell_m), ny - 1)
+    k0, k1 = max(cell_index(z0, origin_m[2], cell_m), 0), min(cell_index(z1, origin_m[2], cell_m), nz - 1)
+    return i0 > i1 or j0 > j1 or k0 > k1 or _n_solid_in_box(solid_sums, i0, j0, k0, i1, j1, k1) == 0
+
+
+@numba.njit(cache=True, nogil=True)
 def is_seen(occupancy, solid_sums, origin_m, cell_m, ax, ay, az, bx, by, bz):
     """Tell whether no solid cell lies between two points; at once where the box around them is all air.
 
@@ -48,14 +73,9 @@ def is_seen(occupancy, solid_sums, origin_m, cell_m, ax, ay, az, bx, by, bz):
     Held by:
         tests/unit/fields/test_concentration.py (equals the plain traversal)
     """
-    nx, ny, nz = occupancy.shape
-    i0, i1 = cell_index(min(ax, bx), origin_m[0], cell_m), cell_index(max(ax, bx), origin_m[0], cell_m)
-    j0, j1 = cell_index(min(ay, by), origin_m[1], cell_m), cell_index(max(ay, by), origin_m[1], cell_m)
-    k0, k1 = cell_index(min(az, bz), origin_m[2], cell_m), cell_index(max(az, bz), origin_m[2], cell_m)
-    # Outside the grid nothing blocks.
-    i0, j0, k0 = max(i0, 0), max(j0, 0), max(k0, 0)
-    i1, j1, k1 = min(i1, nx - 1), min(j1, ny - 1), min(k1, nz - 1)
-    if i0 > i1 or j0 > j1 or k0 > k1 or _n_solid_in_box(solid_sums, i0, j0, k0, i1, j1, k1) == 0:
+    if is_box_of_air(
+        solid_sums, origin_m, cell_m, min(ax, bx), max(ax, bx), min(ay, by), max(ay, by), min(az, bz), max(az, bz)
+    ):
         return True
     return is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz)
 

@@ -17,14 +17,13 @@ NOT_FINITE = -1
 
 @numba.njit(cache=True, nogil=True)
 def _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez):
-    # The wind's part (a) slides along walls, the eddies' part (e) is reflected by them.
-    i = cell_index(x, origin_m[0], cell_m)
-    j = cell_index(y, origin_m[1], cell_m)
-    k = cell_index(z, origin_m[2], cell_m)
+    # The wind's part (a) slides along walls, the eddies' part (e) is reflected by them. Most steps meet none.
     nx, ny, nz = x + (ax + ex), y + (ay + ey), z + (az + ez)
-    ni = cell_index(nx, origin_m[0], cell_m)
-    nj = cell_index(ny, origin_m[1], cell_m)
-    nk = cell_index(nz, origin_m[2], cell_m)
+    i, ni = cell_index(x, origin_m[0], cell_m), cell_index(nx, origin_m[0], cell_m)
+    j, nj = cell_index(y, origin_m[1], cell_m), cell_index(ny, origin_m[1], cell_m)
+    k, nk = cell_index(z, origin_m[2], cell_m), cell_index(nz, origin_m[2], cell_m)
+    if i == ni and j == nj and k == nk:
+        return nx, ny, nz, False
     if is_step_in_free_air(occupancy, i, j, k, ni, nj, nk):
         return nx, ny, nz, False
     x, y, z, has_left = trace_displacement(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, reflects=False)

@@ -35,6 +35,11 @@ class MountPlaces:
         self._places = tuple(places)
         self._position_world_m = np.zeros((len(places), 3))
 
+    @property
+    def n_places(self) -> int:
+        """Number of distinct places to sample."""
+        return len(self._places)
+
     def positions_world_m(self, bodies: BodyPoses) -> NDArray[np.float64]:
         """Return the (n_places, 3) places of the mounts, world frame [m]; overwritten by the next call.
 

@@ -113,6 +113,19 @@ def test_samples_are_the_fields_at_each_turned_mount(scenario_with, room):
     assert samples[1].wind_world_m_s == pytest.approx(wind)
 
 
+def test_many_vehicles_are_sampled_as_one_is(scenario_with, room):
+    """A swarm's readings come from the index; they are the plain sum."""
+    agents = tuple(f"agent_{i}" for i in range(4))
+    core = FieldsCore(scenario_with(search_heights_m=(2.0,) * 4), room)
+    core.reset(Episode(seed=3))
+    for tick in range(3):
+        samples = core.step(tick, bodies(tick, agents=agents))[keys.SAMPLES].samples
+        nose_m = np.array([[6.4, 5.3, 2.0]])
+        expected = mixing_ratio_ppm_at(nose_m, core.plume.filaments, walls=Walls.of(room))[0, 0]
+        found = {s.gases[0].mixing_ratio_ppm for s in samples if s.sensor == "nose"}
+        assert found == {pytest.approx(expected, rel=1e-12)}
+
+
 def test_wind_samples_follow_the_frame_of_the_plumes_time(scenario_with, make_room):
     room = make_room(wind_m_s=((0.1, 0.0, 0.0), (0.2, 0.0, 0.0)), period_s=0.3)
     core = FieldsCore(scenario_with(warm_up_s=0.5), room)
