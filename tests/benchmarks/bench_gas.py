@@ -106,7 +106,8 @@ def bench_readings(environment, filaments, points):
     in_reach = (gaps_m < 5 * filaments.sigma_m[:, None]).sum() / 20
     report(
         f"  {len(filaments.sigma_m):>6} filaments: plain scan {scan_s * 1e6:6.1f} us, "
-        f"with index {indexed_s * 1e6:5.2f} us ({scan_s / indexed_s:4.1f} times less); index built in {build_s * 1e6:3.0f} us; {in_reach:.0f} in reach"
+        f"with index {indexed_s * 1e6:5.2f} us ({scan_s / indexed_s:4.1f} times less); "
+        f"index built in {build_s * 1e6:3.0f} us; {in_reach:.0f} in reach"
     )
     return indexed_s
 
