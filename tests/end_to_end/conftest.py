@@ -14,3 +14,12 @@ def pytest_collection_modifyitems(items):
         if here in item.path.parents:
             item.add_marker(pytest.mark.end_to_end)
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(autouse=True)
+def _no_flight_is_left_over():
+    from flights import STARTED
+
+    yield
+    while STARTED:
+        STARTED.pop().abandon()

@@ -16,6 +16,9 @@ COMMAND = [sys.executable, "-m", "gslcosim"]
 LIMIT_S = 110
 
 
+STARTED: list["Flight"] = []
+
+
 @dataclass
 class Ended:
     """A finished flight: exit code, result and what was said on standard error."""
@@ -54,6 +57,12 @@ class Flight:
             wait_a_moment()
         raise AssertionError(f"no command within {limit_s} s")
 
+    def abandon(self) -> None:
+        """End a flight whose test has failed, so that it does not disturb the next one."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+
     def end(self, limit_s: float = LIMIT_S) -> Ended:
         """Wait for the end; nothing the flight has started may be left."""
         started = children_of(self.process.pid)
@@ -72,7 +81,9 @@ def start(scenario, runs_dir, *arguments, prefix=()) -> Flight:
     """Start `gslcosim up` with its output captured."""
     call = [*prefix, *COMMAND, "up", str(scenario), "--json", "--runs-dir", str(runs_dir), *arguments]
     process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    return Flight(process, runs_dir, list(arguments))
+    flight = Flight(process, runs_dir, list(arguments))
+    STARTED.append(flight)
+    return flight
 
 
 def fly(scenario, runs_dir, *arguments, prefix=()) -> Ended:
