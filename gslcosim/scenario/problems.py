@@ -64,7 +64,7 @@ class LocatedProblem:
         problem = self.problem
         where = f"{self.place}: {problem.path}" if problem.path else f"{self.place}"
         remedy = f" {problem.remedy}" if problem.remedy else ""
-        return f"{where}: expected {problem.expected}, was {problem.found}.{remedy}"
+        return _in_one_line(f"{where}: expected {problem.expected}, was {problem.found}.{remedy}")
 
     def as_fields(self) -> dict[str, str | int | None]:
         """Return everything but the column, as JSON can carry it."""
@@ -123,6 +123,10 @@ def parent_of(path: str) -> str:
     if path.endswith("]"):
         return path[: path.rindex("[")]
     return path.rpartition(".")[0]
+
+
+def _in_one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _reading_order(located: LocatedProblem) -> tuple[bool, int, str, str]:
