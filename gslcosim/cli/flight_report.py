@@ -144,7 +144,8 @@ def agents_table(agents: list[dict[str, Any]]) -> str:
 
 def _paths(run_dir: Path, result: dict[str, Any]) -> list[str]:
     seconds, factor = result.get("flight_wall_s", 0.0), result.get("real_time_factor", 0.0)
-    lines = [f"speed      {factor:g} x real time ({seconds:g} s of flight)", f"run        {run_dir}"]
+    lines = [f"speed      {factor:g} x real time ({seconds:g} s of flight)"] if factor else []
+    lines.append(f"run        {run_dir}")
     if (recording := run_dir / RECORDING).exists():
         lines += [f"recording  {recording}", f"open it    gslcosim view {run_dir}"]
     if not result.get("valid") or result.get("faults"):

@@ -12,6 +12,7 @@ from gslcosim.errors import (
     EnvironmentDataError,
     FlowError,
     GslCosimError,
+    RecordingError,
     RunTimeoutError,
     ScenarioError,
     UsageError,
@@ -55,6 +56,6 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def exit_code_of(error: GslCosimError) -> int:
     """Return the exit code that tells who has to act on an error."""
-    if isinstance(error, ScenarioError | UsageError | EnvironmentDataError | FlowError):
+    if isinstance(error, ScenarioError | UsageError | EnvironmentDataError | FlowError | RecordingError):
         return EXIT_USAGE
     return EXIT_TIMEOUT if isinstance(error, RunTimeoutError) else EXIT_FAULT

@@ -110,6 +110,7 @@ def test_every_example_is_a_call_that_can_be_parsed(line):
     ("error", "code"),
     [
         (errors.ScenarioError, 2), (errors.UsageError, 2), (errors.EnvironmentDataError, 2), (errors.FlowError, 2),
+        (errors.RecordingError, 2),
         (errors.SimulationFault, 3), (errors.ModelError, 3), (errors.GslCosimError, 3), (errors.RunTimeoutError, 4),
     ],
 )  # fmt: skip
