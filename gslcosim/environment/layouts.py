@@ -62,7 +62,10 @@ def plan_room(layout: LayoutSpec, wind: WindSpec) -> Plan:
     return Plan(
         name=layout.kind,
         grid=grid,
-        boxes=(*_walls(layout), *(_obstacle(spec) for spec in layout.obstacles)),
+        boxes=(
+            *closing_boxes((0.0, 0.0, 0.0), layout.size_m, layout.wall_m),
+            *(_obstacle(spec) for spec in layout.obstacles),
+        ),
         openings=openings,
         notices=notices,
     )
@@ -213,16 +216,24 @@ def _opening(kind: Literal["inlet", "outlet"], spec: OpeningSpec, grid: Grid, ve
     return Opening(name=kind, kind=kind, min_m=min_m, max_m=max_m, velocity_m_s=velocity_m_s)
 
 
-def _walls(layout: LayoutSpec) -> list[Box]:
-    (x, y, z), w = layout.size_m, layout.wall_m
-    return [
-        Box(name="wall_x_min", kind="wall", min_m=(-w, -w, 0.0), max_m=(0.0, y + w, z)),
-        Box(name="wall_x_max", kind="wall", min_m=(x, -w, 0.0), max_m=(x + w, y + w, z)),
-        Box(name="wall_y_min", kind="wall", min_m=(0.0, -w, 0.0), max_m=(x, 0.0, z)),
-        Box(name="wall_y_max", kind="wall", min_m=(0.0, y, 0.0), max_m=(x, y + w, z)),
-        Box(name="floor", kind="floor", min_m=(-w, -w, -w), max_m=(x + w, y + w, 0.0), rgba=FLOOR_RGBA),
-        Box(name="ceiling", kind="ceiling", min_m=(-w, -w, z), max_m=(x + w, y + w, z + w), rgba=CEILING_RGBA),
-    ]
+def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:
+    """Return the six boxes named `WALL_NAMES` that close a box of air from outside, without overlap.
+
+    Args:
+        min_m: Lower corner of the air, world frame [m].
+        max_m: Upper corner of the air, world frame [m].
+        wall_m: How thick they are [m].
+    """
+    (x0, y0, z0), (x1, y1, z1), w = min_m, max_m, wall_m
+    low, high = (x0 - w, y0 - w), (x1 + w, y1 + w)
+    return (
+        Box(name="wall_x_min", kind="wall", min_m=(*low, z0), max_m=(x0, high[1], z1)),
+        Box(name="wall_x_max", kind="wall", min_m=(x1, low[1], z0), max_m=(*high, z1)),
+        Box(name="wall_y_min", kind="wall", min_m=(x0, low[1], z0), max_m=(x1, y0, z1)),
+        Box(name="wall_y_max", kind="wall", min_m=(x0, y1, z0), max_m=(x1, high[1], z1)),
+        Box(name="floor", kind="floor", min_m=(*low, z0 - w), max_m=(*high, z0), rgba=FLOOR_RGBA),
+        Box(name="ceiling", kind="ceiling", min_m=(*low, z1), max_m=(*high, z1 + w), rgba=CEILING_RGBA),
+    )
 
 
 def _obstacle(spec: BoxSpec) -> Box:
