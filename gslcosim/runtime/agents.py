@@ -78,7 +78,7 @@ def _is_agent_of(item: object, module_name: str) -> bool:
 def _resolved(command: Sequence[str], directory: Path) -> list[str]:
     program, *arguments = command
     beside = directory / program
-    return [str(beside.resolve()) if "/" in program and beside.exists() else program, *arguments]
+    return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]
 
 
 __all__ = ["Briefing", "find_python_agent", "load_python_agent", "start_command"]

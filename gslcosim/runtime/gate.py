@@ -119,5 +119,5 @@ class Gate:
     def _note(self, port: str, message: Message) -> None:
         if port in self._announced:
             self._announced[port].setdefault(message.tick, message.announced_ports())
-        if getattr(message, "closes_port", False):
+        if message.closes_port:
             self._closed[port] = min(message.tick, self._closed.get(port, message.tick))

@@ -163,7 +163,7 @@ class ParticipantHost:
         announces = any(sent.message.announced_ports() for sent in outputs)
         for sent in outputs:
             self._kept.keep(sent)
-            is_urgent = announces or getattr(sent.message, "awaiting_command", False)
+            is_urgent = announces or sent.message.is_question
             self._bus.publish(sent.port, sent.payload, encoding=codec.encoding_of(type(sent.message)), urgent=is_urgent)
 
     def _tell_progress(self) -> None:

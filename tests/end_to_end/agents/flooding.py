@@ -6,4 +6,4 @@ agent = RawAgent()
 for question in agent.questions():
     agent.send_command(tick=question["tick"], kind="hold")
     for n in range(20_000):
-        agent.send_command(tick=n, kind="waypoint", position_world_m=[1.0, 1.0, 1.0])
+        agent.send_command(tick=1_000_000 + n, kind="waypoint", position_world_m=[1.0, 1.0, 1.0])
