@@ -100,7 +100,7 @@ class Domain:
         return max(speeds, default=0.0)
 
 
-def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, may_be_closed: bool = False) -> Domain:
+def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_openings: bool = True) -> Domain:
     """Check the geometry and its boundary conditions and lay them out on the staggered grid.
 
     Air that no outlet can be reached from is treated as solid: nothing drives it.
@@ -109,7 +109,7 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, may_be_
         free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
         cell_m: Edge of the cubic cells [m].
         patches: What is on the boundary of the box; walls elsewhere.
-        may_be_closed: Accept a box without inlet and outlet.
+        needs_openings: Refuse a box without inlet and outlet; otherwise only inlets without an outlet are refused.
 
     Raises:
         FlowError: something cannot be solved; the message says what, where, and what to change.
@@ -117,7 +117,7 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, may_be_
     check_grid(free, cell_m)
     shape: tuple[int, int, int] = free.shape  # pyright: ignore[reportAssignmentType]
     placed = tuple(_place(patch, free, cell_m) for patch in patches)
-    _check_kinds(placed, may_be_closed=may_be_closed)
+    _check_kinds(placed, needs_openings=needs_openings)
     _check_overlap(placed, shape)
     is_closed = not any(isinstance(p.patch, Outlet) for p in placed)
     padded_air = np.zeros(padded_shape(shape), np.bool_)
@@ -213,12 +213,12 @@ def _covered(low_m: float, high_m: float, n: int, cell_m: float) -> slice:
     return slice(max(first, 0), max(min(last, n - 1) + 1, 0))
 
 
-def _check_kinds(placed: Sequence[PlacedPatch], *, may_be_closed: bool) -> None:
+def _check_kinds(placed: Sequence[PlacedPatch], *, needs_openings: bool) -> None:
     has_inlet = any(isinstance(p.patch, Inlet) for p in placed)
     has_outlet = any(isinstance(p.patch, Outlet) for p in placed)
     if has_outlet and has_inlet:
         return
-    if may_be_closed and has_outlet == has_inlet:
+    if not needs_openings and not has_inlet:
         return
     missing = [name for name, has in (("Inlet", has_inlet), ("Outlet", has_outlet)) if not has]
     raise FlowError(
@@ -341,7 +341,8 @@ def _merged(
     parts: list[tuple[NDArray[np.int64], NDArray[np.int32], F32]], coefficient: F32
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], F32]:
     faces, owners, speeds = (np.concatenate(columns) for columns in zip(*parts))
-    is_open = coefficient.ravel()[faces] > 0
-    faces, owners, speeds = faces[is_open], owners[is_open], speeds[is_open]
+    # An outlet's face lies in one cell only, which acts on both halves.
+    repeats = coefficient.ravel()[faces].astype(np.int64)
+    faces, owners, speeds = (np.repeat(values, repeats) for values in (faces, owners, speeds))
     order = np.argsort(faces, kind="stable")
     return faces[order], owners[order], speeds[order]

@@ -172,7 +172,7 @@ def restrict_residual(x, b, x_coefficient, y_coefficient, z_coefficient, coarse_
         coarse_b: Written: right-hand side of the coarser level [m/s].
     """
     ncx, ncy, ncz = coarse_b.shape
-    nz = x.shape[2]
+    nx, ny, nz = x.shape
     ax, ay, az = x_coefficient, y_coefficient, z_coefficient
     row = np.zeros(nz + 1, np.float32)
     for ci in range(LOW, ncx - HIGH):
@@ -181,6 +181,8 @@ def restrict_residual(x, b, x_coefficient, y_coefficient, z_coefficient, coarse_
             for child in range(4):
                 i = 2 * ci - LOW + child // 2
                 j = 2 * cj - LOW + child % 2
+                if i >= nx - HIGH or j >= ny - HIGH:  # the outer half of the last coarse cell of an odd count
+                    continue
                 for k in range(LOW, nz - HIGH):
                     row[k] += b[i, j, k] - (
                         ax[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
