@@ -1,0 +1,72 @@
+"""Colours of the recording: one meaning each, and one logarithmic scale for all gas."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.scenario import Scenario
+
+Rgb = tuple[int, int, int]
+
+BACKGROUND: Rgb = (20, 23, 29)
+FLOOR: Rgb = (52, 57, 66)
+MAP_FLOOR: Rgb = (33, 37, 45)
+EDGES: Rgb = (120, 128, 140)
+SOURCE: Rgb = (255, 72, 72)
+INLET: Rgb = (76, 160, 255)
+OUTLET: Rgb = (205, 130, 255)
+WIND: Rgb = (150, 200, 255)
+READING: Rgb = (235, 235, 235)
+AGENTS: tuple[Rgb, ...] = ((110, 235, 120), (80, 210, 230), (240, 225, 100), (225, 140, 235), (150, 170, 255))
+
+N_LEVELS = 256
+DECADES = 3
+# Dark violet over red and orange to pale yellow, brighter with every step; chosen.
+_GAS_ANCHORS = ((52, 18, 92), (120, 28, 109), (190, 48, 84), (237, 105, 37), (251, 180, 46), (252, 252, 190))
+
+
+def agent_color(index: int) -> Rgb:
+    """Return the colour of the vehicle, the track and the curves of the i-th agent."""
+    return AGENTS[index % len(AGENTS)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasScale:
+    """A logarithmic colour scale of mixing ratios [ppm]: `DECADES` powers of ten up to `max_ppm`."""
+
+    max_ppm: float
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "GasScale":
+        """Return the scale whose upper end is the strongest source's mixing ratio at a filament's birth."""
+        return cls(max_ppm=max(source.ppm for source in scenario.gas.sources))
+
+    @property
+    def min_ppm(self) -> float:
+        """Below this nothing is drawn [ppm]."""
+        return self.max_ppm / 10**DECADES
+
+    def levels(self, mixing_ratio_ppm: NDArray[np.floating]) -> NDArray[np.uint8]:
+        """Return the level of each mixing ratio: 0 at `min_ppm` and below, 255 at `max_ppm` and above.
+
+        Args:
+            mixing_ratio_ppm: (…) mixing ratios [ppm], >= 0.
+        """
+        decades_above_min = np.log10(np.maximum(mixing_ratio_ppm, self.min_ppm) / self.min_ppm)
+        return np.minimum(decades_above_min * ((N_LEVELS - 1) / DECADES), N_LEVELS - 1).astype(np.uint8)
+
+
+def gas_colors() -> NDArray[np.uint8]:
+    """Return the (256, 3) colours of the levels, red green blue."""
+    anchors = np.array(_GAS_ANCHORS, dtype=np.float64)
+    at = np.linspace(0, len(anchors) - 1, N_LEVELS)
+    channels = [np.interp(at, np.arange(len(anchors)), anchors[:, i]) for i in range(3)]
+    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+
+
+def slice_colors() -> NDArray[np.uint8]:
+    """Return the (256, 4) colours of a slice: the floor's where there is no gas, blending into the scale's."""
+    share = np.clip(np.arange(N_LEVELS) / (N_LEVELS / 4), 0, 1)[:, None]
+    rgb = np.array(MAP_FLOOR) * (1 - share) + gas_colors() * share
+    return np.column_stack([np.rint(rgb).astype(np.uint8), np.full(N_LEVELS, 255, dtype=np.uint8)])

@@ -1,0 +1,56 @@
+"""Recordings that were cut off: found by their missing footer, rewritten from what is left."""
+
+import os
+import secrets
+from pathlib import Path
+
+from gslcosim.errors import RecordingError
+from gslcosim.recording.rerun_cli import run_rerun
+
+TIMEOUT_S = 300.0
+# The program says how many files it looked at; an empty file passes as "0 files".
+_VERIFIED = "1 file verified"
+
+
+def is_whole(path: Path) -> bool:
+    """Return whether a recording can be read to its end and has its footer.
+
+    Raises:
+        RecordingError: there is no such file.
+    """
+    if not path.is_file():
+        raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
+    verified = run_rerun(["rrd", "verify", path], timeout_s=TIMEOUT_S)
+    return verified.returncode == 0 and _VERIFIED in verified.stdout + verified.stderr
+
+
+def repair_recording(path: Path) -> bool:
+    """Make a recording whole, keeping every row that reached the disk.
+
+    A recorder that was killed leaves a file without footer, and perhaps with half a chunk at its end. What can be read
+    is written to a new file beside the old one, which replaces it at once; whatever goes wrong, the old file stays.
+
+    Args:
+        path: The recording.
+
+    Returns:
+        True if the file was repaired, false if it was whole.
+
+    Raises:
+        RecordingError: there is no such file, or nothing in it can be read.
+    """
+    if is_whole(path):
+        return False
+    # Its name ends like the recording's: the program goes by it.
+    repaired = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.rrd")
+    try:
+        merged = run_rerun(["rrd", "merge", "--continue-on-error", "-o", repaired, path], timeout_s=TIMEOUT_S)
+        if merged.returncode != 0 or not repaired.is_file() or not is_whole(repaired):
+            raise RecordingError(
+                f"recording: expected a file of which something can be read, was {path.stat().st_size} bytes "
+                f"without any whole part. Nothing of this recording is left; fly the run again.\nFile: {path}"
+            )
+        os.replace(repaired, path)  # noqa: PTH105 - replaces on every platform, as Path.rename does not
+    finally:
+        repaired.unlink(missing_ok=True)
+    return True

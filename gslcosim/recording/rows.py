@@ -1,0 +1,263 @@
+"""Rows that wait until they are sent: appending is cheap and happens every tick, sending is done for many at once."""
+
+from typing import Protocol
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Vec3
+from gslcosim.recording.colors import GasScale, Rgb, gas_colors, slice_colors
+from gslcosim.recording.run_file import RunFile
+from gslcosim.recording.scene import picture_format
+from gslcosim.scenario import Scenario
+
+# A track grows by a strip of this many ticks; the viewer draws as many strips as have passed.
+TRACK_STRIP_TICKS = 10
+# A snapshot draws at most this many filaments, evenly chosen and the more opaque, so that files stay small.
+MAX_FILAMENTS = 3000
+# Peak opacity of a newborn filament; chosen so that a plume of some hundred is seen and seen through.
+BIRTH_OPACITY = 0.3
+# Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
+SLICE_SINK_M = 0.3
+WAYPOINT_RADIUS_M = 0.06
+MARKER_RADIUS_M = 0.12
+
+
+class Rows(Protocol):
+    """Rows of one entity."""
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        ...
+
+
+class ScalarRows:
+    """A curve: one number per row."""
+
+    def __init__(self, entity: str) -> None:
+        self._entity = entity
+        self._ticks: list[int] = []
+        self._values: list[float] = []
+
+    def add(self, tick: int, value: float) -> None:
+        """Append the value at the end of a tick."""
+        self._ticks.append(tick)
+        self._values.append(value)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        if self._ticks:
+            file.send(self._entity, self._ticks, rr.Scalars.columns(scalars=np.array(self._values)))
+            self._ticks, self._values = [], []
+
+
+class PoseRows:
+    """A moving body: world-from-body transforms."""
+
+    def __init__(self, entity: str) -> None:
+        self._entity = entity
+        self._ticks: list[int] = []
+        self._positions_m: list[Vec3] = []
+        self._quaternions_wxyz: list[Quaternion] = []
+
+    def add(self, tick: int, position_world_m: Vec3, quaternion_wxyz: Quaternion) -> None:
+        """Append the pose at the end of a tick."""
+        self._ticks.append(tick)
+        self._positions_m.append(position_world_m)
+        self._quaternions_wxyz.append(quaternion_wxyz)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        if not self._ticks:
+            return
+        # Rerun wants (x, y, z, w).
+        quaternions_xyzw = np.roll(np.array(self._quaternions_wxyz, dtype=np.float32), -1, axis=1)
+        translations_m = np.array(self._positions_m, dtype=np.float32)
+        file.send(
+            self._entity,
+            self._ticks,
+            rr.Transform3D.columns(translation=translations_m, quaternion=quaternions_xyzw),
+        )
+        self._ticks, self._positions_m, self._quaternions_wxyz = [], [], []
+
+
+class TrackRows:
+    """The line a vehicle leaves behind, in strips of `TRACK_STRIP_TICKS`: the viewer shows all up to its cursor."""
+
+    def __init__(self, entity: str) -> None:
+        self._entity = entity
+        self._ticks: list[int] = []
+        self._strips_m: list[list[Vec3]] = []
+        self._open_strip_m: list[Vec3] = []
+        self._last_tick = 0
+
+    def add(self, tick: int, position_world_m: Vec3) -> None:
+        """Append the position at the end of a tick."""
+        self._open_strip_m.append(position_world_m)
+        self._last_tick = tick
+        if len(self._open_strip_m) > TRACK_STRIP_TICKS:
+            self.end_strip()
+
+    def end_strip(self) -> None:
+        """End the open strip here; the next one starts where it ends."""
+        if len(self._open_strip_m) > 1:
+            self._ticks.append(self._last_tick)
+            self._strips_m.append(self._open_strip_m)
+            self._open_strip_m = self._open_strip_m[-1:]
+
+    def send(self, file: RunFile) -> None:
+        """Write the finished strips, if any, and forget them."""
+        if self._ticks:
+            strips = [np.array(strip, dtype=np.float32) for strip in self._strips_m]
+            file.send(self._entity, self._ticks, rr.LineStrips3D.columns(strips=strips))
+            self._ticks, self._strips_m = [], []
+
+
+class MarkerRows:
+    """Points that stay once they have come, each with a text (which may be empty)."""
+
+    def __init__(self, entity: str, *, radius_m: float) -> None:
+        self._entity = entity
+        self._radius_m = radius_m
+        self._ticks: list[int] = []
+        self._positions_m: list[Vec3] = []
+        self._labels: list[str] = []
+        self._colors: list[Rgb] = []
+
+    def add(self, tick: int, position_world_m: Vec3, label: str, color: Rgb) -> None:
+        """Append a point of a tick."""
+        self._ticks.append(tick)
+        self._positions_m.append(position_world_m)
+        self._labels.append(label)
+        self._colors.append(color)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting points, if any, and forget them."""
+        if not self._ticks:
+            return
+        columns = rr.Points3D.columns(
+            positions=np.array(self._positions_m, dtype=np.float32),
+            labels=self._labels,
+            colors=np.array(self._colors, dtype=np.uint8),
+            radii=np.full(len(self._ticks), self._radius_m, dtype=np.float32),
+            show_labels=[bool(label) for label in self._labels],
+        )
+        # Several rows may share a tick; the viewer shows every row of its visible time range.
+        file.send(self._entity, self._ticks, columns)
+        self._ticks, self._positions_m, self._labels, self._colors = [], [], [], []
+
+
+class TextRows:
+    """Lines of a text log."""
+
+    def __init__(self, entity: str) -> None:
+        self._entity = entity
+        self._ticks: list[int] = []
+        self._texts: list[str] = []
+        self._levels: list[str] = []
+
+    def add(self, tick: int, text: str, level: str) -> None:
+        """Append a line at a tick."""
+        self._ticks.append(tick)
+        self._texts.append(text)
+        self._levels.append(level)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting lines, if any, and forget them."""
+        if self._ticks:
+            file.send(self._entity, self._ticks, rr.TextLog.columns(text=self._texts, level=self._levels))
+            self._ticks, self._texts, self._levels = [], [], []
+
+
+class FilamentRows:
+    """Filaments as what they are: Gaussian puffs, drawn with their own standard deviation.
+
+    Colour is the mixing ratio at the centre, ppm0 (sigma0 / sigma)^3; peak opacity goes with the amount of gas along
+    a line of sight through the centre, (sigma0 / sigma)^2 (our derivation: the integral of a Gaussian puff of constant
+    mass along a line falls with sigma^-2). `ppm0` and `sigma0` are those of the first source of the scenario.
+    """
+
+    def __init__(self, entity: str, scenario: Scenario) -> None:
+        self._entity = entity
+        source = scenario.gas.sources[0]
+        self._birth_sigma_m = source.sigma_m
+        self._birth_ppm = source.ppm
+        self._scale = GasScale.of(scenario)
+        self._colors = gas_colors()
+        self._ticks: list[int] = []
+        self._clouds: list[FilamentCloud] = []
+
+    def add(self, tick: int, cloud: FilamentCloud) -> None:
+        """Append a snapshot of the cloud at a tick."""
+        self._ticks.append(tick)
+        self._clouds.append(cloud)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting snapshots, if any, and forget them."""
+        if not self._ticks:
+            return
+        counts = [cloud.sigma_m.shape[0] for cloud in self._clouds]
+        strides = [max(1, -(-count // MAX_FILAMENTS)) for count in counts]
+        centres_m = np.concatenate(
+            [c.position_world_m.to_array()[::s] for c, s in zip(self._clouds, strides, strict=True)]
+        )
+        sigmas_m = np.concatenate([c.sigma_m.to_array()[::s] for c, s in zip(self._clouds, strides, strict=True)])
+        drawn = [-(-count // stride) for count, stride in zip(counts, strides, strict=True)]
+        columns = rr.GaussianSplats3D.columns(
+            centers=np.ascontiguousarray(centres_m, dtype=np.float32),
+            scales=np.repeat(sigmas_m.astype(np.float32), 3).reshape(-1, 3),
+            colors=self._rgba(sigmas_m, np.repeat(strides, drawn)),
+        )
+        file.send(self._entity, self._ticks, columns.partition(drawn))
+        self._ticks, self._clouds = [], []
+
+    # Packed as 0xRRGGBBAA, which Rerun takes without looking at every colour.
+    def _rgba(self, sigmas_m: NDArray[np.float32], strides: NDArray[np.int64]) -> NDArray[np.uint32]:
+        shrink = np.float32(self._birth_sigma_m) / np.maximum(sigmas_m, np.float32(self._birth_sigma_m))
+        levels = self._scale.levels(self._birth_ppm * shrink**3)
+        packed = self._colors.astype(np.uint32) @ np.array([1 << 24, 1 << 16, 1 << 8], dtype=np.uint32)
+        alpha = np.clip(BIRTH_OPACITY * 255 * strides * shrink**2, 2, 255)
+        return packed[levels] | alpha.astype(np.uint32)
+
+
+class SliceRows:
+    """A horizontal slice through the gas as a picture at its height, coloured by `GasScale`."""
+
+    def __init__(self, entity: str, scale: GasScale) -> None:
+        self._entity = entity
+        self._scale = scale
+        self._colors = slice_colors()
+        self._is_placed = False
+        self._ticks: list[int] = []
+        self._slices: list[ConcentrationSlice] = []
+
+    def add(self, tick: int, concentration: ConcentrationSlice) -> None:
+        """Append a slice at a tick."""
+        self._ticks.append(tick)
+        self._slices.append(concentration)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting slices, if any, and forget them."""
+        if not self._ticks:
+            return
+        if not self._is_placed:
+            self._place(file, self._slices[0])
+        pictures = [self._picture(item) for item in self._slices]
+        file.send(self._entity, self._ticks, rr.GridMap.columns(data=pictures))
+        self._ticks, self._slices = [], []
+
+    def _place(self, file: RunFile, first: ConcentrationSlice) -> None:
+        nx, ny = first.mixing_ratio_ppm.shape
+        place = rr.GridMap.from_fields(
+            format=picture_format(nx, ny),
+            cell_size=first.cell_m,
+            translation=(*first.origin_m, first.height_m - SLICE_SINK_M),
+        )
+        file.draw(self._entity, place)
+        self._is_placed = True
+
+    # Rows of a picture run from the far side (largest y) to the near one.
+    def _picture(self, concentration: ConcentrationSlice) -> bytes:
+        levels = self._scale.levels(concentration.mixing_ratio_ppm.to_array())
+        return self._colors[levels.T[::-1]].tobytes()

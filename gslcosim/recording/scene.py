@@ -1,0 +1,163 @@
+"""What stands still in the recording: room, openings, source, wind, scale, and how a vehicle is drawn."""
+
+import math
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from gslcosim.environment.model import Box, Environment, Opening
+from gslcosim.recording import colors
+from gslcosim.recording.colors import GasScale, Rgb
+from gslcosim.recording.run_file import RunFile
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models import AgentSpec
+
+SOLID = rr.components.FillMode.Solid
+WIRE = rr.components.FillMode.MajorWireframe
+GLASS = rr.components.FillMode.TransparentFillMajorWireframe
+
+# An Iris spans half a metre; in a room of fifteen it would be lost in the picture.
+VEHICLE_SCALE = 2.0
+ARM_M = 0.25
+ROTOR_RADIUS_M = 0.13
+
+OBSTACLE_ALPHA = 150
+# The colour scale beside the map, in fractions of the room's width.
+SCALE_GAP_FRAC = 0.12
+SCALE_WIDTH_FRAC = 0.035
+
+
+def draw_room(file: RunFile, environment: Environment) -> None:
+    """Draw floor, outline, obstacles and openings; ceiling and walls stay open so that one can look in."""
+    low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
+    file.draw(
+        "room/outline",
+        rr.Boxes3D(mins=[low_m], sizes=[high_m - low_m], colors=[colors.EDGES], radii=[0.015], fill_mode=WIRE),
+    )
+    floor_low_m = (low_m[0], low_m[1], low_m[2] - 0.05)
+    floor_size_m = (high_m[0] - low_m[0], high_m[1] - low_m[1], 0.04)
+    file.draw(
+        "room/floor", rr.Boxes3D(mins=[floor_low_m], sizes=[floor_size_m], colors=[colors.FLOOR], fill_mode=SOLID)
+    )
+    # A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
+    obstacles = [box for box in environment.boxes if box.kind == "obstacle" or _stands_inside(box, low_m, high_m)]
+    if obstacles:
+        file.draw("room/obstacles", _obstacles(obstacles))
+    for opening in environment.openings:
+        file.draw(f"room/openings/{opening.name}", _opening(opening))
+
+
+def draw_sources(file: RunFile, scenario: Scenario) -> None:
+    """Draw every source with its success radius."""
+    within_m = scenario.referee.success.within_m
+    for i, source in enumerate(scenario.gas.sources):
+        label = "source" if len(scenario.gas.sources) == 1 else f"source {i + 1}"
+        entity = f"sources/{i}"
+        file.draw(
+            f"{entity}/place",
+            rr.Points3D([source.position_m], radii=[0.14], colors=[colors.SOURCE], labels=[label], show_labels=True),
+        )
+        radius = rr.Ellipsoids3D(
+            centers=[source.position_m],
+            half_sizes=[[within_m] * 3],
+            colors=[colors.SOURCE],
+            line_radii=[0.006],
+            fill_mode=WIRE,
+        )
+        file.draw(f"{entity}/success_radius", radius)
+
+
+def draw_vehicle(file: RunFile, entity: str, agent: AgentSpec, color: Rgb) -> None:
+    """Draw a quadrotor around the origin of the body frame, x forward, `VEHICLE_SCALE` times its size."""
+    arm = ARM_M * VEHICLE_SCALE * math.sqrt(0.5)
+    tips_m = [(arm, arm, 0.0), (-arm, arm, 0.0), (-arm, -arm, 0.0), (arm, -arm, 0.0)]
+    rotor_m = ROTOR_RADIUS_M * VEHICLE_SCALE
+    arms = rr.LineStrips3D(
+        [[tips_m[0], tips_m[2]], [tips_m[1], tips_m[3]]], radii=[0.03 * VEHICLE_SCALE / 2], colors=[color]
+    )
+    rotors = rr.Ellipsoids3D(
+        centers=[(x, y, 0.05 * VEHICLE_SCALE) for x, y, _ in tips_m],
+        half_sizes=[(rotor_m, rotor_m, 0.012 * VEHICLE_SCALE)] * 4,
+        # The front pair is white: it shows where the vehicle looks.
+        colors=[(255, 255, 255), color, color, (255, 255, 255)],
+        fill_mode=SOLID,
+    )
+    hull_m = [(0.09 * VEHICLE_SCALE, 0.06 * VEHICLE_SCALE, 0.04 * VEHICLE_SCALE)]
+    file.draw(f"{entity}/arms", arms)
+    file.draw(f"{entity}/rotors", rotors)
+    file.draw(f"{entity}/hull", rr.Boxes3D(half_sizes=hull_m, colors=[color], fill_mode=SOLID))
+    file.draw(
+        f"{entity}/name",
+        rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.02], colors=[color], labels=[agent.name], show_labels=True),
+    )
+
+
+def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m: float) -> None:
+    """Draw what only the map shows, at the slice's height: the room's outline, and the colour scale west of it."""
+    low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
+    depth_m = float(high_m[1] - low_m[1])
+    x0, y0, x1, y1 = float(low_m[0]), float(low_m[1]), float(high_m[0]), float(high_m[1])
+    outline_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
+    file.draw("map/outline", rr.LineStrips3D([outline_m], colors=[colors.EDGES], radii=[0.003 * depth_m]))
+
+    right_m = x0 - SCALE_GAP_FRAC * (x1 - x0)
+    width_m = SCALE_WIDTH_FRAC * (x1 - x0)
+    cell_m = depth_m / colors.N_LEVELS
+    n_columns = max(1, round(width_m / cell_m))
+    picture = np.full((colors.N_LEVELS, n_columns, 4), 255, dtype=np.uint8)
+    picture[::-1, :, :3] = colors.gas_colors()[:, None]
+    bar = rr.GridMap(
+        data=picture.tobytes(),
+        format=picture_format(n_columns, colors.N_LEVELS),
+        cell_size=cell_m,
+        translation=(right_m - width_m, y0, height_m),
+    )
+    steps = range(colors.DECADES + 1)
+    labels = [f"{scale.min_ppm * 10**i:g}" for i in steps]
+    labels[-1] += " ppm"
+    places_m = [(right_m - 2.6 * width_m, y0 + depth_m * i / colors.DECADES, height_m) for i in steps]
+    file.draw("map/scale", bar)
+    file.draw(
+        "map/scale/labels",
+        rr.Points3D(places_m, radii=[0.001], colors=[colors.READING], labels=labels, show_labels=True),
+    )
+
+
+def picture_format(width: int, height: int) -> rr.components.ImageFormat:
+    """Return the format of an RGBA picture of this many cells."""
+    return rr.components.ImageFormat(width=width, height=height, color_model="RGBA", channel_datatype="U8")
+
+
+def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> bool:
+    return box.kind == "wall" and bool(np.all(np.array(box.max_m) > low_m) and np.all(np.array(box.min_m) < high_m))
+
+
+def _obstacles(boxes: list[Box]) -> rr.Boxes3D:
+    rgba = [(*(round(255 * channel) for channel in box.rgba[:3]), OBSTACLE_ALPHA) for box in boxes]
+    sizes_m = [np.array(box.max_m) - np.array(box.min_m) for box in boxes]
+    return rr.Boxes3D(
+        mins=[box.min_m for box in boxes],
+        sizes=sizes_m,
+        colors=rgba,
+        fill_mode=GLASS,
+        labels=[box.name for box in boxes],
+        show_labels=False,
+    )
+
+
+def _opening(opening: Opening) -> rr.Boxes3D:
+    color = colors.INLET if opening.kind == "inlet" else colors.OUTLET
+    label = opening.kind
+    if opening.kind == "inlet":
+        label += f" {math.hypot(*opening.velocity_m_s):g} m/s"
+    size_m = np.maximum(np.array(opening.max_m) - np.array(opening.min_m), 0.02)
+    return rr.Boxes3D(
+        mins=[opening.min_m],
+        sizes=[size_m],
+        colors=[(*color, 140)],
+        radii=[0.03],
+        fill_mode=GLASS,
+        labels=[label],
+        show_labels=True,
+    )

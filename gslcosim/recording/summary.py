@@ -1,0 +1,67 @@
+"""The recording's text: what is flown, how to read the picture, and in the end the result."""
+
+from gslcosim.contract.messages import AgentResult, Verdict
+from gslcosim.environment.model import Environment
+from gslcosim.recording.scene import VEHICLE_SCALE
+from gslcosim.scenario import Scenario
+from gslcosim.ticks import seconds_from_ticks
+
+
+def summary_text(scenario: Scenario, environment: Environment, verdict: Verdict | None = None) -> str:
+    """Return the recording's text as Markdown; with a verdict it begins with the result."""
+    parts = [_result(scenario, verdict)] if verdict else []
+    parts += [_mission(scenario, environment), _key()]
+    return "\n\n".join(parts) + "\n"
+
+
+def title(scenario: Scenario) -> str:
+    """Return one line that says what is flown."""
+    return f"{scenario.name}: {' and '.join(_searchers(scenario))} searching for {scenario.gas.gas}"
+
+
+def _searchers(scenario: Scenario) -> list[str]:
+    return [agent.name for agent in scenario.agents]
+
+
+def _mission(scenario: Scenario, environment: Environment) -> str:
+    size_m = [high - low for low, high in zip(environment.grid.origin_m, environment.grid.max_m, strict=True)]
+    stop, success = scenario.referee.stop, scenario.referee.success
+    lines = [f"**{scenario.name}**, seed {scenario.seed}, room {' x '.join(f'{s:.4g}' for s in size_m)} m", ""]
+    lines += [
+        f"- {scenario.gas.gas} leaks at {_point(source.position_m)}: {source.filaments_per_s:g} filaments/s "
+        f"of {source.ppm:g} ppm, for {scenario.gas.warm_up_s:g} s before the start"
+        for source in scenario.gas.sources
+    ]
+    lines += [
+        f"- {agent.name}: {agent.vehicle.model} from {_point(agent.vehicle.start_m)}, searching at "
+        f"{agent.vehicle.search_height_m:g} m height"
+        for agent in scenario.agents
+    ]
+    what = "vehicle" if success.of == "source" else "declaration"
+    lines.append(f"- success: {what} within {success.within_m:g} m of a source in {stop.time_limit_s:g} s")
+    return "\n".join(lines)
+
+
+def _key() -> str:
+    return (
+        "Cloud: filaments of gas, each drawn at its size. Map: mixing ratio at search height on a logarithmic scale. "
+        f"Blue arrows: wind. Line: track; dots: waypoints. Vehicles are drawn {VEHICLE_SCALE:g} times their size."
+    )
+
+
+def _result(scenario: Scenario, verdict: Verdict) -> str:
+    time_s = seconds_from_ticks(verdict.tick, scenario.tick_ns)
+    heading = f"### {verdict.end_reason.replace('_', ' ').capitalize()} after {time_s:g} s"
+    return "\n".join([heading, "", *(_figures(result) for result in verdict.agents)])
+
+
+def _figures(result: AgentResult) -> str:
+    shortest = "" if result.shortest_path_m is None else f" (shortest way {result.shortest_path_m:.1f} m)"
+    return (
+        f"- **{result.name}**: {result.outcome.replace('_', ' ')}, {result.steps} commands, "
+        f"{result.path_length_m:.1f} m flown{shortest}, ends {result.final_distance_m:.2f} m from the source"
+    )
+
+
+def _point(position_m: tuple[float, float, float]) -> str:
+    return f"({', '.join(f'{c:g}' for c in position_m)}) m"

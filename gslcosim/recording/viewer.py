@@ -1,0 +1,92 @@
+"""A recording on the screen, or as a picture."""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from gslcosim.errors import RecordingError
+from gslcosim.recording.rerun_cli import rerun_environment, rerun_program
+
+# Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.
+SCREENSHOT_TIMEOUT_S = 180.0
+# The viewer listens for more data; only programs of this machine may send some.
+_LOCAL = ("--bind", "127.0.0.1", "--port", "auto")
+
+
+def open_viewer(path: Path) -> None:
+    """Show a recording in a window and return when it is closed.
+
+    Raises:
+        RecordingError: there is no such file, no screen, or the viewer fails.
+    """
+    _check_file(path)
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise RecordingError(
+            "viewer: expected a screen, was none (neither DISPLAY nor WAYLAND_DISPLAY is set). "
+            "Save a picture with --screenshot FILE, or copy the recording to a machine with a screen.\n"
+            f"File: {path}"
+        )
+    viewer = subprocess.run([str(rerun_program()), *_LOCAL, str(path)], env=rerun_environment(), check=False)
+    if viewer.returncode != 0:
+        raise RecordingError(f"viewer: expected to end with 0, was {viewer.returncode}.\nFile: {path}")
+
+
+def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1000)) -> None:
+    """Save a picture of a recording as the viewer shows it first; needs no screen and no graphics card.
+
+    Args:
+        path: The recording.
+        png: The picture to write.
+        window_size: Width and height of the window [points]; the picture has two pixels for each.
+
+    Raises:
+        RecordingError: there is no such file, no Vulkan driver, or the viewer fails.
+    """
+    _check_file(path)
+    png.unlink(missing_ok=True)
+    said = _draw(path, png.resolve(), f"{window_size[0]}x{window_size[1]}")
+    if not png.is_file():
+        raise RecordingError(f"{_reason(said)}\nFile: {path}")
+
+
+def _draw(path: Path, png: Path, size: str) -> str:
+    # As standard input, because a file given by name is loaded piece by piece, after the picture.
+    call = [str(rerun_program()), "-", "--headless", *_LOCAL, "--screenshot-to", str(png), "--window-size", size]
+    with path.open("rb") as recording, tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
+        # Below errors the viewer's notes would be part of the picture. Drivers complain without a runtime directory.
+        environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": folder})
+        try:
+            drawn = subprocess.run(
+                call,
+                stdin=recording,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                env=environment,
+                timeout=SCREENSHOT_TIMEOUT_S,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise RecordingError(
+                f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing.\nFile: {path}"
+            ) from error
+    return drawn.stdout + drawn.stderr
+
+
+def _reason(said: str) -> str:
+    if re.search(r"graphics adapter|render context|Vulkan", said, re.IGNORECASE):
+        return (
+            "viewer: expected a Vulkan driver to draw with, was none. Install one that needs no graphics card, "
+            "on Debian and Ubuntu: apt-get install mesa-vulkan-drivers"
+        )
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    telling = [line for line in lines if re.search(r"panicked|error", line, re.IGNORECASE)]
+    return f"viewer: expected a picture, was none ({(telling or lines or ['it said nothing'])[0]})"
+
+
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")

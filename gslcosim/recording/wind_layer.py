@@ -1,0 +1,97 @@
+"""Wind arrows in the horizontal layer of the concentration slice, thinned so that each can be seen."""
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from gslcosim.environment.model import Cell, Environment
+from gslcosim.recording import colors
+from gslcosim.recording.run_file import RunFile
+
+ARROWS_PER_SIDE = 15
+# The wind a grid spacing stands for, as a percentile of the speeds of all arrows and frames: jets at inlets are few
+# and would make all other arrows dots.
+REFERENCE_PERCENTILE = 80
+REFERENCE_LENGTH_SPACINGS = 0.8
+MAX_LENGTH_SPACINGS = 1.3
+ARROW_RADIUS_SPACINGS = 0.025
+
+
+class WindLayer:
+    """The arrows of one layer of an environment's wind.
+
+    Lengths are in proportion to the speed, `REFERENCE_LENGTH_SPACINGS` at the reference speed, and at most
+    `MAX_LENGTH_SPACINGS`.
+    """
+
+    def __init__(self, environment: Environment, height_m: float) -> None:
+        grid = environment.grid
+        layer = min(max(int((height_m - grid.origin_m[2]) / grid.cell_m), 0), grid.shape[2] - 1)
+        stride = max(1, round(max(grid.shape[:2]) / ARROWS_PER_SIDE))
+        axes = [np.arange(stride // 2, n, stride) for n in grid.shape[:2]]
+        i, j = (index.ravel() for index in np.meshgrid(*axes, indexing="ij"))
+        is_air = environment.occupancy[i, j, layer] != Cell.SOLID
+        cells = np.column_stack([i[is_air], j[is_air], np.full(int(is_air.sum()), layer)])
+        self.wind = environment.wind
+        self.spacing_m = stride * grid.cell_m
+        self._centres_m = np.array(grid.origin_m) + (cells + 0.5) * grid.cell_m
+        # (t, n, 3), copied: it is small, and the frames may be a mapped file.
+        winds_m_s = np.asarray(self.wind.velocity_m_s[:, cells[:, 0], cells[:, 1], layer], dtype=np.float64)
+        speeds_m_s = np.linalg.norm(winds_m_s, axis=-1)
+        reference_m_s = float(np.percentile(speeds_m_s, REFERENCE_PERCENTILE)) if speeds_m_s.size else 0.0
+        m_per_m_s = REFERENCE_LENGTH_SPACINGS * self.spacing_m / reference_m_s if reference_m_s > 0 else 0.0
+        lengths_m = speeds_m_s * m_per_m_s
+        shorten = np.minimum(1.0, MAX_LENGTH_SPACINGS * self.spacing_m / np.maximum(lengths_m, 1e-9))
+        self._vectors_m = winds_m_s * (m_per_m_s * shorten)[..., None]
+
+    @property
+    def n_arrows(self) -> int:
+        """How many arrows there are."""
+        return len(self._centres_m)
+
+    def arrows_m(self, frame: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the (n, 3) origins and vectors of a frame's arrows, centred on their cells, world frame [m]."""
+        vectors_m = self._vectors_m[frame]
+        return (self._centres_m - vectors_m / 2).astype(np.float32), vectors_m.astype(np.float32)
+
+    def draw(self, file: RunFile, entity: str) -> None:
+        """Draw what all frames share; steady wind as a whole."""
+        is_steady = self.wind.velocity_m_s.shape[0] == 1
+        origins_m, vectors_m = self.arrows_m(0) if is_steady else (None, None)
+        radius_m = ARROW_RADIUS_SPACINGS * self.spacing_m
+        arrows = rr.Arrows3D.from_fields(origins=origins_m, vectors=vectors_m, colors=[colors.WIND], radii=[radius_m])
+        file.draw(entity, arrows)
+
+
+class WindRows:
+    """The arrows over time: a row wherever the wind's frame changes; none where the wind is steady."""
+
+    def __init__(self, entity: str, layer: WindLayer) -> None:
+        self._entity = entity
+        self._layer = layer
+        self._is_steady = layer.wind.velocity_m_s.shape[0] == 1
+        self._ticks: list[int] = []
+        self._frames: list[int] = []
+        self._last_frame = -1
+
+    def add(self, tick: int, time_s: float) -> None:
+        """Take note of the wind's time [s] at the end of a tick."""
+        if self._is_steady:
+            return
+        frame = self._layer.wind.frame_at(time_s)
+        if frame != self._last_frame:
+            self._last_frame = frame
+            self._ticks.append(tick)
+            self._frames.append(frame)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        if not self._ticks:
+            return
+        arrows_m = [self._layer.arrows_m(frame) for frame in self._frames]
+        columns = rr.Arrows3D.columns(
+            origins=np.concatenate([origins_m for origins_m, _ in arrows_m]),
+            vectors=np.concatenate([vectors_m for _, vectors_m in arrows_m]),
+        )
+        file.send(self._entity, self._ticks, columns.partition([self._layer.n_arrows] * len(self._ticks)))
+        self._ticks, self._frames = [], []
