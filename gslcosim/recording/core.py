@@ -125,6 +125,8 @@ class RecorderCore:
             blueprint=default_blueprint(self._scenario, self._environment),
         )
         self._draw_scene(self._file)
+        # Rows overtake what stands still, which waits some time in Rerun: a file cut off early would lack the room.
+        self._file.flush()
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:

@@ -10,6 +10,9 @@ from gslcosim.recording.rerun_cli import run_rerun
 TIMEOUT_S = 300.0
 # The program says how many files it looked at; an empty file passes as "0 files".
 _VERIFIED = "1 file verified"
+# The last bytes of a file name its footer (format RRF2 of Rerun 0.41); the program does not look at them.
+_END_MARK = b"RRF2FOOT"
+_END_BYTES = 12
 
 
 def is_whole(path: Path) -> bool:
@@ -20,6 +23,10 @@ def is_whole(path: Path) -> bool:
     """
     if not path.is_file():
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _END_BYTES))
+        if not file.read().startswith(_END_MARK):
+            return False
     verified = run_rerun(["rrd", "verify", path], timeout_s=TIMEOUT_S)
     return verified.returncode == 0 and _VERIFIED in verified.stdout + verified.stderr
 

@@ -1,0 +1,207 @@
+"""The recorder keeps what it is told, all of it, up to the verdict."""
+
+import itertools
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+from scripted_flight import CLOUD_EVERY_TICKS, WAYPOINT_EVERY_TICKS, ScriptedFlight
+
+from gslcosim.contract import keys
+from gslcosim.contract.participant import Episode
+from gslcosim.errors import RecordingError
+from gslcosim.recording.core import FLUSH_TICKS, RecorderCore
+from gslcosim.recording.repair import is_whole
+from gslcosim.recording.rerun_cli import run_rerun
+from gslcosim.recording.rows import MAX_FILAMENTS, TRACK_STRIP_TICKS
+
+EVERY_TICK = (
+    "/vehicles/agent_0",
+    "/plots/gas_ppm/agent_0/nose/ethanol",
+    "/plots/response/agent_0/nose",
+    "/plots/wind_m_s/agent_0/vane/true",
+    "/plots/wind_m_s/agent_0/vane/measured",
+    "/plots/distance_m/agent_0",
+)
+
+
+def _column(path, entity, component):
+    """All rows of a component: their ticks, times [s] and values, by tick."""
+    rows = []
+    for chunk in RrdReader(path).store().stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if str(chunk.entity_path) != entity or component not in batch.schema.names:
+            continue
+        ticks, values = batch.column("tick").to_pylist(), batch.column(component).to_pylist()
+        times_ns = batch.column("sim_time").cast("int64").to_pylist()
+        rows += zip(ticks, [ns * 1e-9 for ns in times_ns], values, strict=True)
+    return [list(column) for column in zip(*sorted(rows, key=lambda row: row[0]), strict=True)]
+
+
+def test_every_port_of_the_run_is_read_and_none_written(make_room, tmp_path):
+    flight = ScriptedFlight(n_agents=2)
+    spec = RecorderCore(flight.scenario, make_room(), tmp_path / "recording.rrd").spec
+    assert {read.port for read in spec.reads} == {
+        *(keys.BODIES, keys.SAMPLES, keys.FILAMENTS, keys.SCORE, keys.VERDICT),
+        *(key(f"agent_{i}") for key in (keys.observation, keys.command) for i in range(2)),
+    }
+    assert all(read.delay_ticks == 0 for read in spec.reads)
+    assert spec.writes == ()
+
+
+def test_a_closed_recording_is_whole(record):
+    assert is_whole(record())
+
+
+@pytest.mark.parametrize("n_ticks", [1, 40, FLUSH_TICKS, 2 * FLUSH_TICKS + 3])
+def test_every_row_arrives_whatever_the_length(record, rows_of, n_ticks):
+    rows = rows_of(record(n_ticks=n_ticks))
+    assert {entity: rows[entity] for entity in EVERY_TICK} == dict.fromkeys(EVERY_TICK, n_ticks)
+    n_clouds = -(-n_ticks // CLOUD_EVERY_TICKS)
+    assert rows["/gas/filaments"] == n_clouds
+    assert rows["/gas/slices/ethanol"] == n_clouds
+    assert rows["/waypoints/agent_0"] == -(-n_ticks // WAYPOINT_EVERY_TICKS)
+    assert rows["/tracks/agent_0"] == (-(-(n_ticks - 1) // TRACK_STRIP_TICKS) or -1)
+    assert rows["/summary"] == 2
+
+
+def test_what_stands_still_is_drawn_once_for_all_times(record, rows_of):
+    rows = rows_of(record())
+    still = ("/room/outline", "/room/floor", "/sources/0/place", "/sources/0/success_radius", "/wind", "/map/scale")
+    assert {entity: rows[entity] for entity in still} == dict.fromkeys(still, -1)
+    assert rows["/vehicles/agent_0/rotors"] == -1
+
+
+def test_each_agent_has_its_own_vehicle_track_and_curves(record, rows_of):
+    rows = rows_of(record(n_agents=2, n_ticks=20))
+    for name in ("agent_0", "agent_1"):
+        assert rows[f"/vehicles/{name}"] == 20
+        assert rows[f"/plots/distance_m/{name}"] == 20
+        assert rows[f"/tracks/{name}"] > 0
+
+
+def test_values_lie_at_their_tick_and_simulated_time(record):
+    flight = ScriptedFlight(n_ticks=150)
+    ticks, times_s, values = _column(record(n_ticks=150), "/vehicles/agent_0", "Transform3D:translation")
+    assert ticks == list(range(150))
+    assert times_s == pytest.approx([0.1 * tick for tick in ticks], abs=1e-9)
+    np.testing.assert_allclose([value[0] for value in values], [flight.position_m(tick) for tick in ticks], rtol=1e-6)
+
+
+def test_no_wall_clock_is_in_the_file(record):
+    for chunk in RrdReader(record()).store().stream().to_chunks():
+        assert set(chunk.timeline_names) <= {"tick", "sim_time"}
+
+
+def test_the_track_has_no_gaps(record):
+    flight = ScriptedFlight(n_ticks=35)
+    _, _, strips = _column(record(n_ticks=35), "/tracks/agent_0", "LineStrips3D:strips")
+    joined = [strips[0][0][0], *(point for row in strips for point in row[0][1:])]
+    assert all(a[0][-1] == b[0][0] for a, b in itertools.pairwise(strips))
+    np.testing.assert_allclose(joined, [flight.position_m(tick) for tick in range(35)], rtol=1e-6)
+
+
+def test_large_clouds_are_thinned_evenly_and_stay_in_the_file_size(record):
+    n_filaments = 2 * MAX_FILAMENTS + 1
+    _, _, centres = _column(record(n_ticks=1, n_filaments=n_filaments), "/gas/filaments", "GaussianSplats3D:centers")
+    assert len(centres[0]) == -(-n_filaments // 3)
+
+
+def test_an_empty_cloud_is_recorded(record):
+    _, _, centres = _column(record(n_ticks=1, n_filaments=0), "/gas/filaments", "GaussianSplats3D:centers")
+    assert centres == [[]]
+
+
+def test_nothing_is_recorded_after_the_verdict(make_room, rows_of, tmp_path):
+    flight, path = ScriptedFlight(n_ticks=30), tmp_path / "recording.rrd"
+    core = RecorderCore(flight.scenario, make_room(), path)
+    core.reset(Episode(seed=0))
+    for tick in range(60):
+        core.step(tick, flight.inbox(tick))
+    core.close()
+    rows = rows_of(path)
+    assert {entity: rows[entity] for entity in EVERY_TICK} == dict.fromkeys(EVERY_TICK, 30)
+    assert rows["/gas/filaments"] == 3
+
+
+def test_the_text_ends_with_the_result_and_the_log_with_the_end(record):
+    path = record(n_ticks=40)
+    ticks, _, texts = _column(path, "/summary", "TextDocument:text")
+    assert ticks == [0, 39]
+    assert "Success after 3.9 s" not in texts[0][0]
+    assert "Success after 3.9 s" in texts[1][0]
+    assert "27.0 m flown (shortest way 12.0 m)" in texts[1][0]
+    ticks, _, lines = _column(path, "/events", "TextLog:text")
+    assert list(zip(ticks, (line[0] for line in lines), strict=True)) == [
+        (3, "agent_0: takes off"),
+        (39, "the run ends after 3.9 s: success"),
+    ]
+
+
+def test_a_run_that_ends_without_verdict_is_recorded_to_its_end(record, rows_of):
+    rows = rows_of(record(n_ticks=100, until=45))
+    assert rows["/vehicles/agent_0"] == 45
+    assert rows["/tracks/agent_0"] == -(-44 // TRACK_STRIP_TICKS)
+    assert rows["/summary"] == 1
+
+
+def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):
+    """Frames change each second; the plume is 150 s old at tick 0, which is frame 0 of two."""
+    room = make_room(wind_m_s=((0.3, 0.0, 0.0), (0.0, 0.3, 0.0)))
+    path = record(n_ticks=35, room=room)
+    ticks, _, vectors = _column(path, "/wind", "Arrows3D:vectors")
+    assert ticks == [0, 10, 20, 30]
+    assert vectors[0][0][0] > 0.0 == vectors[1][0][0]
+    assert vectors[0] == vectors[2]
+    assert rows_of(path)["/wind"] == 4
+
+
+def test_equal_runs_give_equal_content_and_others_do_not(record):
+    first, second = record(run_id="first"), record(run_id="second")
+    other = record(run_id="other", n_ticks=41)
+    assert run_rerun(["rrd", "compare", "--unordered", first, second], timeout_s=60).returncode == 0
+    assert run_rerun(["rrd", "compare", "--unordered", first, other], timeout_s=60).returncode != 0
+
+
+def test_the_recording_is_known_by_the_runs_id(record):
+    path = record(run_id="warehouse-seed7")
+    assert [entry.recording_id for entry in RrdReader(path).recordings()] == ["warehouse-seed7"]
+    assert len(RrdReader(path).blueprints()) == 1
+
+
+def test_closing_twice_or_before_the_start_does_nothing(make_room, tmp_path):
+    path = tmp_path / "recording.rrd"
+    core = RecorderCore(ScriptedFlight().scenario, make_room(), path)
+    core.close()
+    assert not path.exists()
+    core.reset(Episode(seed=0))
+    core.close()
+    content = path.read_bytes()
+    core.close()
+    assert path.read_bytes() == content
+
+
+def test_a_reset_starts_the_file_anew(make_room, rows_of, tmp_path):
+    flight, path = ScriptedFlight(), tmp_path / "recording.rrd"
+    core = RecorderCore(flight.scenario, make_room(), path)
+    for n_ticks in (25, 12):
+        core.reset(Episode(seed=0))
+        for tick in range(n_ticks):
+            core.step(tick, flight.inbox(tick))
+    core.close()
+    assert rows_of(path)["/vehicles/agent_0"] == 12
+
+
+def test_a_file_that_cannot_be_written_is_named(make_room, tmp_path):
+    (tmp_path / "taken").write_text("a file where the folder should be")
+    path = tmp_path / "taken" / "recording.rrd"
+    core = RecorderCore(ScriptedFlight().scenario, make_room(), path)
+    with pytest.raises(RecordingError, match=r"taken/recording\.rrd"):
+        core.reset(Episode(seed=0))
+
+
+def test_rerun_switched_off_is_an_error_instead_of_an_empty_file(make_room, tmp_path, monkeypatch):
+    monkeypatch.setenv("RERUN", "off")
+    core = RecorderCore(ScriptedFlight().scenario, make_room(), tmp_path / "recording.rrd")
+    with pytest.raises(RecordingError, match="environment variable RERUN"):
+        core.reset(Episode(seed=0))
