@@ -20,13 +20,12 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ModelError
+from gslcosim.fields.assembly import gas_model_of
 from gslcosim.fields.concentration import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim.fields.filament_index import FilamentIndex
-from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
-from gslcosim.fields.gases import gas_named
+from gslcosim.fields.filaments import FilamentPlume
 from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
-from gslcosim.fields.release import ConstantRelease
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import exact_ticks_from_seconds, seconds_from_ticks
@@ -39,8 +38,8 @@ class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
     Reads `truth/bodies` of the same tick. Writes `truth/samples` every tick and `truth/filaments` at tick 0 and every
-    `recording.gas_every_s`. The gas is independent of the vehicles; readings see it with a cut-off at 5 sigma and
-    along free lines of sight, slices without looking for walls.
+    `recording.gas_every_s`. The gas is independent of the vehicles; readings see it with a cut-off at 5 sigma
+    (3 with `compatibility: gaden_3`) and along free lines of sight, slices without looking for walls.
 
     Invariants: no filament in a solid cell; equal seeds give equal messages.
     Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
@@ -56,7 +55,8 @@ class FieldsCore:
         self._environment = environment
         self._spec = fields_spec(scenario)
         self._timing = gas_timing(scenario)
-        self._gases = (gas_named(scenario.gas.gas).name,)
+        model = gas_model_of(scenario, environment)
+        self._gases, self._plume, self._cutoff_sigma = model.gases, model.plume, model.cutoff_sigma
         self._walls = Walls.of(environment)
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._mounts = MountPlaces(scenario)
@@ -67,14 +67,6 @@ class FieldsCore:
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
-        )
-        self._plume = FilamentPlume(
-            environment,
-            _sources_of(scenario),
-            step_s=self._timing.step_s,
-            growth_m2_s=scenario.gas.growth_m2_s,
-            diffusivity_m2_s=scenario.gas.eddy_diffusivity_m2_s,
-            seed=scenario.seed,
         )
 
     @property
@@ -127,11 +119,13 @@ class FieldsCore:
 
     def _gas_at(self, places_m: NDArray[np.float64]) -> NDArray[np.float64]:
         if not self._uses_index:
-            return mixing_ratio_ppm_at(places_m, self._plume.filaments, walls=self._walls)
+            return mixing_ratio_ppm_at(
+                places_m, self._plume.filaments, walls=self._walls, cutoff_sigma=self._cutoff_sigma
+            )
         if self._indexed_step != self._plume.step:
             self._index.build(self._plume.filaments)
             self._indexed_step = self._plume.step
-        return self._index.mixing_ratio_ppm_at(places_m, walls=self._walls)
+        return self._index.mixing_ratio_ppm_at(places_m, walls=self._walls, cutoff_sigma=self._cutoff_sigma)
 
     def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
         time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
@@ -157,7 +151,12 @@ class FieldsCore:
         nx, ny = (max(1, math.ceil(side_m / cell_m - 1e-9)) for side_m in size_m[:2])
         first_m = (grid.origin_m[0] + 0.5 * cell_m, grid.origin_m[1] + 0.5 * cell_m, self._slice_height_m)
         ppm = mixing_ratio_ppm_on_grid(
-            self._plume.filaments, first_point_m=first_m, spacing_m=cell_m, shape=(nx, ny, 1), gas=i_gas
+            self._plume.filaments,
+            first_point_m=first_m,
+            spacing_m=cell_m,
+            shape=(nx, ny, 1),
+            gas=i_gas,
+            cutoff_sigma=self._cutoff_sigma,
         )
         return ConcentrationSlice(
             gas=self._gases[i_gas],
@@ -172,15 +171,3 @@ def slice_height_m(scenario: Scenario) -> float:
     """Return the height of the recorded slice [m]: the agents' search height, or the source's if they differ."""
     heights_m = {agent.vehicle.search_height_m for agent in scenario.agents}
     return heights_m.pop() if len(heights_m) == 1 else float(scenario.gas.sources[0].position_m[2])
-
-
-def _sources_of(scenario: Scenario) -> tuple[GasSource, ...]:
-    return tuple(
-        GasSource(
-            position_world_m=source.position_m,
-            release=ConstantRelease(filaments_per_s=source.filaments_per_s),
-            sigma_m=source.sigma_m,
-            amount_mol=amount_of_filament_mol(source.ppm, source.sigma_m),
-        )
-        for source in scenario.gas.sources
-    )

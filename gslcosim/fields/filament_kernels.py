@@ -41,7 +41,8 @@ def move_filaments_inplace(
     source_index,
     n,
     source_sigma_m,
-    source_drift_m_s,
+    source_buoyancy,
+    buoyancy_power,
     velocity_m_s,
     occupancy,
     is_open,
@@ -49,29 +50,31 @@ def move_filaments_inplace(
     cell_m,
     step,
     step_s,
-    diffusivity_m2_s,
+    noise_std_m,
     growth_m2_s,
     key,
 ):
     """Advance all filaments by one step and drop those that left through an outlet, keeping the order of birth.
 
-    dp = (u(p) + w_drift) dt + sqrt(2 D dt) xi          xi standard normal per axis
-    [m] = [m/s] [s] + sqrt([m2/s] [s])
+    dp = (u(p) + b / sigma^q) dt + eta xi          xi standard normal per axis, eta = sqrt(2 D dt), b along z
+    [m] = ([m/s] + [m^(1 + q)/s] / [m^q]) [s] + [m]
     sigma^2 = sigma0^2 + gamma age
     [m2] = [m2] + [m2/s] [s]
 
-    A filament born within the step moves for the rest of it only, so the plume does not depend on dt through birth.
+    A filament born within the step moves for the rest of it only (eta then with the root of the rest's share), so the
+    plume does not depend on dt through birth.
     The number xi depends on (key, step, filament id, axis) alone: not on the order or number of filaments.
 
     Args:
         position_world_m: (>= n, 3) filament centres, world frame, xyz [m]; modified.
-        sigma_m: (>= n,) standard deviations [m]; modified (set from the age).
+        sigma_m: (>= n,) standard deviations, sigma0 for the newborn [m]; modified (set from the age).
         birth_steps: (>= n,) time of birth in steps since the start of the plume, with fraction; reordered.
         filament_id: (>= n,) int64, distinct; reordered.
         source_index: (>= n,) int32 index into the tables of sources; reordered.
         n: Number of filaments.
         source_sigma_m: (n_sources,) size at birth sigma0 [m].
-        source_drift_m_s: (n_sources,) vertical drift of the gas, upward [m/s].
+        source_buoyancy: (n_sources,) coefficient b of the gas's vertical velocity, upward [m^(1 + q)/s].
+        buoyancy_power: Its power q of the size (see `Buoyancy`).
         velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s], held over the step.
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet.
         is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `open_cells`).
@@ -79,7 +82,7 @@ def move_filaments_inplace(
         cell_m: Edge of the cubic cells [m].
         step: Number of the step; it covers the time from (step - 1) dt to step dt.
         step_s: Length of a step dt [s].
-        diffusivity_m2_s: Eddy diffusivity D per axis [m2/s].
+        noise_std_m: Standard deviation eta of a whole step's random displacement per axis [m].
         growth_m2_s: Growth gamma of sigma^2 [m2/s].
         key: 64 bits of the stream of eddies, uint64.
 
@@ -97,7 +100,6 @@ def move_filaments_inplace(
         tests/analytic/test_gas_plume.py, tests/properties/test_gas_blocking.py, tests/properties/test_gas_steps.py
     """
     step_key = key_of_step(key, step)
-    full_noise_m = math.sqrt(2.0 * diffusivity_m2_s * step_s)
     per_cell_m = 1.0 / cell_m
     reach_m = (1.0 - FACE_MARGIN) * cell_m
     wind_m_s = np.empty((BATCH, 3), np.float32)
@@ -107,19 +109,22 @@ def move_filaments_inplace(
             wind_at_filaments(velocity_m_s, origin_m, cell_m, position_world_m, f, min(BATCH, n - f), wind_m_s)
         age_steps = step - birth_steps[f]
         dt_s = step_s
-        noise_std_m = full_noise_m
+        eta_m = noise_std_m
         if age_steps < 1.0:
             dt_s = age_steps * step_s
-            noise_std_m = math.sqrt(2.0 * diffusivity_m2_s * dt_s)
+            eta_m = noise_std_m * math.sqrt(age_steps)
         source = source_index[f]
         x, y, z = position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2]
+        rise_m_s = source_buoyancy[source] / sigma_m[f]
+        if buoyancy_power == 3:
+            rise_m_s /= sigma_m[f] * sigma_m[f]
         ax = wind_m_s[f % BATCH, 0] * dt_s
         ay = wind_m_s[f % BATCH, 1] * dt_s
-        az = (wind_m_s[f % BATCH, 2] + source_drift_m_s[source]) * dt_s
+        az = (wind_m_s[f % BATCH, 2] + rise_m_s) * dt_s
         counter = np.uint64(filament_id[f]) * np.uint64(3)
-        ex = noise_std_m * normal_at(step_key, counter)
-        ey = noise_std_m * normal_at(step_key, counter + np.uint64(1))
-        ez = noise_std_m * normal_at(step_key, counter + np.uint64(2))
+        ex = eta_m * normal_at(step_key, counter)
+        ey = eta_m * normal_at(step_key, counter + np.uint64(1))
+        ez = eta_m * normal_at(step_key, counter + np.uint64(2))
         i = np.uint64(np.int64((x - origin_m[0]) * per_cell_m))
         j = np.uint64(np.int64((y - origin_m[1]) * per_cell_m))
         k = np.uint64(np.int64((z - origin_m[2]) * per_cell_m))

@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.fields.buoyancy import NEUTRAL, Buoyancy
 from gslcosim.fields.filament_kernels import NOT_FINITE, move_filaments_inplace
 from gslcosim.fields.gases import air_density_mol_m3
-from gslcosim.fields.release import ConstantRelease
+from gslcosim.fields.normal_kernels import uniforms
+from gslcosim.fields.release import ReleasePlan
+from gslcosim.fields.source_shapes import POINT, SourceShape
+from gslcosim.fields.trace_kernels import trace_displacement
 from gslcosim.rng import stream
 
 FIRST_CAPACITY = 1024
@@ -21,18 +25,18 @@ IDS_PER_SOURCE = 2**40
 
 @dataclass(frozen=True, kw_only=True)
 class GasSource:
-    """A point source.
+    """A source of gas about a place in the air.
 
-    `sigma_m` and `amount_mol` are a filament's size at birth and the gas it carries, `gas_index` says which gas,
-    `drift_m_s` is the vertical velocity of the gas relative to the air, upward.
+    `sigma_m` and `amount_mol` are a filament's size at birth and the gas it carries, `gas_index` says which gas.
     """
 
     position_world_m: Vec3
-    release: ConstantRelease
+    release: ReleasePlan
     sigma_m: float
     amount_mol: float
     gas_index: int = 0
-    drift_m_s: float = 0.0
+    shape: SourceShape = POINT
+    buoyancy: Buoyancy = NEUTRAL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,27 +104,48 @@ class FilamentPlume:
         growth_m2_s: float,
         diffusivity_m2_s: float,
         seed: int,
+        noise_std_m: float | None = None,
     ) -> None:
+        """Build a plume without filaments at time 0.
+
+        Args:
+            environment: Occupancy and wind; its arrays are not copied.
+            sources: Where gas comes from, all with buoyancy of one power.
+            step_s: Length of a step [s].
+            growth_m2_s: Growth of sigma^2 [m2/s].
+            diffusivity_m2_s: Eddy diffusivity D per axis [m2/s].
+            seed: The run's seed.
+            noise_std_m: Random displacement of a step per axis [m] in place of sqrt(2 D step_s), for compatibility.
+
+        Raises:
+            ScenarioError: a source outside the air.
+            ModelError: wind frames that do not fit the grid.
+        """
         _check_sources(environment, sources)
         _check_wind(environment)
         self._environment = environment
         self._sources = sources
         self._step_s = step_s
         self._growth_m2_s = growth_m2_s
-        self._diffusivity_m2_s = diffusivity_m2_s
+        self._noise_std_m = math.sqrt(2.0 * diffusivity_m2_s * step_s) if noise_std_m is None else noise_std_m
         self._occupancy = np.ascontiguousarray(environment.occupancy, np.uint8)
         self._is_open = open_cells(self._occupancy)
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._amount_mol = np.array([source.amount_mol for source in sources])
         self._gas_index = np.array([source.gas_index for source in sources], np.int32)
         self._sigma0_m = np.array([source.sigma_m for source in sources])
-        self._drift_m_s = np.array([source.drift_m_s for source in sources])
+        self._buoyancy = np.array([source.buoyancy.coefficient for source in sources])
+        self._buoyancy_power = _common_power(sources)
         self._allocate(FIRST_CAPACITY)
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
         """Return to a room without gas at time 0."""
         self._key = stream(seed, "fields.disperse").integers(2**64, dtype=np.uint64)
+        self._place_key = stream(seed, "fields.place").integers(2**64, dtype=np.uint64)
+        self._births = [
+            source.release.start(stream(seed, f"fields.release.{i}")) for i, source in enumerate(self._sources)
+        ]
         self._n_born = [0] * len(self._sources)
         self._n = 0
         self._step = 0
@@ -180,7 +205,8 @@ class FilamentPlume:
             self._source_index,
             self._n,
             self._sigma0_m,
-            self._drift_m_s,
+            self._buoyancy,
+            self._buoyancy_power,
             self._wind_m_s[i_frame],
             self._occupancy,
             self._is_open,
@@ -188,7 +214,7 @@ class FilamentPlume:
             grid.cell_m,
             self._step,
             self._step_s,
-            self._diffusivity_m2_s,
+            self._noise_std_m,
             self._growth_m2_s,
             self._key,
         )
@@ -198,20 +224,36 @@ class FilamentPlume:
 
     def _release(self, i_source: int, start_s: float) -> None:
         source = self._sources[i_source]
-        births_s = source.release.births_s(start_s, self._step * self._step_s)
+        births_s = self._births[i_source].births_s(start_s, self._step * self._step_s)
         n_new = len(births_s)
         if n_new == 0:
             return
         self._reserve(self._n + n_new)
         new = slice(self._n, self._n + n_new)
-        self._position_m[new] = source.position_world_m
+        first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
+        self._position_m[new] = self._places_of_birth(source, first_id, n_new)
+        self._sigma_m[new] = source.sigma_m
         # The quotient may round to just after the step's end; an age below zero has no square root.
         self._birth_steps[new] = np.minimum(births_s / self._step_s, self._step)
-        first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
         self._filament_id[new] = np.arange(first_id, first_id + n_new)
         self._source_index[new] = i_source
         self._n_born[i_source] += n_new
         self._n += n_new
+
+    # A place behind a wall is reached as far as the wall: the way from the source's position leads through air.
+    def _places_of_birth(self, source: GasSource, first_id: int, n: int) -> NDArray[np.float64]:
+        places_m = np.tile(np.array(source.position_world_m, np.float64), (n, 1))
+        if source.shape.kind == "point":
+            return places_m
+        offsets_m = source.shape.offsets_m(uniforms(self._place_key, 3 * first_id, 3 * n).reshape(n, 3))
+        grid = self._environment.grid
+        for i, (place_m, offset_m) in enumerate(zip(places_m.tolist(), offsets_m.tolist(), strict=True)):
+            x, y, z, has_left = trace_displacement(
+                self._occupancy, grid.origin_m, grid.cell_m, *place_m, *offset_m, reflects=False
+            )
+            if not has_left:
+                places_m[i] = x, y, z
+        return places_m
 
     def _allocate(self, capacity: int) -> None:
         self._position_m = np.zeros((capacity, 3))
@@ -228,6 +270,13 @@ class FilamentPlume:
         new = (self._position_m, self._sigma_m, self._birth_steps, self._filament_id, self._source_index)
         for source, target in zip(old, new, strict=True):
             target[: self._n] = source[: self._n]
+
+
+def _common_power(sources: tuple[GasSource, ...]) -> int:
+    powers = {source.buoyancy.power for source in sources if source.buoyancy.coefficient}
+    if len(powers) > 1 or not powers <= {1, 3}:
+        raise ModelError(f"fields: expected buoyancies of one power of the size, 1 or 3, were {sorted(powers)}.")
+    return powers.pop() if powers else 1
 
 
 def _check_sources(environment: Environment, sources: tuple[GasSource, ...]) -> None:

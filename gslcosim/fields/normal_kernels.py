@@ -149,3 +149,16 @@ def normals(key, first, n):
     for i in range(n):
         draws[i] = normal_at(key, np.uint64(first + i))
     return draws
+
+
+@numba.njit(cache=True, nogil=True)
+def uniforms(key, first, n):
+    """Return draws `first` to `first + n - 1` of the uniform stream `key`, (n,) float64 in (0, 1].
+
+    Held by:
+        tests/unit/fields/test_normal_kernels.py
+    """
+    draws = np.empty(n)
+    for i in range(n):
+        draws[i] = uniform_at(key, np.uint64(first + i))
+    return draws

@@ -1,12 +1,31 @@
-"""When filaments are born: a constant rate, exact over any time and independent of the step."""
+"""When filaments are born: exact over any time and independent of the step."""
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 # Filament number rate * t exists at t even when the product is rounded down by its last digit.
 _ROUNDING = 1e-9
+
+
+class Births(Protocol):
+    """A release under way; it is asked for one span after the other, without gaps."""
+
+    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+        """Return the times of birth [s] after `start_s` and up to `end_s`, ascending."""
+        ...
+
+
+class ReleasePlan(Protocol):
+    """How a source releases filaments; time counts from the start of the plume."""
+
+    def start(self, rng: np.random.Generator) -> Births:
+        """Return the release from time 0 on; `rng` is the source's own stream."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,11 +37,129 @@ class ConstantRelease:
 
     filaments_per_s: float
 
+    def start(self, rng: np.random.Generator) -> Births:
+        """Return itself: nothing is drawn and nothing remembered."""
+        del rng
+        return self
+
     def n_born_by(self, time_s: float) -> int:
         """Return how many filaments are born from 0 to a time [s]."""
         return int(self.filaments_per_s * time_s + _ROUNDING)
 
     def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
-        """Return the times of birth [s] after `start_s` and up to `end_s`, ascending."""
+        """Return the times of birth; see `Births`."""
         numbers = np.arange(self.n_born_by(start_s) + 1, self.n_born_by(end_s) + 1)
         return np.minimum(numbers / self.filaments_per_s, end_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoissonRelease:
+    """Births independent of each other: the time between two is exponential with mean 1 / rate."""
+
+    filaments_per_s: float
+
+    def start(self, rng: np.random.Generator) -> Births:
+        """Return a process that draws one waiting time for each birth."""
+        return _PoissonBirths(filaments_per_s=self.filaments_per_s, rng=rng)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariableRelease:
+    """A rate that is drawn anew every `interval_s`, uniform from 0 to `filaments_per_s`: half of it in the mean.
+
+    Source: GADEN's variable rate, which draws for each step of its own; here the interval is a parameter.
+    """
+
+    filaments_per_s: float
+    interval_s: float = 1.0
+
+    def start(self, rng: np.random.Generator) -> Births:
+        """Return a process that draws one rate for each interval."""
+        return _SteppedBirths(segments=self._segments(rng))
+
+    def _segments(self, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
+        i = 0
+        while True:
+            i += 1
+            yield i * self.interval_s, self.filaments_per_s * float(rng.random())
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntermittentRelease:
+    """Releases for `on_s` and pauses for `off_s`, over and over, beginning with a release."""
+
+    filaments_per_s: float
+    on_s: float
+    off_s: float
+
+    def start(self, rng: np.random.Generator) -> Births:
+        """Return a process without chance."""
+        del rng
+        return _SteppedBirths(segments=self._segments())
+
+    def _segments(self) -> Iterator[tuple[float, float]]:
+        period_s, i = self.on_s + self.off_s, 0
+        while True:
+            yield i * period_s + self.on_s, self.filaments_per_s
+            i += 1
+            yield i * period_s, 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScheduledRelease:
+    """A rate that changes at given times: `schedule` holds (time_s, filaments_per_s), ascending; 0 before the first."""
+
+    schedule: tuple[tuple[float, float], ...]
+
+    def start(self, rng: np.random.Generator) -> Births:
+        """Return a process without chance."""
+        del rng
+        times_s = [time_s for time_s, _ in self.schedule]
+        rates = [0.0, *(rate for _, rate in self.schedule)]
+        return _SteppedBirths(segments=iter(zip([*times_s, math.inf], rates, strict=True)))
+
+
+@dataclass(kw_only=True)
+class _PoissonBirths:
+    # `next_s` is the next birth; drawn one after the other, so the cutting into steps changes no draw.
+    filaments_per_s: float
+    rng: np.random.Generator
+    next_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.next_s = self.rng.exponential() / self.filaments_per_s
+
+    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+        del start_s
+        births: list[float] = []
+        while self.next_s <= end_s:
+            births.append(self.next_s)
+            self.next_s += self.rng.exponential() / self.filaments_per_s
+        return np.array(births)
+
+
+@dataclass(kw_only=True)
+class _SteppedBirths:
+    # Births where the integral of a piecewise constant rate passes 1, 2, …; `segments` gives (end_s, rate).
+    # `begin_s` and `expected` are time and integral at the current segment's begin.
+    segments: Iterator[tuple[float, float]]
+    begin_s: float = 0.0
+    expected: float = 0.0
+    n_born: int = 0
+    end_s: float = 0.0
+    rate: float = 0.0
+
+    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+        del start_s
+        births: list[float] = []
+        while True:
+            until_s = min(end_s, self.end_s)
+            n_due = int(self.expected + self.rate * (until_s - self.begin_s) + _ROUNDING)
+            numbers = range(self.n_born + 1, n_due + 1)
+            births += [min(self.begin_s + max(j - self.expected, 0.0) / self.rate, until_s) for j in numbers]
+            self.n_born = max(self.n_born, n_due)
+            if self.end_s >= end_s:
+                return np.array(births)
+            self.expected += self.rate * (self.end_s - self.begin_s)
+            self.begin_s = self.end_s
+            self.end_s, self.rate = next(self.segments)

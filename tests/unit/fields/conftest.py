@@ -34,14 +34,16 @@ def air() -> Callable[..., Environment]:
 def make_source() -> Callable[..., GasSource]:
     """Build a source; by default 10 filaments a second of 10 ppm and 0.1 m."""
 
-    def build(position_m=(2.0, 2.0, 1.0), *, rate=10.0, ppm=10.0, sigma_m=0.1, gas_index=0, drift_m_s=0.0):
+    def build(position_m=(2.0, 2.0, 1.0), *, rate=10.0, ppm=10.0, sigma_m=0.1, gas_index=0, **more):
         return GasSource(
-            position_world_m=position_m,
-            release=ConstantRelease(filaments_per_s=rate),
-            sigma_m=sigma_m,
-            amount_mol=amount_of_filament_mol(ppm, sigma_m),
-            gas_index=gas_index,
-            drift_m_s=drift_m_s,
+            **{
+                "position_world_m": position_m,
+                "release": ConstantRelease(filaments_per_s=rate),
+                "sigma_m": sigma_m,
+                "amount_mol": amount_of_filament_mol(ppm, sigma_m),
+                "gas_index": gas_index,
+                **more,
+            }
         )
 
     return build
@@ -51,7 +53,7 @@ def make_source() -> Callable[..., GasSource]:
 def make_plume(air, make_source) -> Callable[..., FilamentPlume]:
     """Build a plume; by default one source in still air."""
 
-    def build(environment=None, sources=None, *, step_s=0.1, growth_m2_s=0.001, diffusivity_m2_s=0.002, seed=1):
+    def build(environment=None, sources=None, *, step_s=0.1, growth_m2_s=0.001, diffusivity_m2_s=0.002, seed=1, **more):
         return FilamentPlume(
             environment or air(),
             sources or (make_source(),),
@@ -59,6 +61,7 @@ def make_plume(air, make_source) -> Callable[..., FilamentPlume]:
             growth_m2_s=growth_m2_s,
             diffusivity_m2_s=diffusivity_m2_s,
             seed=seed,
+            **more,
         )
 
     return build

@@ -216,3 +216,17 @@ def test_an_unknown_gas_is_refused(scenario_with, room):
 def test_a_snapshot_period_that_is_no_whole_number_of_ticks_is_refused(scenario_with, room):
     with pytest.raises(GslCosimError, match=r"recording\.gas_every_s"):
         FieldsCore(scenario_with(recording={"gas_every_s": 0.25}), room)
+
+
+def test_every_gas_is_sampled_and_sliced(scenario_with, room):
+    sources = [{"position_m": (5.0, 5.0, 2.0)}, {"position_m": (5.0, 5.2, 2.0), "gas": "methane", "ppm": 50.0}]
+    core = FieldsCore(scenario_with(sources=sources), room)
+    core.reset(Episode(seed=3))
+    outbox = core.step(0, bodies(0))
+    amounts = outbox[keys.SAMPLES].samples[0].gases
+    assert [a.gas for a in amounts] == ["ethanol", "methane"]
+    assert all(a.mixing_ratio_ppm > 0.1 for a in amounts)
+    cloud = outbox[keys.FILAMENTS]
+    assert cloud.gases == ("ethanol", "methane")
+    assert np.bincount(cloud.gas_index.to_array()).tolist() == [200, 200]
+    assert [s.gas for s in cloud.slices] == ["ethanol", "methane"]

@@ -5,7 +5,10 @@ import pytest
 
 from gslcosim.environment.model import Cell
 from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.fields.buoyancy import Buoyancy
 from gslcosim.fields.filaments import FIRST_CAPACITY, amount_of_filament_mol, open_cells
+from gslcosim.fields.release import ScheduledRelease
+from gslcosim.fields.source_shapes import SourceShape
 
 
 def test_a_filament_carries_gadens_amount_of_gas():
@@ -73,10 +76,53 @@ def test_reset_returns_to_the_same_start(make_plume):
     np.testing.assert_array_equal(plume.filaments.position_world_m, before)
 
 
-def test_heavy_gas_sinks_at_its_drift(make_plume, make_source):
-    plume = make_plume(sources=(make_source((2.0, 2.0, 2.5), rate=1.0, drift_m_s=-0.3),), diffusivity_m2_s=0.0)
-    plume.advance(21)
-    assert plume.filaments.position_world_m[0, 2] == pytest.approx(2.5 - 0.3 * 1.1, abs=1e-6)
+@pytest.mark.parametrize("power", [1, 3])
+def test_heavy_gas_sinks_slower_as_it_grows(make_plume, make_source, power):
+    """dz/dt = -b / sigma^q with sigma^2 = s0^2 + gamma t: closed forms of the way."""
+    gamma, s0, b = 0.01, 0.1, 0.01 if power == 1 else 0.0002
+    source = make_source((2.0, 2.0, 2.5), rate=1.0, buoyancy=Buoyancy(coefficient=-b, power=power))
+    plume = make_plume(sources=(source,), step_s=0.01, growth_m2_s=gamma, diffusivity_m2_s=0.0)
+    plume.advance(900)
+    s1 = math.sqrt(s0**2 + gamma * 8.0)
+    way_m = 2 * b / gamma * ((s1 - s0) if power == 1 else (1 / s0 - 1 / s1))
+    assert plume.filaments.position_world_m[0, 2] == pytest.approx(2.5 - way_m, rel=0.01)
+
+
+def test_sources_with_buoyancies_of_two_powers_are_refused(make_plume, make_source):
+    sources = tuple(make_source(buoyancy=Buoyancy(coefficient=1e-3, power=power)) for power in (1, 3))
+    with pytest.raises(ModelError, match="one power of the size"):
+        make_plume(sources=sources)
+
+
+def test_a_given_noise_takes_the_place_of_the_diffusivity(make_plume, make_source, air):
+    """One step from birth at its start: the displacement has that standard deviation."""
+    source = make_source((2.5, 2.0, 1.5), release=ScheduledRelease(schedule=((0.0, 20000.0), (0.1, 0.0))))
+    plume = make_plume(sources=(source,), step_s=0.1, diffusivity_m2_s=0.5, noise_std_m=0.03)
+    plume.advance(1)
+    before = plume.filaments.position_world_m.copy()
+    plume.advance(1)
+    moved = plume.filaments.position_world_m - before
+    assert moved.std() == pytest.approx(0.03, rel=0.02)
+
+
+def test_filaments_are_born_all_over_the_shape_but_not_behind_walls(make_plume, make_source, air):
+    cells = np.zeros((20, 16, 12), np.uint8)
+    cells[10] = Cell.SOLID
+    source = make_source((2.0, 2.0, 1.5), rate=2000.0, shape=SourceShape(kind="box", size_m=(2.0, 1.0, 0.4)))
+    plume = make_plume(air(occupancy=cells), (source,), step_s=0.5, diffusivity_m2_s=0.0)
+    plume.advance(1)
+    places = plume.filaments.position_world_m
+    assert places.min(0) == pytest.approx((1.0, 1.5, 1.3), abs=0.01)
+    assert places.max(0) == pytest.approx((2.5, 2.5, 1.7), abs=0.01)
+    assert (places[:, 0] > 2.4999).mean() == pytest.approx(0.25, abs=0.05)
+
+
+def test_places_of_birth_do_not_depend_on_the_step(make_plume, make_source):
+    source = make_source(rate=37.0, shape=SourceShape(kind="sphere", size_m=(1.0, 1.0, 1.0)))
+    coarse, fine = (make_plume(sources=(source,), step_s=dt, diffusivity_m2_s=0.0) for dt in (0.5, 0.1))
+    coarse.advance(4)
+    fine.advance(20)
+    np.testing.assert_array_equal(coarse.filaments.position_world_m, fine.filaments.position_world_m)
 
 
 def test_filaments_leave_through_the_outlet(make_plume, make_source, air):

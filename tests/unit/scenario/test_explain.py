@@ -58,10 +58,10 @@ VEHICLE_KEYS = ", ".join(keys_of(VehicleSpec))
          "brackets: [ … ]."),
         ("\n    - {position_m", " {position_m",
          "hall.yaml:6: gas.sources: expected a list of at least one block with the keys position_m, filaments_per_s, "
-         'ppm and sigma_m, was {"position_m": [5, 1, 2]}. Begin each block with a dash.'),
+         'ppm, sigma_m, gas, shape and release, was {"position_m": [5, 1, 2]}. Begin each block with a dash.'),
         ("\n    - {position_m: [5, 1, 2]}", " []",
          "hall.yaml:6: gas.sources: expected a list of at least one block with the keys position_m, filaments_per_s, "
-         "ppm and sigma_m, was []."),
+         "ppm, sigma_m, gas, shape and release, was []."),
         ("schema: gslcosim/scenario/1", "schema: gslcosim/scenario/2",
          "hall.yaml:1: schema: expected gslcosim/scenario/1, was 'gslcosim/scenario/2'. Did you mean "
          "gslcosim/scenario/1?"),

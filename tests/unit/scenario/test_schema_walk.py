@@ -36,7 +36,8 @@ def test_a_place_is_described_from_its_model(location, path, words):
 
 def test_a_list_of_blocks_names_their_keys():
     words = slot_at(("gas", "sources")).describe()
-    assert words == "a list of at least one block with the keys position_m, filaments_per_s, ppm and sigma_m"
+    keys = "position_m, filaments_per_s, ppm, sigma_m, gas, shape and release"
+    assert words == f"a list of at least one block with the keys {keys}"
 
 
 def test_the_way_ends_at_what_the_models_do_not_know():

@@ -1,0 +1,139 @@
+import math
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from gslcosim.fields.assembly import gas_model_of
+from gslcosim.scenario.models import ReleaseSpec, Scenario, ShapeSpec
+
+PLACE = (5.0, 5.0, 2.0)
+
+
+@pytest.fixture
+def gas_of(make_scenario, make_room):
+    """Build the gas of a scenario with these sources and settings."""
+
+    def build(*sources, tick_ms=100, **gas):
+        plain = make_scenario(tick_ms=tick_ms).model_dump(by_alias=True)
+        plain["gas"] = {"sources": [{"position_m": PLACE, **source} for source in sources or ({},)], **gas}
+        return gas_model_of(Scenario.model_validate(plain), make_room())
+
+    return build
+
+
+def displacement_std_m(model, n_steps=1):
+    model.plume.advance(1)
+    before = model.plume.filaments.position_world_m.copy()
+    model.plume.advance(n_steps)
+    return (model.plume.filaments.position_world_m[: len(before)] - before).std()
+
+
+BURST = {"filaments_per_s": 20000.0}
+
+
+def test_by_default_a_steps_noise_is_that_of_the_diffusivity(gas_of):
+    for step_s in (0.1, 0.02):
+        model = gas_of(BURST, step_s=step_s, eddy_diffusivity_m2_s=0.01)
+        assert displacement_std_m(model) == pytest.approx(math.sqrt(2 * 0.01 * step_s), rel=0.05)
+
+
+@pytest.mark.parametrize(("compatibility", "stds_m"), [("gaden_2", (0.02, 0.02)), ("gaden_3", (0.02, 0.004))])
+def test_gadens_noise_depends_on_the_step_as_theirs_does(gas_of, compatibility, stds_m):
+    """Per step whatever its length in GADEN 2, linear in it in GADEN 3."""
+    for step_s, std_m in zip((0.1, 0.02), stds_m, strict=True):
+        model = gas_of(BURST, step_s=step_s, compatibility=compatibility, eddy_diffusivity_m2_s=0.5)
+        assert displacement_std_m(model) == pytest.approx(std_m, rel=0.05)
+
+
+def test_gaden_3_reads_up_to_3_sigma(gas_of):
+    assert [gas_of(compatibility=c).cutoff_sigma for c in ("none", "gaden_2", "gaden_3")] == [5.0, 5.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "rise_m"),
+    [
+        ({}, 0.0047),
+        ({"buoyancy": "none"}, 0.0),
+        ({"compatibility": "gaden_2"}, 0.0),
+        ({"compatibility": "gaden_3"}, 0.1541),
+    ],
+)
+def test_methane_rises_by_the_chosen_law(gas_of, settings, rise_m):
+    """A second after birth, with hardly any growth."""
+    quiet = {"growth_m2_s": 0.0, "eddy_diffusivity_m2_s": 0.0, "gaden_noise_std_m": 0.0}
+    model = gas_of({"filaments_per_s": 1.0}, gas="methane", **quiet, **settings)
+    model.plume.advance(20)
+    assert model.plume.filaments.position_world_m[0, 2] == pytest.approx(2.0 + rise_m, abs=1e-4)
+
+
+def test_sources_of_several_gases_keep_apart(gas_of):
+    model = gas_of({}, {"gas": "methane"}, {"gas": "methane", "position_m": (6.0, 6.0, 2.0)})
+    model.plume.advance(10)
+    filaments = model.plume.filaments
+    assert model.gases == ("ethanol", "methane")
+    assert filaments.n_gases == 2
+    assert np.bincount(filaments.gas_index[filaments.source_index]).tolist() == [10, 20]
+
+
+def test_the_gas_that_is_searched_for_comes_first(gas_of):
+    assert gas_of({"gas": "methane"}, gas="acetone").gases == ("acetone", "methane")
+
+
+def test_a_release_of_each_kind_can_be_asked_for(gas_of):
+    kinds = [
+        {"kind": "constant"},
+        {"kind": "poisson"},
+        {"kind": "variable", "interval_s": 0.5},
+        {"kind": "intermittent", "on_s": 1.0, "off_s": 3.0},
+        {"kind": "scheduled", "schedule": [[0, 10], [2, 0]]},
+    ]
+    born = []
+    for release in kinds:
+        model = gas_of({"release": release})
+        model.plume.advance(40)
+        born.append(model.plume.n_born)
+    assert born[0] == 40
+    assert 15 < born[1] < 70
+    assert 5 < born[2] < 38
+    assert born[3:] == [10, 20]
+
+
+def test_poisson_releases_of_two_sources_differ(gas_of):
+    model = gas_of({"release": {"kind": "poisson"}}, {"release": {"kind": "poisson"}})
+    model.plume.advance(50)
+    first, second = (model.plume.filaments.sigma_m[model.plume.filaments.source_index == i] for i in (0, 1))
+    assert set(first.tolist()).isdisjoint(second.tolist())
+
+
+def test_an_extended_source_fills_its_shape(gas_of):
+    model = gas_of({**BURST, "shape": {"kind": "cylinder", "size_m": (2.0, 2.0, 0.5)}}, eddy_diffusivity_m2_s=0.0)
+    model.plume.advance(1)
+    assert np.ptp(model.plume.filaments.position_world_m, axis=0) == pytest.approx((2.0, 2.0, 0.5), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "release",
+    [
+        {"kind": "scheduled"},
+        {"schedule": ((0.0, 1.0),)},
+        {"kind": "scheduled", "schedule": ((2.0, 1.0), (1.0, 2.0))},
+    ],
+)
+def test_a_schedule_that_does_not_fit_is_refused(release):
+    with pytest.raises(ValidationError, match="ascending times, with kind: scheduled and only then"):
+        ReleaseSpec.model_validate(release)
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        ({"kind": "point", "size_m": (1.0, 0.0, 0.0)}, "no size"),
+        ({"kind": "line"}, "a vector that is not zero"),
+        ({"kind": "sphere", "size_m": (1.0, -1.0, 1.0)}, "none negative"),
+        ({"kind": "box"}, "none negative"),
+    ],
+)
+def test_a_size_that_does_not_fit_the_shape_is_refused(shape, expected):
+    with pytest.raises(ValidationError, match=expected):
+        ShapeSpec.model_validate(shape)
