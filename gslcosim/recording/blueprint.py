@@ -16,6 +16,7 @@ from gslcosim.recording import colors, entities
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import AgentEntities, entities_of
 from gslcosim.recording.run_file import TICK_TIMELINE, TIME_TIMELINE
+from gslcosim.recording.scene import floor_grid_m
 from gslcosim.recording.summary import title
 from gslcosim.scenario import Scenario
 
@@ -75,7 +76,7 @@ def _room_view(scenario: Scenario, environment: Environment, agents: Iterable[Ag
     eye_m, target_m = _eye_on_room(environment)
     return rrb.Spatial3DView(
         origin="/",
-        name=title(scenario),
+        name=f"{title(scenario)} (floor grid {floor_grid_m(environment):g} m)",
         contents=["+ /**", "- /map/**", f"- /{entities.SLICES}/**", "- /plots/**"],
         background=colors.BACKGROUND,
         line_grid=False,
@@ -93,7 +94,7 @@ def _map_view(scenario: Scenario, environment: Environment, agents: Iterable[Age
     return rrb.Spatial3DView(
         origin="/",
         name=f"{scenario.gas.gas} at {height_m:g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind",
-        contents=["+ /**", f"- /{entities.FILAMENTS}", "- /room/floor", "- /room/outline", "- /plots/**"],
+        contents=["+ /**", f"- /{entities.FILAMENTS}", "- /room/floor/**", "- /room/outline", "- /plots/**"],
         background=colors.BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(

@@ -11,6 +11,7 @@ Rgb = tuple[int, int, int]
 
 BACKGROUND: Rgb = (20, 23, 29)
 FLOOR: Rgb = (52, 57, 66)
+FLOOR_LINES: Rgb = (78, 85, 97)
 MAP_FLOOR: Rgb = (33, 37, 45)
 EDGES: Rgb = (120, 128, 140)
 SOURCE: Rgb = (255, 72, 72)

@@ -179,13 +179,14 @@ class RecorderCore:
         self._write_summary(file, tick=0, verdict=None)
 
     def _style_curves(self, file: RunFile, names: AgentEntities) -> None:
-        prefix = f"{names.agent.name} " if len(self._agents) > 1 else ""
+        is_alone = len(self._agents) == 1
+        prefix = "" if is_alone else f"{names.agent.name} "
         styles = [(names.distance, f"{prefix}distance", names.color)]
         for sensor in names.gas_sensors:
             styles.append((names.gas(sensor, self._scenario.gas.gas), f"{prefix}{sensor}", names.color))
             styles.append((names.response(sensor), f"{prefix}{sensor}", names.color))
         for sensor in names.wind_sensors:
-            styles.append((names.measured_wind(sensor), f"{prefix}measured", colors.WIND))
+            styles.append((names.measured_wind(sensor), f"{prefix}measured", colors.WIND if is_alone else names.color))
             styles.append((names.true_wind(sensor), f"{prefix}true", colors.READING))
         for entity, label, color in styles:
             file.draw(entity, rr.SeriesLines(names=[label], colors=[color], widths=[1.5]))

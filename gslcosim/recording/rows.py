@@ -17,7 +17,7 @@ TRACK_STRIP_TICKS = 10
 # A snapshot draws at most this many filaments, evenly chosen and the more opaque, so that files stay small.
 MAX_FILAMENTS = 3000
 # Peak opacity of a newborn filament; chosen so that a plume of some hundred is seen and seen through.
-BIRTH_OPACITY = 0.3
+BIRTH_OPACITY = 0.2
 # Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
 SLICE_SINK_M = 0.3
 WAYPOINT_RADIUS_M = 0.06

@@ -23,6 +23,7 @@ ARM_M = 0.25
 ROTOR_RADIUS_M = 0.13
 
 OBSTACLE_ALPHA = 150
+MAX_FLOOR_LINES = 25
 # The colour scale beside the map, in fractions of the room's width.
 SCALE_GAP_FRAC = 0.12
 SCALE_WIDTH_FRAC = 0.035
@@ -40,6 +41,7 @@ def draw_room(file: RunFile, environment: Environment) -> None:
     file.draw(
         "room/floor", rr.Boxes3D(mins=[floor_low_m], sizes=[floor_size_m], colors=[colors.FLOOR], fill_mode=SOLID)
     )
+    file.draw("room/floor/grid", _floor_grid(environment))
     # A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
     obstacles = [box for box in environment.boxes if box.kind == "obstacle" or _stands_inside(box, low_m, high_m)]
     if obstacles:
@@ -116,7 +118,7 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
     steps = range(colors.DECADES + 1)
     labels = [f"{scale.min_ppm * 10**i:g}" for i in steps]
     labels[-1] += " ppm"
-    places_m = [(right_m - 2.6 * width_m, y0 + depth_m * i / colors.DECADES, height_m) for i in steps]
+    places_m = [(right_m - 3.2 * width_m, y0 + depth_m * i / colors.DECADES, height_m) for i in steps]
     file.draw("map/scale", bar)
     file.draw(
         "map/scale/labels",
@@ -127,6 +129,21 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
 def picture_format(width: int, height: int) -> rr.components.ImageFormat:
     """Return the format of an RGBA picture of this many cells."""
     return rr.components.ImageFormat(width=width, height=height, color_model="RGBA", channel_datatype="U8")
+
+
+def floor_grid_m(environment: Environment) -> float:
+    """Return the spacing of the lines on the floor [m]: 1, 2, 5, 10, … so that at most 25 lie along a side."""
+    side_m = max(environment.grid.max_m[i] - environment.grid.origin_m[i] for i in range(2))
+    steps = (factor * 10.0**power for power in range(7) for factor in (1.0, 2.0, 5.0))
+    return next(step for step in steps if side_m / step <= MAX_FLOOR_LINES)
+
+
+def _floor_grid(environment: Environment) -> rr.LineStrips3D:
+    (x0, y0, z), (x1, y1, _) = environment.grid.origin_m, environment.grid.max_m
+    step_m = floor_grid_m(environment)
+    xs_m, ys_m = (np.arange(math.ceil(low / step_m), high / step_m) * step_m for low, high in ((x0, x1), (y0, y1)))
+    lines_m = [[(x, y0, z), (x, y1, z)] for x in xs_m] + [[(x0, y, z), (x1, y, z)] for y in ys_m]
+    return rr.LineStrips3D(lines_m, colors=[colors.FLOOR_LINES], radii=[0.006 * step_m])
 
 
 def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> bool:
@@ -140,6 +157,7 @@ def _obstacles(boxes: list[Box]) -> rr.Boxes3D:
         mins=[box.min_m for box in boxes],
         sizes=sizes_m,
         colors=rgba,
+        radii=[0.025],
         fill_mode=GLASS,
         labels=[box.name for box in boxes],
         show_labels=False,
@@ -150,7 +168,7 @@ def _opening(opening: Opening) -> rr.Boxes3D:
     color = colors.INLET if opening.kind == "inlet" else colors.OUTLET
     label = opening.kind
     if opening.kind == "inlet":
-        label += f" {math.hypot(*opening.velocity_m_s):g} m/s"
+        label += f" {math.hypot(*opening.velocity_m_s):.2g} m/s"
     size_m = np.maximum(np.array(opening.max_m) - np.array(opening.min_m), 0.02)
     return rr.Boxes3D(
         mins=[opening.min_m],

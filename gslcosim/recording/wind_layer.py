@@ -12,9 +12,9 @@ ARROWS_PER_SIDE = 15
 # The wind a grid spacing stands for, as a percentile of the speeds of all arrows and frames: jets at inlets are few
 # and would make all other arrows dots.
 REFERENCE_PERCENTILE = 80
-REFERENCE_LENGTH_SPACINGS = 0.8
+REFERENCE_LENGTH_SPACINGS = 0.9
 MAX_LENGTH_SPACINGS = 1.3
-ARROW_RADIUS_SPACINGS = 0.025
+ARROW_RADIUS_SPACINGS = 0.04
 
 
 class WindLayer:
