@@ -35,7 +35,7 @@ class Join(BaseModel):
 
     @classmethod
     def from_environment(cls) -> "Join":
-        """Return the join data from the environment variable `GSLCOSIM_JOIN`: JSON, or the path of a file that holds it.
+        """Return the join data from the environment variable `GSLCOSIM_JOIN`: JSON, or the path of a file with it.
 
         A file that does not exist yet is waited for, so that processes on several hosts may start in any order.
 

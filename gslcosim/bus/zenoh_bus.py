@@ -3,6 +3,7 @@
 import contextlib
 import json
 import secrets
+import sys
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -34,6 +35,10 @@ class AgentUser:
         return f"agent_{self.agent}"
 
 
+# A callback waits for the interpreter until its holder gives way; Python's 5 ms would be the latency of a run.
+SWITCH_INTERVAL_S = 0.0002
+
+
 class ZenohBus:
     """A Zenoh session seen as a `Bus`.
 
@@ -41,6 +46,7 @@ class ZenohBus:
     """
 
     def __init__(self, session: zenoh.Session, namespace: str) -> None:
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
         self._session = session
         self._prefix = f"{namespace}/"
         self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
@@ -127,7 +133,7 @@ class ZenohBus:
             self._session.declare_subscriber(
                 key,
                 zenoh.handlers.Callback(
-                    lambda sample: handler(self._relative(sample.key_expr), sample.payload.to_bytes()), indirect=False
+                    lambda sample: handler(self._relative(sample.key_expr), sample.payload.to_bytes()), indirect=True
                 ),
             )
         )

@@ -6,11 +6,14 @@ import msgpack
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gslcosim.errors import ContractError
+from gslcosim.runtime.stepper import Sent
 
 START = "ctl/start"
 STOP = "ctl/stop"
 CLOSE = "ctl/close"
 FAULT = "ctl/fault"
+
+LARGE_BYTES = 4096
 
 
 def alive(name: str) -> str:
@@ -31,6 +34,45 @@ def waiting(name: str) -> str:
 def bye(name: str) -> str:
     """Return the key on which a participant hands over its digests when it is done."""
     return f"ctl/bye/{name}"
+
+
+def bundle(name: str) -> str:
+    """Return the key on which a participant sends the messages of several ports and ticks in one."""
+    return f"bundle/{name}"
+
+
+def is_for_agents(port: str) -> bool:
+    """Return whether agents read a port: then each message is also sent on its own key, as the contract says."""
+    return port.startswith("agents/")
+
+
+def fits_in_bundle(sent: Sent) -> bool:
+    """Return whether a message travels in a bundle; a large one would only burden those who do not read it."""
+    return len(sent.payload) <= LARGE_BYTES or is_for_agents(sent.port)
+
+
+def travels_alone(sent: Sent) -> bool:
+    """Return whether a message travels on its own key."""
+    return len(sent.payload) > LARGE_BYTES or is_for_agents(sent.port)
+
+
+def pack_bundle(messages: list[tuple[str, bytes]]) -> bytes:
+    """Return messages as one payload: a msgpack list of (port, payload)."""
+    packed: Any = msgpack.packb(messages)
+    return packed
+
+
+def unpack_bundle(payload: bytes) -> list[tuple[str, bytes]]:
+    """Return the messages of a bundle.
+
+    Raises:
+        ContractError: it is not a bundle.
+    """
+    try:
+        messages: Any = msgpack.unpackb(payload, use_list=False)
+        return [(str(port), bytes(message)) for port, message in messages]
+    except (ValueError, TypeError, msgpack.UnpackException) as error:
+        raise ContractError(f"bundle: expected a list of (port, payload), was {payload[:32]!r}.") from error
 
 
 def resend(name: str) -> str:
@@ -106,8 +148,9 @@ class Description(Control):
 
 
 class Bye(Control):
-    """A participant is done: the hash chains of its ports, and where its time went."""
+    """A participant is done: its last tick, the hash chains of its ports, and where its time went."""
 
     name: str
+    last_tick: int
     trails: dict[str, dict[str, Any]]
     timing: dict[str, int]

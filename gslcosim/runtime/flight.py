@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import GslCosimError
+from gslcosim.errors import GslCosimError, RecordingError
 from gslcosim.generation import prepare_environment
 from gslcosim.runtime.assembly import Setup, dataflow_of
 from gslcosim.runtime.outcome import Outcome, ServiceFault
@@ -93,4 +94,10 @@ def _repair(run_dir: RunDir, outcome: Outcome) -> None:
         return
     from gslcosim.recording.repair import repair_recording
 
-    repair_recording(run_dir.recording)
+    try:
+        repair_recording(run_dir.recording)
+    except RecordingError as error:
+        # The recorder had not come as far as its first bytes; that must not hide what ended the run.
+        note = f"The recording cannot be read: {error}"
+        if outcome.fault is not None:
+            outcome.fault = replace(outcome.fault, text=f"{outcome.fault.text}\n{note}")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import gslcosim
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
+from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import ContractError, GslCosimError, RunTimeoutError
@@ -22,6 +23,7 @@ from gslcosim.runtime.gate import Missing
 from gslcosim.runtime.stepper import Sent, Stepper
 
 PROGRESS_EVERY_TICKS = 16
+BUNDLE_TICKS = 16
 KEPT_TICKS = 1024
 FIRST_RESEND_AFTER_S = 0.2
 LONGEST_RESEND_AFTER_S = 2.0
@@ -72,9 +74,12 @@ class ParticipantHost:
         self._stepper = Stepper(core, dataflow)
         self._gate = self._stepper.gate
         self._name = self._stepper.spec.name
+        self._ports_read = {read.port for read in self._stepper.spec.reads}
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._kept = Kept()
         self._told_tick = -1
+        self._bundle: list[Sent] = []
+        self._bundled_from = 0
         self._handlers: dict[str, Callable[[bytes], None]] = {
             control.START: lambda _: self._set_started(),
             control.STOP: self._on_stop,
@@ -88,7 +93,11 @@ class ParticipantHost:
         """Reset the core, listen to everything it reads, and show that it is ready (last)."""
         self._once = self._stepper.reset(self._episode)
         for read in self._stepper.spec.reads:
+            if control.is_for_agents(read.port):
+                continue
             self._listen(read.port, lambda payload, port=read.port: self._on_input(port, payload))
+        for writer in {self._dataflow.writer_of[read.port] for read in self._stepper.spec.reads}:
+            self._listen(control.bundle(writer), self._on_bundle)
         for reader in self._dataflow.readers_of(self._name):
             self._listen(
                 control.progress(reader.name), lambda payload, name=reader.name: self._on_progress(name, payload)
@@ -111,6 +120,7 @@ class ParticipantHost:
             if self._is_started:
                 self._publish(self._once)
                 self._fly()
+                self._flush()
         except Exception as error:
             self._report(error)
             raise
@@ -120,12 +130,21 @@ class ParticipantHost:
         while not (self._gate.is_finished or self._is_dismissed):
             self._drain()
             if self._gate.may_step():
-                self._publish(self._stepper.step())
+                self._publish(self._step())
                 if self._gate.next_tick - 1 - self._told_tick >= PROGRESS_EVERY_TICKS:
                     self._tell_progress()
             else:
+                self._flush()
                 self._tell_progress()
                 self._wait_for_input()
+
+    # The verdict ends the run for the one who writes it too, whether or not the supervisor has it yet.
+    def _step(self) -> list[Sent]:
+        outputs = self._stepper.step()
+        for sent in outputs:
+            if isinstance(sent.message, Verdict):
+                self._gate.final_tick = sent.message.tick
+        return outputs
 
     def _drain(self) -> None:
         started = time.perf_counter_ns()
@@ -159,12 +178,28 @@ class ParticipantHost:
     def _on_resent(self, port: str, payload: bytes) -> None:
         self._events.put((f"resent:{port}", payload))
 
+    # While a participant runs ahead its outputs travel in bundles; before it waits for anything they are on their way.
     def _publish(self, outputs: list[Sent]) -> None:
-        announces = any(sent.message.announced_ports() for sent in outputs)
         for sent in outputs:
             self._kept.keep(sent)
-            is_urgent = announces or sent.message.is_question
-            self._bus.publish(sent.port, sent.payload, encoding=codec.encoding_of(type(sent.message)), urgent=is_urgent)
+        self._bundle += outputs
+        if self._gate.next_tick - self._bundled_from >= BUNDLE_TICKS:
+            self._flush()
+
+    def _flush(self) -> None:
+        bundled = [(sent.port, sent.payload) for sent in self._bundle if control.fits_in_bundle(sent)]
+        if bundled:
+            self._bus.publish(control.bundle(self._name), control.pack_bundle(bundled))
+        for sent in self._bundle:
+            if control.travels_alone(sent):
+                self._bus.publish(
+                    sent.port,
+                    sent.payload,
+                    encoding=codec.encoding_of(type(sent.message)),
+                    urgent=sent.message.is_question,
+                )
+        self._bundle.clear()
+        self._bundled_from = self._gate.next_tick
 
     def _tell_progress(self) -> None:
         tick = self._gate.next_tick - 1
@@ -191,7 +226,12 @@ class ParticipantHost:
             close()
         self._tell_progress()
         trails = {port: trail.as_fields() for port, trail in self._stepper.trails.items()}
-        bye = control.Bye(name=self._name, trails=trails, timing=self._stepper.timing.as_fields()).to_bytes()
+        bye = control.Bye(
+            name=self._name,
+            last_tick=self._gate.next_tick - 1,
+            trails=trails,
+            timing=self._stepper.timing.as_fields(),
+        ).to_bytes()
         while not self._is_dismissed:
             self._bus.publish(control.bye(self._name), bye, urgent=True)
             resend_at = time.monotonic() + BYE_EVERY_S
@@ -216,6 +256,11 @@ class ParticipantHost:
     def _on_input(self, port: str, payload: bytes) -> bool:
         message = codec.decode(self._dataflow.message_types[port], payload)
         return self._gate.deliver(port, message)
+
+    def _on_bundle(self, payload: bytes) -> None:
+        for port, message in control.unpack_bundle(payload):
+            if port in self._ports_read:
+                self._on_input(port, message)
 
     def _on_progress(self, reader: str, payload: bytes) -> None:
         self._gate.grant(reader, control.TickNote.from_bytes(payload).tick)

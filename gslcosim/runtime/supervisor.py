@@ -97,6 +97,7 @@ class Supervisor:
             agent.name: _Seat(agent, Door(agent.name, may_overlap=agent.latency_ticks > 1))
             for agent in setup.scenario.agents
         }
+        self._observed_by = {keys.observation(name): seat for name, seat in self._seats.items()}
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._ready: set[str] = set()
         self._described: set[str] = set()
@@ -161,10 +162,10 @@ class Supervisor:
 
         for name in self._seats:
             bus.subscribe(keys.briefing(name), put_agent("briefing"))
-            bus.subscribe(keys.observation(name), put_agent("observation"))
             bus.subscribe(keys.raw_command(name), put_agent("command"))
             bus.answer(control.resend(door_name(name)), self._seats[name].kept.answer)
-        bus.subscribe(keys.VERDICT, put("verdict"))
+        for name in ("sensing", "referee"):
+            bus.subscribe(control.bundle(name), put("bundle"))
         bus.subscribe(control.FAULT, put("fault"))
         for kind in ("progress", "waiting", "bye"):
             bus.subscribe(f"ctl/{kind}/*", put(kind))
@@ -261,8 +262,8 @@ class Supervisor:
             self._handle(bus, *self._events.get())
 
     def _handle(self, bus: ZenohBus, kind: str, name: str, payload: bytes) -> None:
-        if kind == "observation":
-            self._on_observation(bus, self._seats[name], payload)
+        if kind == "bundle":
+            self._on_bundle(bus, payload)
         elif kind == "command":
             self._pass(bus, self._seats[name], self._seats[name].door.received(payload))
         elif kind == "progress":
@@ -270,11 +271,9 @@ class Supervisor:
         elif kind == "waiting":
             self._waiting[name] = control.WaitingNote.from_bytes(payload)
         elif kind == "bye":
-            self._byes[name] = control.Bye.from_bytes(payload)
-            self._moved_at = time.monotonic()
+            self._on_bye(bus, control.Bye.from_bytes(payload))
         elif kind == "verdict":
-            self._verdict = codec.decode(Verdict, payload)
-            bus.publish(control.STOP, control.TickNote(tick=self._verdict.tick).to_bytes(), urgent=True)
+            self._on_verdict(bus, payload)
         elif kind == "briefing":
             self._seats[name].briefing = payload
         else:
@@ -311,6 +310,29 @@ class Supervisor:
             self._progress[name] = tick
             self._moved_at = time.monotonic()
             self._waiting.pop(name, None)
+
+    def _on_bundle(self, bus: ZenohBus, payload: bytes) -> None:
+        for port, message in control.unpack_bundle(payload):
+            seat = self._observed_by.get(port)
+            if seat is not None:
+                self._on_observation(bus, seat, message)
+            elif port == keys.VERDICT:
+                self._on_verdict(bus, message)
+
+    def _on_verdict(self, bus: ZenohBus, payload: bytes) -> None:
+        self._verdict = codec.decode(Verdict, payload)
+        bus.publish(control.STOP, control.TickNote(tick=self._verdict.tick).to_bytes(), urgent=True)
+
+    def _on_bye(self, bus: ZenohBus, bye: control.Bye) -> None:
+        if bye.name not in self._byes:
+            self._byes[bye.name] = bye
+            self._moved_at = time.monotonic()
+        if bye.name == "referee" and self._verdict is None:
+            # It has ended the run, so its verdict got lost on the way.
+            question = control.ResendRequest(port=keys.VERDICT, tick=bye.last_tick).to_bytes()
+            bus.ask(
+                control.resend("referee"), question, lambda _, payload: self._events.put(("verdict", "", payload))
+            )
 
     def _on_observation(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
         observation = codec.decode(Observation, payload)

@@ -7,8 +7,7 @@ import pytest
 from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
 
 from gslcosim.bus.in_memory import InMemoryHub
-from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Verdict
+from gslcosim.contract import keys
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime import control
 from gslcosim.runtime.digest import RunDigest, Trail
@@ -21,7 +20,7 @@ def fly(hub, cores):
     """Run a host for each core in a thread; return the digest, the timings and the reported faults."""
     events = queue.Queue()
     ours = hub.open()
-    for key in ("ctl/bye/*", control.FAULT, keys.VERDICT):
+    for key in ("ctl/bye/*", control.FAULT):
         ours.subscribe(key, lambda at, payload: events.put((at, payload)))
     hosts = [ParticipantHost(hub.open(), core, toy_dataflow(), Episode(seed=7)) for core in cores.values()]
     for host in hosts:
@@ -33,14 +32,13 @@ def fly(hub, cores):
     byes, faults = {}, []
     while len(byes) < len(hosts) and not faults:
         key, payload = events.get(timeout=30)
-        if key == keys.VERDICT:
-            stop = control.TickNote(tick=codec.decode(Verdict, payload).tick)
-            ours.publish(control.STOP, stop.to_bytes())
-        elif key == control.FAULT:
+        if key == control.FAULT:
             faults.append(control.FaultNote.from_bytes(payload))
         else:
             bye = control.Bye.from_bytes(payload)
             byes[bye.name] = bye
+            if bye.name == "referee":
+                ours.publish(control.STOP, control.TickNote(tick=bye.last_tick).to_bytes())
     ours.publish(control.CLOSE, b"")
     for thread in threads:
         thread.join(timeout=10)
