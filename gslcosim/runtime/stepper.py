@@ -105,4 +105,3 @@ class Stepper:
                     f"{self.spec.name}.{method} at tick {tick}: expected a {expected_type} of this tick on {port}, "
                     f"was a {type(message).__name__} of tick {message.tick}."
                 )
-

@@ -330,9 +330,7 @@ class Supervisor:
         if bye.name == "referee" and self._verdict is None:
             # It has ended the run, so its verdict got lost on the way.
             question = control.ResendRequest(port=keys.VERDICT, tick=bye.last_tick).to_bytes()
-            bus.ask(
-                control.resend("referee"), question, lambda _, payload: self._events.put(("verdict", "", payload))
-            )
+            bus.ask(control.resend("referee"), question, lambda _, payload: self._events.put(("verdict", "", payload)))
 
     def _on_observation(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
         observation = codec.decode(Observation, payload)
