@@ -1,4 +1,6 @@
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,6 +9,9 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
 from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
 from gslcosim.fields.release import ConstantRelease
+
+# Importlib mode puts no test folder on the path; the frame writers are shared by the tests of this folder.
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture

@@ -1,0 +1,113 @@
+"""One stored instant of gas, as other simulators write it, in this project's units."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.errors import EnvironmentDataError
+from gslcosim.fields.filaments import Filaments
+from gslcosim.fields.gases import GASES, air_density_mol_m3
+
+LARGEST_SIGMA_M = 100.0
+LARGEST_GRID_CELLS = 10**9
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasFrame:
+    """What a frame file holds.
+
+    Either `filaments` or `mixing_ratio_ppm` (nx, ny, nz) at the cell centres of `grid` is there. Amounts are converted
+    to this project's reference air (298 K, 1 atm), so that readings are those of the writer's own air. `gas` and
+    `source_position_m` are absent where the format does not tell. `version` is the format's.
+    """
+
+    version: str
+    grid: Grid
+    gas: str | None
+    source_position_m: Vec3 | None
+    wind_index: int
+    filaments: Filaments | None
+    mixing_ratio_ppm: NDArray[np.float32] | None = None
+
+
+def grid_of_frame(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, shape: tuple[int, int, int]) -> Grid:
+    """Return the grid that a frame's head describes.
+
+    Raises:
+        EnvironmentDataError: sizes are not finite or not positive, or the corners do not fit the cells.
+    """
+    corners = np.array([*min_m, *max_m, cell_m])
+    is_sound = bool(np.isfinite(corners).all()) and cell_m > 0 and min(shape) > 0
+    if not is_sound or int(np.prod(np.array(shape, object))) > LARGEST_GRID_CELLS:
+        raise EnvironmentDataError(
+            f"gas frame: expected a grid of finite, positive size, was {shape} cells of {cell_m} m. File: {path}"
+        )
+    with np.errstate(over="ignore", invalid="ignore"):
+        sides_m = np.subtract(max_m, min_m)
+        fits = bool((abs(sides_m - np.multiply(shape, cell_m)) <= cell_m).all())
+    if not fits:
+        raise EnvironmentDataError(
+            f"gas frame: expected {shape} cells of {cell_m:g} m between its corners, was {sides_m} m. File: {path}"
+        )
+    return Grid(origin_m=min_m, cell_m=cell_m, shape=shape)
+
+
+def filaments_of_frame(
+    path: Path,
+    grid: Grid,
+    *,
+    position_m: NDArray[np.float64],
+    sigma_cm: NDArray[np.float64],
+    amount_mol: float,
+    air_mol_cm3: float,
+) -> Filaments:
+    """Return checked filaments in this project's units.
+
+    Args:
+        path: The file, for errors.
+        grid: Where filaments may be.
+        position_m: (n, 3) centres [m].
+        sigma_cm: (n,) standard deviations [cm].
+        amount_mol: Gas in each filament [mol].
+        air_mol_cm3: Moles of air in a cubic centimetre, as the writer had it.
+
+    Raises:
+        EnvironmentDataError: a value is not finite or out of its range.
+    """
+    if not (0.0 < amount_mol < 1e3 and 1e-7 < air_mol_cm3 < 1e-2):
+        raise EnvironmentDataError(
+            f"gas frame: expected moles in a filament and in a cm3 of air, was {amount_mol} and {air_mol_cm3}. "
+            f"File: {path}"
+        )
+    low, high = np.subtract(grid.origin_m, grid.cell_m), np.add(grid.max_m, grid.cell_m)
+    is_inside = ((position_m >= low) & (position_m <= high)).all(axis=1)
+    sigma_m = 0.01 * sigma_cm
+    is_sound = is_inside & (sigma_m > 0.0) & (sigma_m < LARGEST_SIGMA_M)
+    if not is_sound.all():
+        i = int(np.argmin(is_sound))
+        raise EnvironmentDataError(
+            f"gas frame: expected filaments inside the grid with a size, filament {i} is at {position_m[i]} m "
+            f"with sigma {sigma_cm[i]} cm. File: {path}"
+        )
+    return Filaments(
+        position_world_m=np.ascontiguousarray(position_m, np.float64),
+        sigma_m=np.ascontiguousarray(sigma_m, np.float64),
+        source_index=np.zeros(len(sigma_m), np.int32),
+        amount_mol=np.array([amount_mol * air_density_mol_m3() / (air_mol_cm3 * 1e6)]),
+        gas_index=np.zeros(1, np.int32),
+    )
+
+
+def gas_of_code(path: Path, code: int) -> str:
+    """Return the name of a gas by GADEN's number.
+
+    Raises:
+        EnvironmentDataError: there is no such gas.
+    """
+    names = {gas.gaden_code: name for name, gas in GASES.items()}
+    if code not in names:
+        raise EnvironmentDataError(f"gas frame: expected a gas code from 0 to {max(names)}, was {code}. File: {path}")
+    return names[code]
