@@ -1,4 +1,7 @@
 """The bus over Zenoh: a router embedded in the supervisor, a client session in every other process."""
+# Zenoh's stubs leave many types open.
+# pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
+# pyright: reportUnknownVariableType=false
 
 import contextlib
 import json
@@ -129,14 +132,13 @@ class ZenohBus:
 
     def subscribe(self, key: str, handler: Handler) -> None:
         """Call `handler(key, payload)` for each message; see `Bus`."""
-        self._held.append(
-            self._session.declare_subscriber(
-                key,
-                zenoh.handlers.Callback(
-                    lambda sample: handler(self._relative(sample.key_expr), sample.payload.to_bytes()), indirect=True
-                ),
-            )
-        )
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            handler(self._relative(sample.key_expr), sample.payload.to_bytes())
+
+        # Indirect: the network's thread must not wait for the interpreter, or the router forwards nothing meanwhile.
+        callback: Any = zenoh.handlers.Callback(on_sample, indirect=True)
+        self._held.append(self._session.declare_subscriber(key, callback))
 
     def answer(self, key: str, answerer: Answerer) -> None:
         """Answer each question put to a key; see `Bus`."""

@@ -6,9 +6,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from gslcosim.agent_kit import Agent, Briefing
+from gslcosim.agent_kit import Agent
 from gslcosim.errors import UsageError
 from gslcosim.runtime.processes import python_command
+from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models import AgentSpec
 
 
@@ -32,15 +33,13 @@ def find_python_agent(name: str, directory: Path) -> Path:
     Raises:
         UsageError: there is none.
     """
-    import gslcosim_agents
-
-    beside = (directory / name).resolve()
-    bundled = [Path(folder) / name / "agent.py" for folder in gslcosim_agents.__path__]
-    for path in (beside, *bundled):
-        if path.is_file():
-            return path
-    known = sorted({p.parent.name for folder in gslcosim_agents.__path__ for p in Path(folder).glob("*/agent.py")})
-    raise UsageError(f"start.python: expected a .py file or one of {known}, was {name!r}.\nFile: {beside}")
+    beside = directory / name
+    if beside.is_file():
+        return beside.absolute()
+    bundled = bundled_agents()
+    if name in bundled:
+        return bundled[name]
+    raise UsageError(f"start.python: expected a .py file or one of {sorted(bundled)}, was {name!r}.\nFile: {beside}")
 
 
 def load_python_agent(path: Path) -> type[Agent]:
@@ -79,6 +78,3 @@ def _resolved(command: Sequence[str], directory: Path) -> list[str]:
     program, *arguments = command
     beside = directory / program
     return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]
-
-
-__all__ = ["Briefing", "find_python_agent", "load_python_agent", "start_command"]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-import msgpack
+import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gslcosim.errors import ContractError
@@ -12,6 +12,8 @@ START = "ctl/start"
 STOP = "ctl/stop"
 CLOSE = "ctl/close"
 FAULT = "ctl/fault"
+# Without type stubs, so its functions are Any.
+_msgpack: Any = msgpack
 
 LARGE_BYTES = 4096
 
@@ -58,8 +60,7 @@ def travels_alone(sent: Sent) -> bool:
 
 def pack_bundle(messages: list[tuple[str, bytes]]) -> bytes:
     """Return messages as one payload: a msgpack list of (port, payload)."""
-    packed: Any = msgpack.packb(messages)
-    return packed
+    return _msgpack.packb(messages)
 
 
 def unpack_bundle(payload: bytes) -> list[tuple[str, bytes]]:
@@ -69,7 +70,7 @@ def unpack_bundle(payload: bytes) -> list[tuple[str, bytes]]:
         ContractError: it is not a bundle.
     """
     try:
-        messages: Any = msgpack.unpackb(payload, use_list=False)
+        messages: Any = _msgpack.unpackb(payload, use_list=False)
         return [(str(port), bytes(message)) for port, message in messages]
     except (ValueError, TypeError, msgpack.UnpackException) as error:
         raise ContractError(f"bundle: expected a list of (port, payload), was {payload[:32]!r}.") from error
@@ -92,8 +93,7 @@ class Control(BaseModel):
 
     def to_bytes(self) -> bytes:
         """Return the message as msgpack."""
-        packed: Any = msgpack.packb(self.model_dump())
-        return packed
+        return _msgpack.packb(self.model_dump())
 
     @classmethod
     def from_bytes(cls, payload: bytes) -> Any:
@@ -103,7 +103,7 @@ class Control(BaseModel):
             ContractError: it is not this message.
         """
         try:
-            return cls.model_validate(msgpack.unpackb(payload))
+            return cls.model_validate(_msgpack.unpackb(payload))
         except (ValueError, TypeError, ValidationError, msgpack.UnpackException) as error:
             raise ContractError(f"{cls.__name__}: expected a control message, was {payload[:32]!r}.") from error
 

@@ -55,7 +55,8 @@ class Kept:
         except ContractError:
             return []
         with self._lock:
-            payload = self._payloads.get(request.port, {}).get(request.tick)
+            payloads = self._payloads.get(request.port)
+            payload = payloads.get(request.tick) if payloads else None
         return [] if payload is None else [payload]
 
 
@@ -80,7 +81,7 @@ class ParticipantHost:
         self._told_tick = -1
         self._bundle: list[Sent] = []
         self._bundled_from = 0
-        self._handlers: dict[str, Callable[[bytes], None]] = {
+        self._handlers: dict[str, Callable[[bytes], object]] = {
             control.START: lambda _: self._set_started(),
             control.STOP: self._on_stop,
             control.CLOSE: lambda _: self._set_dismissed(),
@@ -241,7 +242,7 @@ class ParticipantHost:
                 except queue.Empty:
                     break
 
-    def _listen(self, key: str, handler: Callable[[bytes], None]) -> None:
+    def _listen(self, key: str, handler: Callable[[bytes], object]) -> None:
         self._handlers[key] = handler
         self._bus.subscribe(key, lambda at, payload: self._events.put((at, payload)))
 

@@ -2,7 +2,7 @@
 
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -207,7 +207,7 @@ def _end_quietly(agent: Agent, reason: str) -> None:
 
 
 @contextmanager
-def _interruption() -> Iterator[Callable[[], bool]]:
+def _interruption() -> Generator[Callable[[], bool]]:
     from gslcosim.runtime.interruption import Interruption
 
     with Interruption() as interruption:

@@ -26,4 +26,4 @@ class FlightResult:
 
     exit_code: int
     run_dir: Path
-    result: dict[str, Any] = field(default_factory=dict)
+    result: dict[str, Any] = field(default_factory=dict[str, Any])

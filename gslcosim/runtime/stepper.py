@@ -93,7 +93,7 @@ class Stepper:
         return due
 
     def _check(self, outbox: Mapping[str, Message], expected: set[str], tick: int, method: str) -> None:
-        if outbox.keys() != expected:
+        if set(outbox) != expected:
             raise ModelError(
                 f"{self.spec.name}.{method} at tick {tick}: expected messages on {sorted(expected)}, "
                 f"was {sorted(outbox)}."
