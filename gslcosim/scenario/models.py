@@ -20,7 +20,10 @@ Gas = Literal[
     "ethanol", "methane", "hydrogen", "propanol", "chlorine", "fluorine", "acetone", "neon", "helium", "biogas",
     "butane", "carbon_dioxide", "carbon_monoxide", "smoke",
 ]  # fmt: skip
-SensorModel = Literal["tgs2600", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "anemometer"]
+SensorModel = Literal[
+    "tgs2600", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "pid", "threshold", "binary", "hit_counter", "averaging",
+    "second_order", "anemometer", "anemometer_3d",
+]  # fmt: skip
 
 
 class Spec(BaseModel):
@@ -245,13 +248,31 @@ class VehicleSpec(Spec):
 
 
 class SensorSpec(Spec):
-    """A sensor on the vehicle; `mount_m` is its place in the body frame [m]."""
+    """A sensor on the vehicle; `mount_m` is its place in the body frame [m].
+
+    Any sensor, in the unit of its readings: `period_s` between readings (absent: every tick), `delay_s`, `noise_std`,
+    `bias`, `drift_per_s` added to the bias, `max_value` at which it saturates.
+    Some only: `speed_noise_std_m_s`, `direction_noise_std_rad` of anemometers; `threshold_ppm` of threshold, binary;
+    `hits_per_s_per_ppm` of hit_counter; `averaging_s` of averaging; the two time constants each of `response_s` and
+    `recovery_s` of second_order.
+    """
 
     model: SensorModel
     name: Name
     mount_m: Vec3 = (0.0, 0.0, 0.0)
     speed_noise_std_m_s: NonNegative = 0.01
     direction_noise_std_rad: NonNegative = 0.1
+    period_s: Positive | None = None
+    delay_s: NonNegative = 0.0
+    noise_std: NonNegative = 0.0
+    bias: float = 0.0
+    drift_per_s: float = 0.0
+    max_value: Positive | None = None
+    threshold_ppm: NonNegative = 0.1
+    hits_per_s_per_ppm: Positive = 1.0
+    averaging_s: Positive = 1.0
+    response_s: tuple[Positive, Positive] = (1.0, 2.0)
+    recovery_s: tuple[Positive, Positive] = (2.0, 10.0)
 
 
 class AgentSpec(Spec):

@@ -15,9 +15,9 @@ from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.briefings import briefing_of
-from gslcosim.sensing.models import SENSOR_MODELS, SensorModel
+from gslcosim.sensing.models import SENSOR_MODELS, SensorModel, build_sensor
 from gslcosim.sensing.ports import sensing_spec
-from gslcosim.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.ticks import seconds_from_ticks
 
 Vec3 = tuple[float, float, float]
 
@@ -42,13 +42,14 @@ class SensingCore:
         """Prepare the instruments of a scenario.
 
         Raises:
-            ScenarioError: unknown sensor models, all of them listed.
+            ScenarioError: unknown sensor models, all of them listed; a rate or delay that is no whole number of ticks.
         """
         _check_models(scenario)
         self._scenario = scenario
         self._environment = environment
         self._spec = sensing_spec(scenario)
-        self._instruments: dict[str, tuple[_Instrument, ...]] = {}
+        # Built once already to refuse here, and not in the run, what does not fit together.
+        self._instruments = self._new_instruments(scenario.seed)
 
     @property
     def spec(self) -> ParticipantSpec:
@@ -57,14 +58,10 @@ class SensingCore:
 
     def reset(self, episode: Episode) -> Outbox:
         """Switch all instruments on and return the agents' briefings."""
-        agents = self._scenario.agents
-        self._instruments = {
-            agent.name: tuple(self._instrument(agent.name, sensor, episode.seed) for sensor in agent.sensors)
-            for agent in agents
-        }
+        self._instruments = self._new_instruments(episode.seed)
         return {
             keys.briefing(agent.name): briefing_of(agent, self._scenario, self._environment, seed=episode.seed)
-            for agent in agents
+            for agent in self._scenario.agents
         }
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
@@ -79,10 +76,16 @@ class SensingCore:
             outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings)
         return outbox
 
+    def _new_instruments(self, seed: int) -> dict[str, tuple[_Instrument, ...]]:
+        return {
+            agent.name: tuple(self._instrument(agent.name, sensor, seed) for sensor in agent.sensors)
+            for agent in self._scenario.agents
+        }
+
     def _instrument(self, agent: str, sensor: SensorSpec, seed: int) -> _Instrument:
         rng = stream(seed, f"sensing.{agent}.{sensor.name}")
-        tick_s = self._scenario.tick_ns / NS_PER_S
-        return _Instrument(spec=sensor, model=SENSOR_MODELS[sensor.model].build(sensor, tick_s, rng))
+        model = build_sensor(SENSOR_MODELS[sensor.model], sensor, self._scenario.tick_ns, rng)
+        return _Instrument(spec=sensor, model=model)
 
     def _read(
         self, instrument: _Instrument, body: BodyState, samples: dict[tuple[str, str], MountSample], tick: int

@@ -1,4 +1,4 @@
-"""A two-axis ultrasonic anemometer: the apparent wind of a moving vehicle, told in world directions."""
+"""Ultrasonic anemometers: the apparent wind of a moving vehicle, told in world directions."""
 
 import math
 
@@ -54,6 +54,31 @@ class Anemometer:
         )
 
 
+class Anemometer3d:
+    """Measures the whole wind relative to the moving mount: values = (x, y, z) in world directions [m/s].
+
+    Each component of wind - velocity of the mount with N(0, speed_noise). State: none. Draws x, y, z in each tick.
+    No lag.
+
+    Held by:
+        tests/unit/sensing/test_anemometer.py
+    """
+
+    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+        self._sensor = spec.name
+        self._noise_m_s = spec.speed_noise_std_m_s
+        self._rng = rng
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the apparent wind at the end of the tick; see `SensorModel.read`."""
+        draws = self._rng.standard_normal(3).tolist()
+        values = tuple(
+            wind - velocity + self._noise_m_s * draw
+            for wind, velocity, draw in zip(sample.wind_world_m_s, mount_velocity_world_m_s, draws, strict=True)
+        )
+        return Reading(sensor=self._sensor, quantity=QUANTITY, unit="m/s", values=values)
+
+
 def _wrapped(angle_rad: float) -> float:
     # Into (-pi, pi]; an angle that is there already keeps its last digit.
     while angle_rad > math.pi:
@@ -75,4 +100,18 @@ ANEMOMETER = SensorKind(
     description="Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; direction is where it "
     "comes from, world frame, counter-clockwise from +x.",
     build=_build,
+)
+
+
+def _build_3d(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> Anemometer3d:
+    del tick_s  # no lag
+    return Anemometer3d(spec, rng)
+
+
+ANEMOMETER_3D = SensorKind(
+    name="anemometer_3d",
+    quantity=QUANTITY,
+    unit="m/s",
+    description="Three-axis anemometer: values = (x, y, z) of the apparent wind in m/s, world frame.",
+    build=_build_3d,
 )

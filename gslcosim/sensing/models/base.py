@@ -30,7 +30,8 @@ class SensorKind:
     """One row of the table of sensor models.
 
     `build(spec, tick_s, rng)` returns a new instrument; `rng` is its own random stream. `quantity` and `unit` are
-    those of its readings, `description` says what it stands for and what the reading's values are.
+    those of its readings, `description` says what it stands for and what the reading's values are. `has_own_noise`
+    says that the model itself applies the scenario's `noise_std`.
     """
 
     name: str
@@ -38,3 +39,4 @@ class SensorKind:
     unit: str
     description: str
     build: Callable[[SensorSpec, float, np.random.Generator], SensorModel]
+    has_own_noise: bool = False

@@ -6,7 +6,7 @@ import pytest
 from gslcosim.contract.messages import MountSample
 from gslcosim.rng import stream
 from gslcosim.scenario.models import SensorSpec
-from gslcosim.sensing.models.anemometer import Anemometer
+from gslcosim.sensing.models.anemometer import Anemometer, Anemometer3d
 
 
 def read(wind, velocity=(0.0, 0.0, 0.0), *, speed_noise=0.0, direction_noise=0.0, n=1):
@@ -60,3 +60,19 @@ def test_directions_stay_in_the_half_open_circle():
     assert directions.min() > -math.pi
     assert directions.max() <= math.pi
     assert abs(directions).max() > 3.0
+
+
+def test_three_axes_give_the_whole_apparent_wind():
+    spec = SensorSpec(model="anemometer_3d", name="wind", speed_noise_std_m_s=0.0)
+    truth = MountSample(agent="a", sensor="wind", gases=(), wind_world_m_s=(1.0, -0.5, 0.2))
+    reading = Anemometer3d(spec, stream(1, "test")).read(truth, (0.5, 0.0, 0.3))
+    assert reading.values == pytest.approx((0.5, -0.5, -0.1))
+
+
+def test_each_axis_has_its_own_noise():
+    spec = SensorSpec(model="anemometer_3d", name="wind", speed_noise_std_m_s=0.2)
+    truth = MountSample(agent="a", sensor="wind", gases=(), wind_world_m_s=(0.0, 0.0, 0.0))
+    anemometer = Anemometer3d(spec, stream(1, "test"))
+    values = np.array([anemometer.read(truth, (0.0, 0.0, 0.0)).values for _ in range(3000)])
+    assert values.std(0) == pytest.approx([0.2] * 3, rel=0.06)
+    assert abs(np.corrcoef(values.T) - np.eye(3)).max() < 0.08

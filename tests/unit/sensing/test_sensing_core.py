@@ -167,3 +167,10 @@ def test_unknown_models_are_listed_together(scenario, make_room):
     ]
     with pytest.raises(ScenarioError, match=r"(?s)agents\[0\]\.sensors\[0\]\.model.*agents\[1\].*was 'e_nose'"):
         SensingCore(scenario.model_copy(update={"agents": tuple(strange)}), make_room())
+
+
+def test_a_rate_that_does_not_fit_the_ticks_is_refused_before_the_run(scenario, make_room):
+    slow = scenario.model_dump(by_alias=True)
+    slow["agents"][1]["sensors"][0]["period_s"] = 0.33
+    with pytest.raises(ScenarioError, match="sensor nose: period_s"):
+        SensingCore(Scenario.model_validate(slow), make_room())

@@ -1,0 +1,87 @@
+"""What real instruments add to any model: delay, noise, bias, drift, saturation and a rate of their own."""
+
+from collections import deque
+
+import numpy as np
+
+from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.errors import GslCosimError, ScenarioError
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
+from gslcosim.ticks import NS_PER_S, exact_ticks_from_seconds
+
+
+class ImperfectSensor:
+    """A model behind a delay, with errors on its values, read at its own rate.
+
+    In this order: the model sees the sample of `delay_s` ago (the first one until then); each value v becomes
+    v + bias + drift_per_s t + N(0, noise_std), t the time since the start; values are kept from exceeding `max_value`,
+    and `is_saturated` says so; between readings, `period_s` apart, the last one is repeated. Units are the reading's.
+
+    State: samples within the delay, the last reading, the number of the tick. Draws one number for each value at each
+    reading, from the sensor's own stream, after the model's own draws; none where `noise_std` is 0 or is the model's.
+    Held by: tests/unit/sensing/test_imperfect.py
+    """
+
+    def __init__(
+        self, model: SensorModel, spec: SensorSpec, tick_ns: int, rng: np.random.Generator, *, has_own_noise: bool
+    ) -> None:
+        self._model = model
+        self._spec = spec
+        self._tick_s = tick_ns / NS_PER_S
+        self._noise_std = 0.0 if has_own_noise else spec.noise_std
+        self._rng = rng
+        self._period_ticks = _ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
+        delay_ticks = _ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
+        self._seen: deque[tuple[MountSample, Vec3]] = deque(maxlen=delay_ticks + 1)
+        self._tick = -1
+        self._last: Reading | None = None
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the reading that holds at the end of the tick; see `SensorModel.read`."""
+        self._tick += 1
+        self._seen.append((sample, mount_velocity_world_m_s))
+        reading = self._model.read(*self._seen[0])
+        if self._last is None or self._tick % self._period_ticks == 0:
+            self._last = self._with_errors(reading)
+        return self._last
+
+    def _with_errors(self, reading: Reading) -> Reading:
+        offset = self._spec.bias + self._spec.drift_per_s * self._tick * self._tick_s
+        values = [value + offset for value in reading.values]
+        if self._noise_std > 0.0:
+            draws = self._rng.standard_normal(len(values)).tolist()
+            values = [value + self._noise_std * draw for value, draw in zip(values, draws, strict=True)]
+        limit = self._spec.max_value
+        is_over = limit is not None and max(values) >= limit
+        return reading.model_copy(
+            update={
+                "values": tuple(values if limit is None else (min(value, limit) for value in values)),
+                "is_saturated": reading.is_saturated or is_over,
+            }
+        )
+
+
+def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:
+    """Return a new instrument as its scenario describes it.
+
+    Raises:
+        ScenarioError: its rate or delay is not a whole number of ticks.
+    """
+    model = kind.build(spec, tick_ns / NS_PER_S, rng)
+    has_own_noise = kind.has_own_noise
+    is_perfect = (
+        not (spec.bias or spec.drift_per_s or spec.delay_s) and spec.period_s is None and spec.max_value is None
+    )
+    if is_perfect and (spec.noise_std == 0.0 or has_own_noise):
+        return model
+    return ImperfectSensor(model, spec, tick_ns, rng, has_own_noise=has_own_noise)
+
+
+def _ticks(duration_s: float | None, tick_ns: int, name: str) -> int:
+    if duration_s is None:
+        return 0
+    try:
+        return exact_ticks_from_seconds(duration_s, tick_ns, name=name)
+    except GslCosimError as error:
+        raise ScenarioError(str(error)) from error

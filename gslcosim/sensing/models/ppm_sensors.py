@@ -1,0 +1,231 @@
+"""Sensors that read the mixing ratio itself, or whether there is any: from ideal to slow.
+
+All respond to the sum of all gases, except for the PID, which weighs them.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
+
+# Correction factors at 11.7 eV; what is not in the table is not ionised.
+PID_CORRECTION = {"ethanol": 10.47, "propanol": 2.7, "chlorine": 1.0, "acetone": 1.4}
+
+
+def total_ppm(sample: MountSample) -> float:
+    """Return the mixing ratio of all gases together [ppm]."""
+    return math.fsum(gas.mixing_ratio_ppm for gas in sample.gases)
+
+
+class PidSensor:
+    """A photo-ionisation detector (miniRAE Lite): at once, without noise of its own.
+
+    reading = sum over gases of c / CF [ppm]      CF correction factor of each gas
+
+    State: none. Source: GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp.
+    Held by: tests/unit/sensing/test_ppm_sensors.py
+    """
+
+    def __init__(self, spec: SensorSpec) -> None:
+        self._sensor = spec.name
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the reading [ppm]; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        seen = (g.mixing_ratio_ppm / PID_CORRECTION[g.gas] for g in sample.gases if g.gas in PID_CORRECTION)
+        return _ppm_reading(self._sensor, math.fsum(seen))
+
+
+class ThresholdSensor:
+    """Reads the mixing ratio where it exceeds a threshold, and 0 elsewhere.
+
+    S = c for c > threshold, else 0; with `noise_std` in the scenario, c + e (thesis eq. 5.2). State: none.
+    Held by: tests/unit/sensing/test_ppm_sensors.py
+    """
+
+    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+        self._spec = spec
+        self._rng = rng
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the reading [ppm]; see `SensorModel.read`. Draws one number a tick."""
+        del mount_velocity_world_m_s
+        noise_ppm = self._spec.noise_std * float(self._rng.standard_normal())
+        ppm = total_ppm(sample)
+        return _ppm_reading(self._spec.name, max(0.0, ppm + noise_ppm) if ppm > self._spec.threshold_ppm else 0.0)
+
+
+class BinarySensor:
+    """Tells whether the mixing ratio exceeds a threshold: 1 or 0. State: none.
+
+    Held by: tests/unit/sensing/test_ppm_sensors.py
+    """
+
+    def __init__(self, spec: SensorSpec) -> None:
+        self._spec = spec
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return 1 for gas and 0 for none; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        is_hit = total_ppm(sample) > self._spec.threshold_ppm
+        return Reading(sensor=self._spec.name, quantity="gas_detected", unit="1", values=(float(is_hit),))
+
+
+class HitCounter:
+    """Counts hits of gas as infotaxis and its relatives assume: a Poisson number with a mean in proportion to the gas.
+
+    hits in a tick ~ Poisson(r c dt)      r hits per second and ppm, c mixing ratio [ppm], dt length of the tick [s]
+
+    State: none. Draws one number a tick.
+    Held by: tests/unit/sensing/test_ppm_sensors.py
+    """
+
+    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        self._sensor = spec.name
+        self._hits_per_ppm = spec.hits_per_s_per_ppm * tick_s
+        self._rng = rng
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the hits of this tick; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        n_hits = int(self._rng.poisson(self._hits_per_ppm * max(0.0, total_ppm(sample))))
+        return Reading(sensor=self._sensor, quantity="hits", unit="1", values=(float(n_hits),))
+
+
+class AveragingSensor:
+    """The mean of the mixing ratio over the last `averaging_s`, less at the start. State: the samples of that time.
+
+    Held by: tests/unit/sensing/test_ppm_sensors.py
+    """
+
+    def __init__(self, spec: SensorSpec, tick_s: float) -> None:
+        self._sensor = spec.name
+        self._samples_ppm: deque[float] = deque(maxlen=max(1, round(spec.averaging_s / tick_s)))
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the mean [ppm]; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        self._samples_ppm.append(total_ppm(sample))
+        return _ppm_reading(self._sensor, math.fsum(self._samples_ppm) / len(self._samples_ppm))
+
+
+class SecondOrderSensor:
+    """A slow gas sensor: two lags in series, one pair for response and one for recovery.
+
+    y(s) / x(s) = 1 / ((1 + A s) (1 + B s))      A, B = `response_s` where the input exceeds y, else `recovery_s`
+
+    Each tick is the exact solution for an input held over it. State: the outputs of both lags [ppm], 0 at first.
+
+    Source:
+        GSL-Bench thesis, eqs. 5.3 and 5.4 (after Li et al. and Meng et al.). The default time constants are chosen.
+    Deviation:
+        There the phase follows the rise or fall of the input; here the input's side of the output, which does not
+        flicker with every fluctuation.
+    Held by:
+        tests/unit/sensing/test_ppm_sensors.py
+    """
+
+    def __init__(self, spec: SensorSpec, tick_s: float) -> None:
+        self._sensor = spec.name
+        self._response = _two_lags(*spec.response_s, tick_s)
+        self._recovery = _two_lags(*spec.recovery_s, tick_s)
+        self._first_ppm = 0.0
+        self._second_ppm = 0.0
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the output of the second lag [ppm]; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        x = total_ppm(sample)
+        keeps_first, keeps_second, passes = self._response if x > self._second_ppm else self._recovery
+        gap_first, gap_second = self._first_ppm - x, self._second_ppm - x
+        self._first_ppm = x + keeps_first * gap_first
+        self._second_ppm = x + keeps_second * gap_second + passes * gap_first
+        return _ppm_reading(self._sensor, max(0.0, self._second_ppm))
+
+
+# After a time t: first gap times e^(-t/A); second gap times e^(-t/B) plus first gap times the third factor.
+def _two_lags(a_s: float, b_s: float, t: float) -> tuple[float, float, float]:
+    keeps_first, keeps_second = math.exp(-t / a_s), math.exp(-t / b_s)
+    if math.isclose(a_s, b_s, rel_tol=1e-6):
+        return keeps_first, keeps_second, t / a_s * keeps_first
+    return keeps_first, keeps_second, a_s / (a_s - b_s) * (keeps_first - keeps_second)
+
+
+def _ppm_reading(sensor: str, ppm: float) -> Reading:
+    return Reading(sensor=sensor, quantity="mixing_ratio", unit="ppm", values=(ppm,))
+
+
+def _build_pid(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+    del tick_s, rng
+    return PidSensor(spec)
+
+
+def _build_threshold(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+    del tick_s
+    return ThresholdSensor(spec, rng)
+
+
+def _build_binary(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+    del tick_s, rng
+    return BinarySensor(spec)
+
+
+def _build_averaging(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+    del rng
+    return AveragingSensor(spec, tick_s)
+
+
+def _build_second_order(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+    del rng
+    return SecondOrderSensor(spec, tick_s)
+
+
+PPM_KINDS = (
+    SensorKind(
+        name="pid",
+        quantity="mixing_ratio",
+        unit="ppm",
+        description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor; no lag.",
+        build=_build_pid,
+    ),
+    SensorKind(
+        name="threshold",
+        quantity="mixing_ratio",
+        unit="ppm",
+        description="Threshold sensor: values = (ppm,) with noise above threshold_ppm, 0 below.",
+        build=_build_threshold,
+        has_own_noise=True,
+    ),
+    SensorKind(
+        name="binary",
+        quantity="gas_detected",
+        unit="1",
+        description="Binary detector: values = (1 or 0,), whether the mixing ratio exceeds threshold_ppm.",
+        build=_build_binary,
+    ),
+    SensorKind(
+        name="hit_counter",
+        quantity="hits",
+        unit="1",
+        description="Hit counter of infotaxis: values = (hits in this tick,), Poisson with hits_per_s_per_ppm.",
+        build=HitCounter,
+    ),
+    SensorKind(
+        name="averaging",
+        quantity="mixing_ratio",
+        unit="ppm",
+        description="Averaging sensor: values = (mean ppm of the last averaging_s,).",
+        build=_build_averaging,
+    ),
+    SensorKind(
+        name="second_order",
+        quantity="mixing_ratio",
+        unit="ppm",
+        description="Slow gas sensor: values = (ppm,) behind two lags, response_s up and recovery_s down.",
+        build=_build_second_order,
+    ),
+)

@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.errors import ScenarioError
+from gslcosim.rng import stream
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.sensing.models import build_sensor
+from gslcosim.sensing.models.mox import MoxSensor
+
+TICK_NS = 100_000_000
+STILL = (0.0, 0.0, 0.0)
+
+
+def sample(ppm, wind=STILL):
+    gases = (GasAmount(gas="chlorine", mixing_ratio_ppm=ppm),)
+    return MountSample(agent="a", sensor="s", gases=gases, wind_world_m_s=wind)
+
+
+def read(ppms, *, model="pid", seed=1, **more):
+    """Read a PID, which shows chlorine as it is, with some imperfections."""
+    spec = SensorSpec(model=model, name="s", **more)
+    sensor = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(seed, "test"))
+    return [sensor.read(sample(ppm), STILL) for ppm in ppms]
+
+
+def values(ppms, **more):
+    return [reading.values[0] for reading in read(ppms, **more)]
+
+
+def test_without_imperfections_the_model_itself_is_built():
+    spec = SensorSpec(model="tgs2600", name="s")
+    assert type(build_sensor(SENSOR_MODELS["tgs2600"], spec, TICK_NS, stream(1, "test"))) is MoxSensor
+
+
+def test_bias_and_drift_are_added():
+    assert values([5.0] * 3, bias=0.5, drift_per_s=10.0) == pytest.approx([5.5, 6.5, 7.5])
+
+
+def test_a_delay_shows_what_was_then():
+    assert values([1.0, 2.0, 3.0, 4.0], delay_s=0.2) == [1.0, 1.0, 1.0, 2.0]
+
+
+def test_between_readings_the_last_one_holds():
+    assert values([1.0, 2.0, 3.0, 4.0, 5.0], period_s=0.2) == [1.0, 1.0, 3.0, 3.0, 5.0]
+
+
+def test_saturation_limits_the_value_and_is_told():
+    readings = read([3.0, 9.0, 12.0], max_value=9.0)
+    assert [r.values[0] for r in readings] == [3.0, 9.0, 9.0]
+    assert [r.is_saturated for r in readings] == [False, True, True]
+
+
+def test_noise_has_its_spread_and_its_seed():
+    noisy = np.array(values([5.0] * 3000, noise_std=0.4))
+    assert (noisy.mean(), noisy.std()) == (pytest.approx(5.0, abs=0.03), pytest.approx(0.4, rel=0.06))
+    assert values([5.0] * 5, noise_std=0.4) == values([5.0] * 5, noise_std=0.4)
+    assert values([5.0] * 5, noise_std=0.4) != values([5.0] * 5, noise_std=0.4, seed=2)
+
+
+def test_noise_is_drawn_at_readings_only():
+    """A slower instrument shows a subset of the faster one's draws in their order."""
+    held = values([5.0] * 6, noise_std=0.4, period_s=0.3)
+    assert held[0] == held[2] != held[3] == held[5]
+
+
+def test_a_lag_runs_on_between_readings():
+    slow = values([50.0] * 41, model="second_order", period_s=1.0)
+    fast = values([50.0] * 41, model="second_order")
+    assert slow[::10] == pytest.approx(fast[::10])
+
+
+def test_a_threshold_sensor_keeps_its_noise_to_itself():
+    assert values([0.01] * 20, model="threshold", noise_std=1.0, bias=0.25) == [0.25] * 20
+
+
+@pytest.mark.parametrize("key", ["period_s", "delay_s"])
+def test_a_time_that_is_no_whole_number_of_ticks_is_refused(key):
+    with pytest.raises(ScenarioError, match=rf"sensor s: {key}: expected a whole number of 100 ms ticks, was 0\.25"):
+        read([1.0], **{key: 0.25})
