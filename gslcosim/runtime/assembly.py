@@ -13,6 +13,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.door import door_name
+from gslcosim.runtime.rehearsal import REHEARSED, rehearse
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
@@ -95,7 +96,14 @@ def dataflow_of(scenario: Scenario) -> Dataflow:
 
 
 def build_core(name: str, setup: Setup) -> Core:
-    """Build the core of a service; only what this service needs is imported."""
+    """Build the core of a service, with all its kernels loaded; only what this service needs is imported."""
+    core = _build(name, setup)
+    if name in REHEARSED:
+        rehearse(core, setup.scenario)
+    return core
+
+
+def _build(name: str, setup: Setup) -> Core:
     if name == "world":
         from gslcosim.world.core import WorldCore
 
