@@ -9,7 +9,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.wind_kernels import trilinear_wind
 from gslcosim.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.fields.concentration import Walls, mixing_ratio_ppm_at
-from gslcosim.fields.core import FieldsCore, slice_height_m
+from gslcosim.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
 from gslcosim.scenario.models import Scenario
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -161,7 +161,9 @@ def test_slices_are_the_field_at_cell_centres_of_the_search_height(scenario_with
     assert ppm.shape == (38, 25)
     i, j = np.unravel_index(ppm.argmax(), ppm.shape)
     centre = np.array([[0.4 * (i + 0.5), 0.4 * (j + 0.5), 2.3]])
-    assert ppm[i, j] == pytest.approx(mixing_ratio_ppm_at(centre, core.plume.filaments)[0, 0], rel=1e-6)
+    assert ppm[i, j] == pytest.approx(
+        mixing_ratio_ppm_at(centre, core.plume.filaments, cutoff_sigma=SLICE_CUTOFF_SIGMA)[0, 0], rel=1e-6
+    )
     assert (found.origin_m, found.cell_m, found.height_m) == ((0.0, 0.0), 0.4, 2.3)
 
 
