@@ -218,11 +218,23 @@ class GasSpec(Spec):
 
 
 class StartSpec(Spec):
-    """How an agent comes to life: a Python agent by name or file, a command line, or one that attaches itself."""
+    """How an agent comes to life: a Python agent by name or file, a command line, or one that attaches itself.
+
+    `door` is the way it joins: `zenoh`, or the gateway over `stdio`, `tcp` or `unix` in a `format` of frames.
+    `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh.
+    """
 
     python: str | None = None
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     attach: bool = False
+    door: Literal["zenoh", "stdio", "tcp", "unix"] = "zenoh"
+    format: Literal["msgpack", "json"] = "msgpack"
+    observations: Literal["all", "asked"] = "all"
+
+    @property
+    def is_behind_gateway(self) -> bool:
+        """Whether the agent speaks frames with the supervisor instead of joining the bus."""
+        return self.door != "zenoh"
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
@@ -233,6 +245,36 @@ class StartSpec(Spec):
                 found=" and ".join(given) or "none",
                 remedy="For example start: {python: dung_beetle}.",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _check_door(self) -> Self:
+        if self.python is not None and self.is_behind_gateway:
+            raise broken_rule(
+                key="door",
+                expected="zenoh, the door of Python agents",
+                found=self.door,
+                remedy="Leave out door, or start a program that speaks the gateway's frames with command.",
+            )
+        if self.attach and self.door == "stdio":
+            raise broken_rule(
+                key="door",
+                expected="zenoh, tcp or unix for an agent that attaches itself",
+                found=self.door,
+                remedy="Standard input and output belong to a program that is started here, with command.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_frames(self) -> Self:
+        for key, default in (("format", "msgpack"), ("observations", "all")):
+            if getattr(self, key) != default and not self.is_behind_gateway:
+                raise broken_rule(
+                    key=key,
+                    expected=f"{default} with door: zenoh",
+                    found=getattr(self, key),
+                    remedy="Add door: stdio, tcp or unix to speak through the gateway.",
+                )
         return self
 
 

@@ -28,6 +28,21 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
         ("{python: dung_beetle}", "{attach: false}",
          "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, was none. "
          "For example start: {python: dung_beetle}."),
+        ("{python: dung_beetle}", "{python: dung_beetle, door: stdio}",
+         "hall.yaml:10: agents[0].start.door: expected zenoh, the door of Python agents, was stdio. "
+         "Leave out door, or start a program that speaks the gateway's frames with command."),
+        ("{python: dung_beetle}", "{attach: true, door: stdio}",
+         "hall.yaml:10: agents[0].start.door: expected zenoh, tcp or unix for an agent that attaches itself, "
+         "was stdio. Standard input and output belong to a program that is started here, with command."),
+        ("{python: dung_beetle}", "{command: [sh], format: json}",
+         "hall.yaml:10: agents[0].start.format: expected msgpack with door: zenoh, was json. "
+         "Add door: stdio, tcp or unix to speak through the gateway."),
+        ("{python: dung_beetle}", "{command: [sh], observations: asked}",
+         "hall.yaml:10: agents[0].start.observations: expected all with door: zenoh, was asked. "
+         "Add door: stdio, tcp or unix to speak through the gateway."),
+        ("{python: dung_beetle}", "{command: [sh], door: studio}",
+         "hall.yaml:10: agents[0].start.door: expected one of zenoh, stdio, tcp or unix, was 'studio'. "
+         "Did you mean stdio?"),
         ("name: hall", "name: hall\nwind: {end_time_s: 5}",
          "hall.yaml:3: wind.average_from_s: expected less than end_time_s, 5, was 30 (the default). "
          "For example 2.5, or null for the wind at the end of the solve."),
