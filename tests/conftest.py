@@ -6,10 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, WindFrames
 from gslcosim.scenario.models import Scenario
+
+# The same examples every time: a law that fails must fail for everyone, and a slow machine is no failure.
+# `HYPOTHESIS_PROFILE=explore` looks for new examples.
+settings.register_profile(
+    "repeatable", deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile("explore", deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 GOLDEN_DIR = Path(__file__).parent / "golden"
 
