@@ -11,6 +11,8 @@ from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.filaments import Filaments
 from gslcosim.fields.gases import GASES, air_density_mol_m3
 
+# Beyond these a size is a fault of the file; the cube of a far smaller one would round to zero.
+LEAST_SIGMA_M = 1e-4
 LARGEST_SIGMA_M = 100.0
 LARGEST_GRID_CELLS = 10**9
 
@@ -85,7 +87,7 @@ def filaments_of_frame(
     low, high = np.subtract(grid.origin_m, grid.cell_m), np.add(grid.max_m, grid.cell_m)
     is_inside = ((position_m >= low) & (position_m <= high)).all(axis=1)
     sigma_m = 0.01 * sigma_cm
-    is_sound = is_inside & (sigma_m > 0.0) & (sigma_m < LARGEST_SIGMA_M)
+    is_sound = is_inside & (sigma_m > LEAST_SIGMA_M) & (sigma_m < LARGEST_SIGMA_M)
     if not is_sound.all():
         i = int(np.argmin(is_sound))
         raise EnvironmentDataError(

@@ -106,6 +106,7 @@ def test_faulty_files_are_refused_with_what_was_expected(write, content, expecte
         ({"positions_m": gaden.POSITIONS_M * np.nan}, "filament 0 is at"),
         ({"sigmas_cm": np.array([10.0, 0.0, 10.0])}, "filament 1 is at"),
         ({"sigmas_cm": np.array([10.0, 20.0, np.inf])}, "filament 2 is at"),
+        ({"sigmas_cm": np.array([1e-200, 20.0, 30.0])}, "filament 0 is at"),
     ],
 )
 def test_impossible_filaments_are_refused(write, changes, expected):
