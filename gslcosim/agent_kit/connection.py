@@ -8,6 +8,7 @@ from typing import Any
 from gslcosim.agent_kit.agent import Agent
 from gslcosim.bus.port import Bus, Join
 from gslcosim.contract import codec, keys
+from gslcosim.contract.compatibility import check_contract, spoken_contract
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.errors import GslCosimError
 
@@ -44,13 +45,15 @@ def fly(
         bus.subscribe(key, lambda at, payload: inbox.put((at, payload)))
     bus.declare_alive(f"agents/{name}/alive")
     agent: Agent | None = None
-    seen: dict[str, Any] = {"tick": -1, "answer": None}
+    seen: dict[str, Any] = {"tick": -1, "answer": None, "has_answered": False}
     while True:
         key, payload = inbox.get()
         if key == keys.observation(name) and agent is not None:
             _answer(agent, codec.decode(Observation, payload), bus, name, seen)
         elif key == keys.briefing(name) and agent is None:
-            agent = agent_type(codec.decode(Briefing, payload))
+            briefing = codec.decode(Briefing, payload)
+            check_contract(briefing.contract_version)
+            agent = agent_type(briefing)
         elif key in (keys.ending(name), _LOST):
             if agent is not None:
                 agent.end(codec.decode(Ending, payload).reason if payload else "the link to the run was lost")
@@ -62,7 +65,10 @@ def _answer(agent: Agent, observation: Observation, bus: Bus, name: str, seen: d
         seen["tick"], seen["answer"] = observation.tick, None
         agent.observe(observation)
         if observation.awaiting_command:
-            seen["answer"] = codec.encode(agent.decide(observation))
+            answered = agent.decide(observation)
+            if not seen["has_answered"]:
+                answered = answered.model_copy(update={"contract": spoken_contract()})
+            seen["answer"], seen["has_answered"] = codec.encode(answered), True
     answer: bytes | None = seen["answer"] if observation.tick == seen["tick"] else None
     if answer is not None:
         bus.publish(keys.raw_command(name), answer, encoding=codec.encoding_of(Command), urgent=True)

@@ -14,7 +14,7 @@ MAX_DIMENSIONS = 8
 class NumericArray(BaseModel):
     """An n-dimensional array, C order, little-endian, of finite numbers."""
 
-    model_config = ConfigDict(frozen=True, strict=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", val_json_bytes="base64")
 
     dtype: Literal["float32", "float64", "uint8", "int32", "int64"]
     shape: tuple[int, ...]

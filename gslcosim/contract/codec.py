@@ -1,5 +1,7 @@
-"""Messages to msgpack bytes and back, with errors that say what was expected."""
+"""Messages to msgpack bytes or JSON text and back, with errors that say what was expected."""
 
+import base64
+import json
 from typing import Any, TypeVar, cast
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
@@ -33,6 +35,37 @@ def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = M
     return from_fields(message_type, _unpack_map(name, payload))
 
 
+def encode_json(message: Message) -> bytes:
+    """Return a message as one line of JSON in UTF-8, without a line end; bytes become base64 text."""
+    return json_line(message.model_dump())
+
+
+def json_line(fields: dict[str, Any]) -> bytes:
+    """Return the fields of a message as one line of JSON in UTF-8, without a line end."""
+    text = json.dumps(fields, default=_base64, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.encode()
+
+
+def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
+    """Return the message in a JSON object; the same rules hold as for msgpack.
+
+    Raises:
+        ContractError: too large, not UTF-8, not a JSON object, or not what the message's schema says.
+    """
+    name = message_type.__name__
+    if len(text) > max_bytes:
+        raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(text)}.")
+    try:
+        return message_type.model_validate_json(text)
+    except ValidationError as error:
+        if error.errors(include_url=False)[0]["type"] in ("json_invalid", "model_type", "model_attributes_type"):
+            what = error.errors(include_url=False)[0]["msg"]
+            raise ContractError(
+                f"{name}: expected a JSON object in UTF-8, was {_short(text)} ({what[:1].lower()}{what[1:]})."
+            ) from error
+        raise ContractError(f"{name}: {_problems_text(error)}") from error
+
+
 def peek_tick(payload: bytes) -> int:
     """Return the tick of a message without judging the rest of it.
 
@@ -43,6 +76,15 @@ def peek_tick(payload: bytes) -> int:
     if type(tick) is not int:
         raise ContractError(f"message: tick: expected an integer, was {_short(tick)}.")
     return tick
+
+
+def peek_contract(payload: bytes) -> str | None:
+    """Return what an agent's command says about its contract, without judging the rest; None when it says nothing."""
+    try:
+        told = _unpack_map("message", payload).get("contract")
+    except ContractError:
+        return None
+    return told if isinstance(told, str) else None
 
 
 def from_fields(message_type: type[AnyMessage], fields: dict[str, object]) -> AnyMessage:
@@ -72,6 +114,12 @@ def _unpack_map(name: str, payload: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise ContractError(f"{name}: expected a msgpack map, was {type(fields).__name__}.")
     return cast(dict[str, Any], fields)
+
+
+def _base64(value: object) -> str:
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
+    raise TypeError(f"expected bytes, was {type(value).__name__}")
 
 
 # pydantic's own text spans several lines and quotes whole inputs; an agent's author wants one line a field.

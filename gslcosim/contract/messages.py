@@ -1,6 +1,7 @@
 """Every message of a run: frozen facts, SI units with the unit in the name, readable in any language.
 
 All are msgpack maps with string keys. Unknown keys are ignored, NaN and infinity are refused.
+In JSON, which the gateway offers too, they are objects with the same keys; bytes are base64 text.
 A message belongs to a tick and is valid at the end of that tick, unless its docstring says otherwise.
 Frames: *world* is x east, y north, z up, right-handed, origin at the room's inner corner; *body* is x forward,
 y left, z up. Quaternions are (w, x, y, z).
@@ -8,11 +9,11 @@ y left, z up. Quaternions are (w, x, y, z).
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, StringConstraints, model_validator
 
 from gslcosim.contract.arrays import NumericArray
 
-CONTRACT_VERSION = "1.0"
+CONTRACT_VERSION = "1.1"
 
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -23,7 +24,7 @@ Tick = Annotated[int, Field(ge=0, le=2**53)]
 class Record(BaseModel):
     """Base of all parts of messages: frozen, no conversion of types, unknown keys ignored, no NaN or infinity."""
 
-    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False, val_json_bytes="base64")
 
 
 class Message(Record):
@@ -152,6 +153,8 @@ class Briefing(Message):
     """What an agent is told once, before its first observation. Written by sensing on `agents/<id>/briefing`.
 
     `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
+    `contract_version` and `contract_hash` (since 1.1) say which contract the run speaks: an agent made for another
+    major version should say so and exit.
     """
 
     agent: Name
@@ -167,6 +170,7 @@ class Briefing(Message):
     hold_s: float
     time_limit_s: float
     sensors: tuple[SensorDescription, ...]
+    contract_hash: str = ""
 
 
 class Reading(Record):
@@ -223,6 +227,25 @@ class Declaration(Record):
     confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
+# Which field a kind of command cannot do without.
+_NEEDED_BY_KIND = {
+    "waypoint": "position_world_m",
+    "velocity": "velocity_world_m_s",
+    "declare_source": "declaration",
+}
+
+
+# The same as JSON Schema, so that other languages' validators find it too.
+def _needed_by_kind() -> list[JsonValue]:
+    return [
+        {
+            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+            "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
+        }
+        for kind, name in _NEEDED_BY_KIND.items()
+    ]
+
+
 class Command(Message):
     """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
 
@@ -231,7 +254,11 @@ class Command(Message):
     `hold_s`; at the edge of the room the vehicle stops by itself;
     `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
     `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
+    `contract` (since 1.1) may say in the first command which contract the agent was made for, as `1.1` or `1.1+hash`;
+    the door reads it and does not pass it on.
     """
+
+    model_config = ConfigDict(json_schema_extra={"allOf": _needed_by_kind()})
 
     kind: Literal["waypoint", "hold", "noop", "declare_source", "velocity", "failed"]
     position_world_m: Vec3 | None = None
@@ -239,15 +266,13 @@ class Command(Message):
     declaration: Declaration | None = None
     reason: Annotated[str, StringConstraints(max_length=500)] = ""
     velocity_world_m_s: Vec3 | None = None
+    contract: Annotated[str, StringConstraints(max_length=80)] | None = None
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:
-        if self.kind == "waypoint" and self.position_world_m is None:
-            raise ValueError("a waypoint command needs position_world_m")
-        if self.kind == "velocity" and self.velocity_world_m_s is None:
-            raise ValueError("a velocity command needs velocity_world_m_s")
-        if self.kind == "declare_source" and self.declaration is None:
-            raise ValueError("a declare_source command needs declaration")
+        needed = _NEEDED_BY_KIND.get(self.kind)
+        if needed is not None and getattr(self, needed) is None:
+            raise ValueError(f"a {self.kind} command needs {needed}")
         return self
 
     @property

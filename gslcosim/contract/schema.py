@@ -1,11 +1,16 @@
-"""The contract's identity: a hash over the JSON Schemas of all messages."""
+"""The contract as JSON Schema 2020-12, and its identity: a hash over what the schemas say, without their prose."""
 
 import hashlib
 import json
 from functools import cache
+from typing import Any, cast
 
 from gslcosim.contract import messages
-from gslcosim.contract.messages import Message
+from gslcosim.contract.messages import CONTRACT_VERSION, Message
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_BYTES = {"type": "string", "contentEncoding": "base64"}
+_PROSE = ("title", "description")
 
 
 def message_types() -> tuple[type[Message], ...]:
@@ -14,8 +19,40 @@ def message_types() -> tuple[type[Message], ...]:
     return tuple(sorted((item for item in found if item is not Message), key=lambda item: item.__name__))
 
 
+def json_schema_of(message_type: type[Message]) -> dict[str, Any]:
+    """Return the JSON Schema of a message, complete in itself.
+
+    It is open: unknown keys are allowed. Two rules JSON Schema cannot say are left to the reader: a whole number
+    written with a point (`3.0`) is no integer here, and reals are finite.
+    """
+    # pydantic's titles only repeat the names.
+    schema = _pruned(message_type.model_json_schema(), ("title",))
+    name = message_type.__name__
+    return {"$schema": DIALECT, "$id": f"urn:gslcosim:contract:{CONTRACT_VERSION}:{name}", "title": name, **schema}
+
+
 @cache
 def contract_hash() -> str:
     """Return the hash of the canonical JSON Schemas; two processes that speak the same contract have the same."""
-    schemas = {item.__name__: item.model_json_schema() for item in message_types()}
-    return hashlib.blake2b(json.dumps(schemas, sort_keys=True).encode(), digest_size=16).hexdigest()
+    schemas = {item.__name__: _pruned(item.model_json_schema(), _PROSE) for item in message_types()}
+    text = json.dumps(schemas, sort_keys=True, separators=(",", ":"))
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+# pydantic's word for bytes is no standard's. In `properties` and `$defs` a key is a name, which may well be `title`;
+# elsewhere it is a word of JSON Schema.
+def _pruned(schema: Any, dropped: tuple[str, ...]) -> Any:
+    if isinstance(schema, list):
+        return [_pruned(item, dropped) for item in cast(list[Any], schema)]
+    if not isinstance(schema, dict):
+        return schema
+    words = cast(dict[str, Any], schema)
+    if words.get("type") == "string" and words.get("format") in ("binary", "base64url"):
+        return _BYTES
+    changed: dict[str, Any] = {}
+    for word, value in words.items():
+        if word in ("properties", "$defs"):
+            changed[word] = {name: _pruned(item, dropped) for name, item in value.items()}
+        elif word not in dropped:
+            changed[word] = _pruned(value, dropped)
+    return changed

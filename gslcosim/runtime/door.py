@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gslcosim.contract import codec
+from gslcosim.contract.compatibility import OtherContractError, check_contract
 from gslcosim.contract.messages import Command, Observation
 from gslcosim.errors import ContractError
 
@@ -47,6 +48,7 @@ class Door:
     _pending: dict[int, Observation] = field(default_factory=dict[int, Observation])
     _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
     _gone: str | None = None
+    _told_contract: str | None = None
 
     @property
     def pending(self) -> tuple[Observation, ...]:
@@ -92,7 +94,10 @@ class Door:
                 self._note("expected no command now (no observation awaits one), one came.")
             return []
         try:
+            self._check_contract(codec.peek_contract(payload))
             command = codec.decode(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+        except OtherContractError as error:
+            return self.lost(str(error))
         except ContractError as error:
             return self._refuse(str(error))
         if command.tick not in self._pending:
@@ -103,7 +108,20 @@ class Door:
             expected = "waypoint, hold, noop, declare_source or velocity"
             return self._refuse(f"Command: kind: expected {expected}, was 'failed'.")
         del self._pending[command.tick]
-        return [command]
+        # Who answers the same must leave the same trail, whether it says what it speaks or not.
+        return [command.model_copy(update={"contract": None})]
+
+    # Before the rest is judged: what is wrong with it may well be that it is of another contract.
+    def _check_contract(self, told: str | None) -> None:
+        if told is None or told == self._told_contract:
+            return
+        self._told_contract = told
+        try:
+            check_contract(told)
+        except OtherContractError:
+            raise
+        except ContractError as error:
+            self._note(str(error))
 
     # An answer for a tick that was already answered is a repetition, harmless and expected after a lost message.
     def _is_repeat(self, tick: int) -> bool:

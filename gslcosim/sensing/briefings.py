@@ -1,6 +1,7 @@
 """What each agent is told before its first observation."""
 
 from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, SensorDescription
+from gslcosim.contract.schema import contract_hash
 from gslcosim.environment.model import Environment
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
@@ -42,6 +43,7 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
             )
             for sensor in agent.sensors
         ),
+        contract_hash=contract_hash(),
     )
 
 
