@@ -7,9 +7,11 @@ from typing import Any, cast
 from gslcosim.scenario.models import GasSpec, RecordingSpec, Scenario, Spec, StopSpec
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
+from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 
 PHYSICS_STEP_MS = 4
+TO_ALL = "all"
 _NS_PER_MS = 1_000_000
 
 
@@ -24,6 +26,8 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
     """
     return [
         *_repeated_names(values),
+        *_wrong_hosts(values),
+        *_wrong_members(values),
         *_missing_programs(values, directory),
         *_missing_environment(values, directory),
         *_broken_times(values),
@@ -35,6 +39,7 @@ def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
     yield from _repeats("agents", agents)
     for i, agent in agents:
         yield from _repeats(f"agents[{i}].sensors", _blocks(agent, "sensors"))
+    yield from _repeats("channels", _blocks(values, "channels"))
     layout = _block(_block(values, "environment"), "layout")
     yield from _repeats("environment.layout.obstacles", _blocks(layout, "obstacles"))
 
@@ -54,6 +59,63 @@ def _repeats(path: str, blocks: list[tuple[int, dict[str, Any]]]) -> Iterator[Pr
                 remedy=f"For example {name}_{i + 1}.",
             )
         first.setdefault(name, place)
+
+
+# An agent that flies in another's process needs one that has a process of its own.
+def _wrong_hosts(values: dict[str, Any]) -> Iterator[Problem]:
+    agents = _blocks(values, "agents")
+    own = [str(agent["name"]) for _, agent in agents if "name" in agent and "process_of" not in _block(agent, "start")]
+    for i, agent in agents:
+        host = _block(agent, "start").get("process_of")
+        if isinstance(host, str) and host not in own:
+            yield Problem(
+                path=f"agents[{i}].start.process_of",
+                expected=f"an agent with a process of its own ({', '.join(own) or 'there is none'})",
+                found=f"'{host}'",
+                remedy=did_you_mean(host, own),
+            )
+
+
+def _wrong_members(values: dict[str, Any]) -> Iterator[Problem]:
+    agents = {str(agent["name"]): agent for _, agent in _blocks(values, "agents") if "name" in agent}
+    for i, channel in _blocks(values, "channels"):
+        listed = channel.get("members", TO_ALL)
+        members = list(agents) if listed == TO_ALL else _words(listed)
+        for j, member in enumerate(members if listed != TO_ALL else ()):
+            if member not in agents:
+                yield Problem(
+                    path=f"channels[{i}].members[{j}]",
+                    expected=f"the name of an agent ({', '.join(agents)})",
+                    found=f"'{member}'",
+                    remedy=did_you_mean(member, list(agents)),
+                )
+        yield from _deaf_members(i, [agents[name] for name in dict.fromkeys(members) if name in agents])
+
+
+# What a channel brings comes with any observation, not only with those that ask for a command.
+def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Problem]:
+    if len(members) == 1:
+        yield Problem(
+            path=f"channels[{i_channel}].members",
+            expected="at least two agents",
+            found=str(members[0]["name"]),
+            remedy="Leave the channel out, or add an agent.",
+        )
+    for member in members:
+        if member["name"] == TO_ALL:
+            yield Problem(
+                path=f"channels[{i_channel}].members",
+                expected=f"agents with other names than '{TO_ALL}', which addresses all of them",
+                found=f"'{TO_ALL}'",
+                remedy="Rename the agent.",
+            )
+        if _block(member, "start").get("observations") == "asked":
+            yield Problem(
+                path=f"channels[{i_channel}].members",
+                expected="agents that get all observations, for messages come with any of them",
+                found=f"'{member['name']}', with start.observations: asked",
+                remedy=f"Set observations: all for {member['name']}.",
+            )
 
 
 def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:

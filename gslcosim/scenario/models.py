@@ -222,6 +222,7 @@ class StartSpec(Spec):
 
     `door` is the way it joins: `zenoh`, or the gateway over `stdio`, `tcp` or `unix` in a `format` of frames.
     `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh.
+    `process_of` names another agent whose process flies this one too, through that agent's door.
     """
 
     python: str | None = None
@@ -230,6 +231,7 @@ class StartSpec(Spec):
     door: Literal["zenoh", "stdio", "tcp", "unix"] = "zenoh"
     format: Literal["msgpack", "json"] = "msgpack"
     observations: Literal["all", "asked"] = "all"
+    process_of: Name | None = None
 
     @property
     def is_behind_gateway(self) -> bool:
@@ -238,10 +240,10 @@ class StartSpec(Spec):
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        given = [key for key in ("python", "command", "attach") if getattr(self, key)]
+        given = [key for key in ("python", "command", "attach", "process_of") if getattr(self, key)]
         if len(given) != 1:
             raise broken_rule(
-                expected="exactly one of python, command and attach: true",
+                expected="exactly one of python, command, attach: true and process_of",
                 found=" and ".join(given) or "none",
                 remedy="For example start: {python: dung_beetle}.",
             )
@@ -249,6 +251,13 @@ class StartSpec(Spec):
 
     @model_validator(mode="after")
     def _check_door(self) -> Self:
+        if self.process_of is not None and self.is_behind_gateway:
+            raise broken_rule(
+                key="door",
+                expected=f"no door beside process_of: {self.process_of}'s is taken",
+                found=self.door,
+                remedy=f"Give door, format and observations with {self.process_of}.",
+            )
         if self.python is not None and self.is_behind_gateway:
             raise broken_rule(
                 key="door",
@@ -344,9 +353,31 @@ class AgentSpec(Spec):
         return "latency" if isinstance(self.mode, dict) else self.mode
 
     @property
+    def process(self) -> str:
+        """Return the name of the agent whose process flies this one: its own unless `process_of` names another."""
+        return self.start.process_of or self.name
+
+    @property
     def is_asked_every_tick(self) -> bool:
         """Whether every observation awaits a command."""
         return self.mode_name != "on_request"
+
+
+class ChannelSpec(Spec):
+    """A channel on which agents send each other texts.
+
+    `members` are the agents that send and hear on it; `range_m` is how far it reaches, in a straight line whatever is
+    between (absent: everywhere); `loss_frac` of the messages are lost, each for each receiver by itself; a message is
+    heard `delay_ticks` after the observation that the sender answered with it (an agent with latency N sends N - 1
+    ticks later); `max_bytes` bounds a text in UTF-8.
+    """
+
+    name: Name
+    members: Literal["all"] | Annotated[tuple[Name, ...], Field(min_length=1)] = "all"
+    range_m: Positive | None = None
+    loss_frac: Annotated[float, Field(ge=0, le=1)] = 0.0
+    delay_ticks: Annotated[int, Field(ge=1, le=1000)] = 1
+    max_bytes: Annotated[int, Field(ge=1, le=65536)] = 1024
 
 
 class SuccessSpec(Spec):
@@ -391,11 +422,23 @@ class Scenario(Spec):
     agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)]
     referee: RefereeSpec = RefereeSpec()
     recording: RecordingSpec = RecordingSpec()
+    channels: tuple[ChannelSpec, ...] = ()
 
     @property
     def tick_ns(self) -> int:
         """Length of a tick [ns]."""
         return self.tick_ms * 1_000_000
+
+    def members_of(self, channel: ChannelSpec) -> tuple[str, ...]:
+        """Return the names of the agents that send and hear on a channel, by name."""
+        return tuple(sorted({agent.name for agent in self.agents} if channel.members == "all" else {*channel.members}))
+
+    def agents_by_process(self) -> dict[str, tuple[str, ...]]:
+        """Return which agents each process flies, in the scenario's order; a process has the name of an agent."""
+        flown: dict[str, tuple[str, ...]] = {agent.process: () for agent in self.agents}
+        for agent in self.agents:
+            flown[agent.process] += (agent.name,)
+        return flown
 
     @property
     def slice_height_m(self) -> float:

@@ -105,3 +105,68 @@ def test_the_gases_and_sensors_are_those_that_the_cores_have():
     """Scenario is the lower layer and may not ask them, so it keeps the names itself."""
     assert get_args(Gas) == tuple(GASES)
     assert set(get_args(SensorModel)) == set(SENSOR_MODELS)
+
+
+TWO_MORE = """agents:
+  - {name: moth, start: {process_of: beetle}, vehicle: {start_m: [3, 1, 0]}, sensors: [{model: pid, name: nose}]}
+  - {name: wasp, start: START, vehicle: {start_m: [5, 1, 0]}, sensors: [{model: pid, name: nose}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        ("{process_of: moth}", "process_of: expected an agent with a process of its own (beetle), was 'moth'."),
+        ("{process_of: wasp}", "process_of: expected an agent with a process of its own (beetle), was 'wasp'."),
+        ("{process_of: betle}", "process_of: expected an agent with a process of its own (beetle), was 'betle'. "
+         "Did you mean beetle?"),
+        ("{process_of: beetle, door: stdio}", "door: expected no door beside process_of: beetle's is taken, was stdio. "
+         "Give door, format and observations with beetle."),
+    ],
+)  # fmt: skip
+def test_an_agent_flies_only_in_a_process_of_its_own_kind(told, start, end):
+    assert told(("agents:\n", TWO_MORE.replace("START", start))) == [f"hall.yaml:10: agents[1].start.{end}"]
+
+
+def test_agents_are_listed_by_the_process_that_flies_them(scenario_file):
+    path = scenario_file(("agents:\n", TWO_MORE.replace("START", "{attach: true}")))
+    scenario = load_scenario(path).scenario
+    assert scenario.agents_by_process() == {"beetle": ("moth", "beetle"), "wasp": ("wasp",)}
+
+
+@pytest.mark.parametrize(
+    ("channels", "lines"),
+    [
+        ("[{name: radio}, {name: radio}]",
+         ["channels[1].name: expected a name that no other of channels has, was 'radio', as channels[0].name. "
+          "For example radio_2."]),
+        ("[{name: radio, members: [moth, waps]}]",
+         ["channels[0].members: expected at least two agents, was moth. Leave the channel out, or add an agent.",
+          "channels[0].members[1]: expected the name of an agent (moth, wasp, beetle), was 'waps'. Did you mean wasp?"]),
+        ("[{name: radio, members: some}]",
+         ["channels[0].members: expected all or a list of at least one text, was 'some'."]),
+        ("[{name: radio, loss_frac: 1.5, delay_ticks: 0}]",
+         ["channels[0].loss_frac: expected a number from 0 to 1, was 1.5.",
+          "channels[0].delay_ticks: expected a whole number from 1 to 1000, was 0."]),
+    ],
+)  # fmt: skip
+def test_a_channel_that_cannot_be_is_refused(told, channels, lines):
+    agents = TWO_MORE.replace("START", "{attach: true}")
+    found = told(("agents:\n", agents), ("name: hall", f"name: hall\nchannels: {channels}"))
+    assert sorted(line.removeprefix("hall.yaml:3: ") for line in found if "problems" not in line) == sorted(lines)
+
+
+@pytest.mark.parametrize(
+    ("start", "name", "end"),
+    [
+        ("{command: [sh], door: stdio, observations: asked}", "wasp",
+         "expected agents that get all observations, for messages come with any of them, was 'wasp', with "
+         "start.observations: asked. Set observations: all for wasp."),
+        ("{attach: true}", "all",
+         "expected agents with other names than 'all', which addresses all of them, was 'all'. Rename the agent."),
+    ],
+)  # fmt: skip
+def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end):
+    agents = TWO_MORE.replace("START", start).replace("wasp", name)
+    found = told(("agents:\n", agents), ("name: hall", "name: hall\nchannels: [{name: radio}]"))
+    assert found == [f"hall.yaml:3: channels[0].members: {end}"]

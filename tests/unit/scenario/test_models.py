@@ -20,14 +20,14 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
          "hall.yaml:3: environment: expected exactly one of layout and path, was both. "
          "layout generates a room, path takes the folder of one made before."),
         ("{python: dung_beetle}", "{}",
-         "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, was none. "
-         "For example start: {python: dung_beetle}."),
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
+         "was none. For example start: {python: dung_beetle}."),
         ("{python: dung_beetle}", "{python: dung_beetle, command: [sh]}",
-         "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, "
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
          "was python and command. For example start: {python: dung_beetle}."),
         ("{python: dung_beetle}", "{attach: false}",
-         "hall.yaml:10: agents[0].start: expected exactly one of python, command and attach: true, was none. "
-         "For example start: {python: dung_beetle}."),
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
+         "was none. For example start: {python: dung_beetle}."),
         ("{python: dung_beetle}", "{python: dung_beetle, door: stdio}",
          "hall.yaml:10: agents[0].start.door: expected zenoh, the door of Python agents, was stdio. "
          "Leave out door, or start a program that speaks the gateway's frames with command."),
