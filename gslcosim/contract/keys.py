@@ -3,6 +3,7 @@
 BODIES = "truth/bodies"
 SAMPLES = "truth/samples"
 FILAMENTS = "truth/filaments"
+RADIO = "truth/radio"
 SCORE = "referee/score"
 VERDICT = "referee/verdict"
 

@@ -129,7 +129,78 @@ class FilamentCloud(Message):
     slices: tuple[ConcentrationSlice, ...] = ()
 
 
+class RadioMessage(Record):
+    """A text that an agent sends on a channel: to the agent named `to`, or to `all` other members of the channel.
+
+    How long it may be in UTF-8 is the channel's `max_bytes`; whether and when it is heard, the channel's business too.
+    Part of `Command`. Since contract 1.1.
+    """
+
+    channel: Name
+    text: Annotated[str, StringConstraints(max_length=65536)]
+    to: Name = "all"
+
+
+class RadioReception(Record):
+    """A text that an agent hears: from whom, on which channel, and at the end of which tick it was sent.
+
+    Part of `Observation`. Since contract 1.1.
+    """
+
+    sender: Name
+    channel: Name
+    text: str
+    sent_tick: Tick
+    to: Name = "all"
+
+
+class RadioTransmission(Record):
+    """What became of a text that was sent at the end of the tick before; part of `RadioTraffic`.
+
+    It is heard by `reached`, after the channel's delay; by `lost` it would have been, but for the channel's losses; the
+    other members it was meant for were `out_of_range`. `refusal` says why it was not sent at all.
+    """
+
+    sender: Name
+    message: RadioMessage
+    reached: tuple[Name, ...] = ()
+    lost: tuple[Name, ...] = ()
+    out_of_range: tuple[Name, ...] = ()
+    refusal: str | None = None
+
+
+class RadioArrival(Record):
+    """A text that comes to one agent at this tick; part of `RadioTraffic`."""
+
+    agent: Name
+    reception: RadioReception
+
+
+class RadioTraffic(Message):
+    """What is on the air. Written by radio on `truth/radio` every tick, in runs whose scenario has channels. Truth.
+
+    By sender's name, in the order of the sender's command; arrivals by their sending tick first. Since contract 1.1.
+    """
+
+    transmissions: tuple[RadioTransmission, ...] = ()
+    arrivals: tuple[RadioArrival, ...] = ()
+
+
 # ---------------------------------------------------------------- what agents see
+
+
+class ChannelDescription(Record):
+    """One channel that an agent may send and hear on, as told in the briefing. Since contract 1.1.
+
+    `members` are all its members, the agent among them; `range_m` is how far it reaches (absent: everywhere); a text
+    of at most `max_bytes` in UTF-8 is heard `delay_ticks` after it was sent, if it is not lost.
+    """
+
+    name: Name
+    members: tuple[Name, ...]
+    range_m: float | None
+    delay_ticks: int
+    max_bytes: int
 
 
 class SensorDescription(Record):
@@ -154,7 +225,7 @@ class Briefing(Message):
 
     `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
     `contract_version` and `contract_hash` (since 1.1) say which contract the run speaks: an agent made for another
-    major version should say so and exit.
+    major version should say so and exit. `channels` (since 1.1) are those on which it may talk with other agents.
     """
 
     agent: Name
@@ -171,6 +242,7 @@ class Briefing(Message):
     time_limit_s: float
     sensors: tuple[SensorDescription, ...]
     contract_hash: str = ""
+    channels: tuple[ChannelDescription, ...] = ()
 
 
 class Reading(Record):
@@ -191,6 +263,8 @@ class Observation(Message):
 
     The pose is the vehicle's own estimate. When `awaiting_command` is true, exactly one `Command` with this
     tick is expected in return, and simulated time waits for it. `notice` says why the last command was refused.
+    `incoming` (since 1.1) are the texts heard from other agents at this tick, whether or not a command is awaited;
+    `radio_refusals` (since 1.1) says of each text sent in the last command that was not put on the air, why.
     """
 
     agent: Name
@@ -202,6 +276,8 @@ class Observation(Message):
     awaiting_command: bool
     readings: tuple[Reading, ...]
     notice: str | None = None
+    incoming: tuple[RadioReception, ...] = ()
+    radio_refusals: tuple[str, ...] = ()
 
     @property
     def is_question(self) -> bool:
@@ -255,7 +331,8 @@ class Command(Message):
     `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
     `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
     `contract` (since 1.1) may say in the first command which contract the agent was made for, as `1.1` or `1.1+hash`;
-    the door reads it and does not pass it on.
+    the door reads it and does not pass it on. `outgoing` (since 1.1) are texts for other agents, sent with a command of
+    any kind.
     """
 
     model_config = ConfigDict(json_schema_extra={"allOf": _needed_by_kind()})
@@ -267,6 +344,7 @@ class Command(Message):
     reason: Annotated[str, StringConstraints(max_length=500)] = ""
     velocity_world_m_s: Vec3 | None = None
     contract: Annotated[str, StringConstraints(max_length=80)] | None = None
+    outgoing: Annotated[tuple[RadioMessage, ...], Field(max_length=16)] = ()
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:

@@ -21,6 +21,7 @@ MESSAGE_OF_KEY = {
     keys.BODIES: "BodyPoses",
     keys.SAMPLES: "FieldSamples",
     keys.FILAMENTS: "FilamentCloud",
+    keys.RADIO: "RadioTraffic",
     keys.briefing(AGENT): "Briefing",
     keys.observation(AGENT): "Observation",
     keys.raw_command(AGENT): "Command",
@@ -84,6 +85,8 @@ def _section(record: type[Record] | type[NumericArray]) -> str:
 def _row(name: str, field: FieldInfo) -> str:
     default = "" if field.is_required() else f"`{json.dumps(field.default)}`".replace("null", "nil")
     limits = "".join(f", {text}" for text in _limits(tuple(field.metadata)))
+    if typing.get_origin(field.annotation) is tuple:
+        limits = limits.replace("characters", "items")
     return f"| `{name}` | {_type_text(field.annotation)}{limits} | {default} |"
 
 

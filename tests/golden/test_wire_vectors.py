@@ -16,6 +16,7 @@ from gslcosim.contract.messages import (
     BodyState,
     Bounds,
     Briefing,
+    ChannelDescription,
     Command,
     ConcentrationSlice,
     Declaration,
@@ -26,6 +27,11 @@ from gslcosim.contract.messages import (
     Message,
     MountSample,
     Observation,
+    RadioArrival,
+    RadioMessage,
+    RadioReception,
+    RadioTraffic,
+    RadioTransmission,
     Reading,
     Record,
     RefereeEvent,
@@ -111,6 +117,30 @@ EXAMPLES: dict[str, Message] = {
             ),
         ),
     ),
+    "radio_silence": RadioTraffic(tick=0),
+    "radio": RadioTraffic(
+        tick=66,
+        transmissions=(
+            RadioTransmission(
+                sender="beetle",
+                message=RadioMessage(channel="radio", text="gas at 3.5 ppm", to="second"),
+                reached=("second",),
+                lost=("third",),
+                out_of_range=("fourth",),
+            ),
+            RadioTransmission(
+                sender="second",
+                message=RadioMessage(channel="radio", text="é"),
+                refusal="radio: expected at most 1 bytes, was 2.",
+            ),
+        ),
+        arrivals=(
+            RadioArrival(
+                agent="second",
+                reception=RadioReception(sender="beetle", channel="radio", text="here", sent_tick=65, to="second"),
+            ),
+        ),
+    ),
     "briefing": Briefing(
         tick=0,
         agent="beetle",
@@ -130,6 +160,10 @@ EXAMPLES: dict[str, Message] = {
                 name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.05)
             ),
         ),
+        channels=(
+            ChannelDescription(name="radio", members=("beetle", "second"), range_m=5.0, delay_ticks=1, max_bytes=1024),
+            ChannelDescription(name="far", members=("beetle", "second"), range_m=None, delay_ticks=10, max_bytes=64),
+        ),
     ),
     "observation": Observation(
         tick=65,
@@ -145,8 +179,15 @@ EXAMPLES: dict[str, Message] = {
             Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.25, 3.0)),
         ),
         notice="Ω outside the room",
+        incoming=(RadioReception(sender="second", channel="radio", text="here", sent_tick=64, to="beetle"),),
+        radio_refusals=("radio: expected at most 1024 bytes, was 2000.",),
     ),
     "command_waypoint": Command(tick=65, kind="waypoint", position_world_m=(11.2, 12.0, 2.0), hold_s=1.5),
+    "command_radio": Command(
+        tick=65,
+        kind="noop",
+        outgoing=(RadioMessage(channel="radio", text="here"), RadioMessage(channel="radio", text="Ω", to="second")),
+    ),
     "command_declaration": Command(
         tick=66,
         kind="declare_source",
