@@ -42,8 +42,15 @@ def encode_json(message: Message) -> bytes:
 
 def json_line(fields: dict[str, Any]) -> bytes:
     """Return the fields of a message as one line of JSON in UTF-8, without a line end."""
-    text = json.dumps(fields, default=_base64, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(fields, default=base64_text, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.encode()
+
+
+def base64_text(value: object) -> str:
+    """Return bytes as JSON carries them; to be handed to `json.dumps` as `default`."""
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
+    raise TypeError(f"expected bytes, was {type(value).__name__}")
 
 
 def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
@@ -114,12 +121,6 @@ def _unpack_map(name: str, payload: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise ContractError(f"{name}: expected a msgpack map, was {type(fields).__name__}.")
     return cast(dict[str, Any], fields)
-
-
-def _base64(value: object) -> str:
-    if isinstance(value, bytes):
-        return base64.b64encode(value).decode()
-    raise TypeError(f"expected bytes, was {type(value).__name__}")
 
 
 # pydantic's own text spans several lines and quotes whole inputs; an agent's author wants one line a field.
