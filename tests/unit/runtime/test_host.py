@@ -57,10 +57,10 @@ def _run_quietly(host):
 
 @pytest.mark.slow
 def test_lost_messages_are_asked_for_again_and_change_nothing():
-    """With 2 % of all messages lost the digest is that of a run without loss, and the resends are counted."""
+    """With 15 % of all bundles lost the digest is that of a run without loss, and the resends are counted."""
     clean, byes, _ = fly(InMemoryHub(), toy_cores())
     assert sum(bye.timing["n_resends"] for bye in byes.values()) == 0
-    hub = InMemoryHub(loss_frac=0.02, seed=3)
+    hub = InMemoryHub(loss_frac=0.15, seed=3)
     cores = toy_cores()
     lossy, byes, _ = fly(hub, cores)
     assert hub.n_lost > 0
