@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Installs what the agents in other languages need from Debian, where that is possible: as root, with apt-get.
+# What is there already is left alone. Elsewhere it says what is missing; the tests of those languages are then skipped.
+set -euo pipefail
+
+packages=(
+    gcc g++ cmake make pkg-config
+    libjansson-dev       # agents/dung_beetle_c
+    nlohmann-json3-dev   # agents/dung_beetle_cpp
+)
+
+command -v dpkg-query >/dev/null || exit 0
+missing=()
+for package in "${packages[@]}"; do
+    [[ $(dpkg-query --show --showformat='${db:Status-Status}' "$package" 2>/dev/null) == installed ]] || missing+=("$package")
+done
+((${#missing[@]})) || exit 0
+
+if ((EUID)) || ! command -v apt-get >/dev/null; then
+    echo "Not installed, so some languages are not tested: ${missing[*]}" >&2
+    echo "Install them with: sudo apt-get install --no-install-recommends ${missing[*]}" >&2
+    exit 0
+fi
+echo "Installing ${missing[*]}" >&2
+export DEBIAN_FRONTEND=noninteractive
+apt-get install --quiet=2 --no-install-recommends "${missing[@]}" >/dev/null ||
+    { apt-get update --quiet=2 && apt-get install --quiet=2 --no-install-recommends "${missing[@]}" >/dev/null; } ||
+    echo "apt-get could not install them; the tests of some languages are skipped." >&2
