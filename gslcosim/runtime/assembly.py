@@ -19,6 +19,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
 
 RECORDER = "recorder"
+RADIO = "radio"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +69,9 @@ def door_spec(agent: AgentSpec) -> ParticipantSpec:
 
 def service_names(scenario: Scenario) -> tuple[str, ...]:
     """Return the services a run needs, from upstream to downstream."""
-    names = ("world", "fields", "sensing", "referee")
-    return (*names, RECORDER) if scenario.recording.enabled else names
+    radio = (RADIO,) if scenario.channels else ()
+    recorder = (RECORDER,) if scenario.recording.enabled else ()
+    return ("world", "fields", *radio, "sensing", "referee", *recorder)
 
 
 def dataflow_of(scenario: Scenario) -> Dataflow:
@@ -79,6 +81,7 @@ def dataflow_of(scenario: Scenario) -> Dataflow:
         DataflowError: it cannot run; see `Dataflow`.
     """
     from gslcosim.fields.ports import fields_spec
+    from gslcosim.radio.ports import radio_spec
     from gslcosim.recording.ports import recorder_spec
     from gslcosim.referee.ports import referee_spec
     from gslcosim.sensing.ports import sensing_spec
@@ -87,6 +90,7 @@ def dataflow_of(scenario: Scenario) -> Dataflow:
     specs = {
         "world": world_spec,
         "fields": fields_spec,
+        RADIO: radio_spec,
         "sensing": sensing_spec,
         "referee": referee_spec,
         RECORDER: recorder_spec,
@@ -112,6 +116,10 @@ def _build(name: str, setup: Setup) -> Core:
         from gslcosim.fields.core import FieldsCore
 
         return FieldsCore(setup.scenario, setup.environment)
+    if name == RADIO:
+        from gslcosim.radio.core import RadioCore
+
+        return RadioCore(setup.scenario)
     if name == "sensing":
         from gslcosim.sensing.core import SensingCore
 

@@ -78,6 +78,10 @@ class Door:
             return self._keep_early(tick, payload)
         return self._judge(tick, payload)
 
+    def refused(self, text: str) -> list[Command]:
+        """Take note that what the agent sent could not even be read; return the commands that can pass now."""
+        return [] if self.is_closed or self._gone is not None else self._refuse(text)
+
     def lost(self, reason: str) -> list[Command]:
         """Take note that the agent is gone; return `failed` when it owes an answer."""
         if self.is_closed or self._gone is not None:

@@ -1,5 +1,6 @@
 """Hosts one core behind a bus: collects inputs, steps when allowed, publishes, repairs losses, says goodbye."""
 
+import itertools
 import os
 import queue
 import socket
@@ -25,6 +26,7 @@ from gslcosim.runtime.stepper import Sent, Stepper
 PROGRESS_EVERY_TICKS = 16
 BUNDLE_TICKS = 16
 KEPT_TICKS = 1024
+RESENT_AT_ONCE = 32
 FIRST_RESEND_AFTER_S = 0.2
 LONGEST_RESEND_AFTER_S = 2.0
 BYE_EVERY_S = 0.5
@@ -49,15 +51,20 @@ class Kept:
                 payloads.popitem(last=False)
 
     def answer(self, question: bytes) -> list[bytes]:
-        """Return the message asked for in a list, or an empty list when it is not here (any more, or yet)."""
+        """Return the message asked for and those after it, none when it is not here (any more, or yet).
+
+        Messages travel in bundles, so what follows a lost one was most likely lost with it.
+        """
         try:
             request = control.ResendRequest.from_bytes(question)
         except ContractError:
             return []
         with self._lock:
-            payloads = self._payloads.get(request.port)
-            payload = payloads.get(request.tick) if payloads else None
-        return [] if payload is None else [payload]
+            payloads = self._payloads.get(request.port, OrderedDict[int, bytes]())
+            if request.tick not in payloads:
+                return []
+            later = (payload for tick, payload in payloads.items() if tick >= request.tick)
+            return list(itertools.islice(later, RESENT_AT_ONCE))
 
 
 class ParticipantHost:

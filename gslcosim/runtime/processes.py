@@ -8,14 +8,18 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
+from typing import cast
 
 from gslcosim.bus.port import JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
 
 GRACE_S = 2.0
+# What a process of a run is told in its environment.
+OUR_VARIABLES = (JOIN_VARIABLE, "GSLCOSIM_AGENT", "GSLCOSIM_GATEWAY", "GSLCOSIM_TOKEN")
 
 
 @dataclass
@@ -55,22 +59,69 @@ class Children:
         Raises:
             UsageError: the command cannot be started.
         """
-        environment = {**os.environ, JOIN_VARIABLE: join.model_dump_json(exclude_none=True)}
+        with log.open("ab") as output:
+            self._start(
+                name,
+                command,
+                {JOIN_VARIABLE: join.model_dump_json(exclude_none=True)},
+                cwd,
+                streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT),
+            )
+
+    def start_guest(
+        self, name: str, command: Sequence[str], *, variables: Mapping[str, str], log: Path, cwd: Path
+    ) -> None:
+        """Start a process that joins no bus, with variables added to its environment; otherwise as `start`.
+
+        Raises:
+            UsageError: the command cannot be started.
+        """
+        with log.open("ab") as output:
+            self._start(
+                name, command, variables, cwd, streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
+            )
+
+    def start_piped(
+        self, name: str, command: Sequence[str], *, variables: Mapping[str, str], log: Path, cwd: Path
+    ) -> tuple[FileIO, FileIO]:
+        """Start a process as `start_guest`, but return its standard input and output; only its errors are logged.
+
+        Raises:
+            UsageError: the command cannot be started.
+        """
+        with log.open("ab") as errors:
+            streams = (subprocess.PIPE, subprocess.PIPE, errors.fileno())
+            process = self._start(name, command, variables, cwd, streams=streams)
+        # Without buffers these are raw files.
+        return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
+
+    def _start(
+        self,
+        name: str,
+        command: Sequence[str],
+        variables: Mapping[str, str],
+        cwd: Path | None,
+        *,
+        streams: tuple[int, int, int],
+    ) -> "subprocess.Popen[bytes]":
+        # Who starts a run from within another one must not hand its own place on.
+        inherited = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
         try:
-            with log.open("ab") as output:
-                process = subprocess.Popen(
-                    [*_ending_with_parent(), *command],
-                    stdin=subprocess.DEVNULL,
-                    stdout=output,
-                    stderr=subprocess.STDOUT,
-                    env=environment,
-                    cwd=cwd,
-                    start_new_session=True,
-                )
+            process = subprocess.Popen(
+                [*_ending_with_parent(), *command],
+                bufsize=0,
+                stdin=streams[0],
+                stdout=streams[1],
+                stderr=streams[2],
+                env=inherited | dict(variables),
+                cwd=cwd,
+                start_new_session=True,
+            )
         except OSError as error:
             raise UsageError(f"{name}: expected a command that starts, was {list(command)} ({error}).") from error
         self._children[name] = Child(name, process)
         threading.Thread(target=self._wait_for, args=(name, process), daemon=True).start()
+        return process
 
     @property
     def running(self) -> list[str]:

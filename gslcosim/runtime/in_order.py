@@ -1,0 +1,29 @@
+"""Messages of one port in the order of their ticks, whatever order they arrive in."""
+
+from dataclasses import dataclass, field
+
+ASK_EVERY = 16
+
+
+@dataclass
+class InOrder:
+    """Holds messages back until all before them have come."""
+
+    next_tick: int = 0
+    _held: dict[int, bytes] = field(default_factory=dict[int, bytes])
+
+    def take(self, tick: int, payload: bytes) -> list[bytes]:
+        """Take a message of a tick; return those that are next, in order. One that came before is ignored."""
+        if tick >= self.next_tick:
+            self._held[tick] = payload
+        ready: list[bytes] = []
+        while (held := self._held.pop(self.next_tick, None)) is not None:
+            ready.append(held)
+            self.next_tick += 1
+        return ready
+
+    def missing(self) -> list[int]:
+        """Return the ticks to ask for again: now and then, while later messages are held back."""
+        if len(self._held) % ASK_EVERY != 1:
+            return []
+        return [tick for tick in range(self.next_tick, max(self._held)) if tick not in self._held]
