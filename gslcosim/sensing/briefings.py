@@ -1,6 +1,6 @@
 """What each agent is told before its first observation."""
 
-from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, SensorDescription
+from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, ChannelDescription, SensorDescription
 from gslcosim.contract.schema import contract_hash
 from gslcosim.environment.model import Environment
 from gslcosim.rng import stream
@@ -44,6 +44,21 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
             for sensor in agent.sensors
         ),
         contract_hash=contract_hash(),
+        channels=_channels_of(agent, scenario),
+    )
+
+
+def _channels_of(agent: AgentSpec, scenario: Scenario) -> tuple[ChannelDescription, ...]:
+    return tuple(
+        ChannelDescription(
+            name=channel.name,
+            members=scenario.members_of(channel),
+            range_m=channel.range_m,
+            delay_ticks=channel.delay_ticks,
+            max_bytes=channel.max_bytes,
+        )
+        for channel in scenario.channels
+        if agent.name in scenario.members_of(channel)
     )
 
 

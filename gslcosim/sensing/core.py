@@ -6,7 +6,15 @@ from typing import cast
 import numpy as np
 
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, MountSample, Observation, Reading
+from gslcosim.contract.messages import (
+    BodyPoses,
+    BodyState,
+    FieldSamples,
+    MountSample,
+    Observation,
+    RadioTraffic,
+    Reading,
+)
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError, ScenarioError
@@ -31,8 +39,8 @@ class _Instrument:
 class SensingCore:
     """Reads all instruments every tick and tells each agent what its own show.
 
-    Reads `truth/bodies` and `truth/samples` of the same tick. Writes a briefing for each agent once and
-    `agents/<id>/observation` every tick. The pose in an observation is exact.
+    Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio` of the same tick. Writes a
+    briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact.
 
     State: the instruments, new at each reset; each draws from its own stream `sensing.<agent>.<sensor>`.
     Raises ModelError when a pose or sample is missing; the runtime then ends the run as invalid.
@@ -68,12 +76,13 @@ class SensingCore:
         """Read every instrument at the end of the tick."""
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
+        traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
         outbox: dict[str, Observation] = {}
         for agent, instruments in self._instruments.items():
             if agent not in bodies:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
             readings = tuple(self._read(instrument, bodies[agent], samples, tick) for instrument in instruments)
-            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings)
+            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings, traffic)
         return outbox
 
     def _new_instruments(self, seed: int) -> dict[str, tuple[_Instrument, ...]]:
@@ -97,7 +106,9 @@ class SensingCore:
             )
         return instrument.model.read(sample, mount_velocity_world_m_s(body, instrument.spec.mount_m))
 
-    def _observation(self, tick: int, body: BodyState, readings: tuple[Reading, ...]) -> Observation:
+    def _observation(
+        self, tick: int, body: BodyState, readings: tuple[Reading, ...], traffic: RadioTraffic
+    ) -> Observation:
         return Observation(
             tick=tick,
             agent=body.agent,
@@ -109,6 +120,8 @@ class SensingCore:
             awaiting_command=body.awaiting_command,
             readings=readings,
             notice=body.rejected_command,
+            incoming=tuple(arrival.reception for arrival in traffic.arrivals if arrival.agent == body.agent),
+            radio_refusals=tuple(t.refusal for t in traffic.transmissions if t.sender == body.agent and t.refusal),
         )
 
 

@@ -7,11 +7,11 @@ from gslcosim.scenario import Scenario
 
 
 def sensing_spec(scenario: Scenario) -> ParticipantSpec:
-    """Return sensing's dataflow: poses and true samples in, one observation for each agent out, a briefing once."""
+    """Return sensing's dataflow: poses, true samples and what is heard in, observations and, once, briefings out."""
     writes: list[Write] = []
     for agent in scenario.agents:
         writes.append(Write(port=keys.briefing(agent.name), message_type=Briefing, announced_in="once"))
         writes.append(Write(port=keys.observation(agent.name), message_type=Observation))
-    return ParticipantSpec(
-        name="sensing", reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES)), writes=tuple(writes)
-    )
+    radio = (Read(port=keys.RADIO),) if scenario.channels else ()
+    reads = (Read(port=keys.BODIES), Read(port=keys.SAMPLES), *radio)
+    return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes))

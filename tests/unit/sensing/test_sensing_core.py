@@ -3,7 +3,18 @@ import math
 import pytest
 
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
+from gslcosim.contract.messages import (
+    BodyPoses,
+    BodyState,
+    FieldSamples,
+    GasAmount,
+    MountSample,
+    RadioArrival,
+    RadioMessage,
+    RadioReception,
+    RadioTraffic,
+    RadioTransmission,
+)
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models import Scenario
@@ -174,3 +185,30 @@ def test_a_rate_that_does_not_fit_the_ticks_is_refused_before_the_run(scenario, 
     slow["agents"][1]["sensors"][0]["period_s"] = 0.33
     with pytest.raises(ScenarioError, match="sensor nose: period_s"):
         SensingCore(Scenario.model_validate(slow), make_room())
+
+
+def test_each_agent_hears_what_comes_to_it_and_is_told_of_its_refusals(scenario, make_room):
+    fields = scenario.model_dump(by_alias=True)
+    fields["channels"] = [{"name": "radio", "range_m": 5.0}, {"name": "far"}]
+    core = SensingCore(Scenario.model_validate(fields), make_room())
+    briefing = core.reset(Episode(seed=1))[keys.briefing("moth")]
+    assert [(c.name, c.members, c.range_m) for c in briefing.channels] == [
+        ("radio", ("beetle", "moth"), 5.0),
+        ("far", ("beetle", "moth"), None),
+    ]
+    reception = RadioReception(sender="beetle", channel="radio", text="here", sent_tick=0)
+    too_long = RadioTransmission(
+        sender="beetle", message=RadioMessage(channel="radio", text="x"), refusal="outgoing[0].text: too long."
+    )
+    traffic = RadioTraffic(
+        tick=1, transmissions=(too_long,), arrivals=(RadioArrival(agent="moth", reception=reception),)
+    )
+    observations = core.step(1, {**inbox(1), keys.RADIO: traffic})
+    beetle, moth = observations[keys.observation("beetle")], observations[keys.observation("moth")]
+    assert (beetle.incoming, beetle.radio_refusals) == ((), ("outgoing[0].text: too long.",))
+    assert (moth.incoming, moth.radio_refusals) == ((reception,), ())
+
+
+def test_without_channels_nobody_is_told_of_any(core):
+    assert core.reset(Episode(seed=1))[keys.briefing("moth")].channels == ()
+    assert core.step(0, inbox(0))[keys.observation("moth")].incoming == ()

@@ -1,0 +1,1 @@
+"""The channels on which agents talk: who hears what, and when."""
