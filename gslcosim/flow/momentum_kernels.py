@@ -15,27 +15,20 @@ from gslcosim.flow.pressure_kernels import HIGH, LOW
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def upwind_value(speed, far_low, low, high, far_high):
-    """Interpolate to the face between `low` and `high`, third order upwind, limited to stay monotone.
+    """Interpolate to the face between `low` and `high`: the upstream value plus half a cell of its central slope.
 
-    phi_f = phi_c + max(0, min(2 a, (a + 2 b) / 3, 2 b)) / 2     a = phi_c - phi_upstream, b = phi_d - phi_c, b > 0
-    and mirrored for b < 0.
+    phi_f = phi_c + (phi_d - phi_u) / 4      c the cell upstream of the face, u the one behind it, d the one ahead
 
-    Source: Koren 1993, A robust upwind discretisation method for advection, diffusion and source terms (the
-    limiter of the kappa = 1/3 scheme), written without a division.
+    Second order and not limited: limiters (Koren's was tried) thicken the shear layer of a jet; the 60-120 s mean of
+    the 15 m room then correlates 0.907 with pimpleFoam's instead of 0.935.
+
+    Source: Fromm 1968, doi:10.1016/0021-9991(68)90015-6; on an even grid the same as OpenFOAM's `linearUpwind`.
     """
     is_forward = speed > 0
     centre = low if is_forward else high
     behind = far_low if is_forward else far_high
     ahead = high if is_forward else low
-    a = centre - behind
-    b = ahead - centre
-    sign = np.float32(1) if b > 0 else np.float32(-1)
-    a *= sign
-    b *= sign
-    third = (a + np.float32(2) * b) * np.float32(1 / 3)
-    limited = min(min(np.float32(2) * a, third), np.float32(2) * b)
-    limited = limited if limited > 0 else np.float32(0)
-    return centre + np.float32(0.5) * sign * limited
+    return centre + np.float32(0.25) * (ahead - behind)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

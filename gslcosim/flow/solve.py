@@ -67,7 +67,7 @@ def solve_wind(
     progress: Callable[[float], None] | None = None,
     turbulence: Turbulence = "k_epsilon",
     nu_m2_s: float = AIR_NU_M2_S,
-    courant: float = 0.8,
+    courant: float = 0.9,
 ) -> F32:
     """Compute the wind in a room from its geometry, its inlets and its outlets.
 
@@ -113,7 +113,7 @@ def solve_wind_report(
     progress: Callable[[float], None] | None = None,
     turbulence: Turbulence = "k_epsilon",
     nu_m2_s: float = AIR_NU_M2_S,
-    courant: float = 0.8,
+    courant: float = 0.9,
 ) -> WindReport:
     """Compute the wind in a room and say how well it was solved; arguments as for `solve_wind`."""
     _check_times(end_time_s, average_from_s)

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
 from gslcosim.flow import momentum_kernels, pressure_kernels, wall_kernels
-from gslcosim.flow.domain import Domain, PlacedPatch
-from gslcosim.flow.patches import Inlet, Outlet
+from gslcosim.flow.boundary import fill_padding, impose_inlets
+from gslcosim.flow.domain import Domain
 from gslcosim.flow.pressure import F32, PressureSolver, SolveStats, padded
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.turbulence import TurbulenceModel, Velocity, still_velocity
@@ -33,7 +33,7 @@ class FlowSolver:
 
     du/dt + div(u u) = -grad p + div(2 nu S),  div u = 0            p pressure over density [m2/s2]
 
-    Staggered grid; advection third order upwind with Koren's limiter; stress central; explicit in time (Heun) with
+    Staggered grid; advection linear upwind; stress central; explicit in time (Heun) with
     the last pressure in both stages and one projection for its increment at the end.
 
     Source: Harlow and Welch 1965, doi:10.1063/1.1761178 (grid); van Kan 1986, doi:10.1137/0907059 (increment).
@@ -45,7 +45,7 @@ class FlowSolver:
         domain: Domain,
         model: TurbulenceModel,
         *,
-        courant: float = 0.8,
+        courant: float = 0.9,
         tolerance: float = 1e-4,
         initial_velocity: Velocity | None = None,
     ) -> None:
@@ -68,8 +68,7 @@ class FlowSolver:
         self.pressure = padded(domain.shape)
         self._projection = PressureSolver(domain.coefficients, is_closed=domain.is_closed)
         for state in (self.velocity, self._stage):
-            for placed in domain.inlets:
-                _impose_inlet(placed, state, domain)
+            impose_inlets(domain, state)
         speed = domain.reference_speed_m_s
         if initial_velocity is not None:
             speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
@@ -125,8 +124,7 @@ class FlowSolver:
     # One stage of Heun's method, boundary values and wall friction included.
     def _advance(self, start: Velocity, dt_s: float, weight: float, out: Velocity) -> None:
         domain, model = self.domain, self.model
-        for placed in domain.outlets:
-            _fill_outlet(placed, start, model.nu, domain)
+        fill_padding(domain, start, model.nu)
         kernels = (momentum_kernels.advance_u, momentum_kernels.advance_v, momentum_kernels.advance_w)
         walls = domain.friction
         for axis, kernel in enumerate(kernels):
@@ -142,8 +140,7 @@ class FlowSolver:
 
     # The turbulence model may use the stage arrays as scratch: bring back their padding and fixed faces.
     def _restore_stage(self) -> None:
-        for placed in self.domain.inlets:
-            _impose_inlet(placed, self._stage, self.domain)
+        impose_inlets(self.domain, self._stage)
 
     # Time step [s] by Courant number and viscosity, and the largest speed and viscosity.
     def _time_step(self, until_s: float) -> tuple[float, float, float]:
@@ -168,39 +165,6 @@ class FlowSolver:
             f"Use a smaller courant number (now {self.courant}), smaller cells where openings are a cell wide, "
             f"or move inlets and outlets apart."
         )
-
-
-# Prescribed velocities on an inlet's faces and in the padding outside of it.
-def _impose_inlet(placed: PlacedPatch, velocity: Velocity, domain: Domain) -> None:
-    inlet = placed.patch
-    assert isinstance(inlet, Inlet)
-    n = domain.shape[placed.axis]
-    inside = LOW + n - 1 if placed.is_high else LOW
-    is_air = domain.air[placed.layer(slice(inside, inside + 1))]
-    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
-    normal = slice(inside + 1, None) if placed.is_high else slice(0, LOW + 1)
-    for axis, speed in enumerate(inlet.velocity_m_s):
-        layer = placed.layer(normal if axis == placed.axis else outside)
-        velocity[axis][layer] = np.where(is_air, np.float32(speed), np.float32(0))
-
-
-# Padding outside an outlet: velocities as inside where air leaves, no normal one where it enters; viscosity as inside.
-def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32, domain: Domain) -> None:
-    assert isinstance(placed.patch, Outlet)
-    n = domain.shape[placed.axis]
-    face = LOW + n if placed.is_high else LOW
-    normal = velocity[placed.axis]
-    leaving = normal[placed.layer(slice(face, face + 1))]
-    leaving = np.maximum(leaving, 0) if placed.is_high else np.minimum(leaving, 0)
-    inside = face - 1 if placed.is_high else face
-    normal[placed.layer(slice(face + 1, None) if placed.is_high else slice(0, face))] = leaving
-    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
-    for axis in range(3):
-        if axis != placed.axis:
-            along = placed.layer(slice(inside, inside + 1), face_axis=axis)
-            velocity[axis][placed.layer(outside, face_axis=axis)] = velocity[axis][along]
-    just_outside = inside + 1 if placed.is_high else inside - 1
-    nu[placed.layer(just_outside)] = nu[placed.layer(inside)]
 
 
 def mass_balance(domain: Domain, velocity: Velocity) -> tuple[float, float]:

@@ -1,0 +1,103 @@
+"""Values outside the box: what the stencils see beyond walls, inlets and outlets."""
+
+import numpy as np
+
+from gslcosim.flow.domain import Domain, PlacedPatch
+from gslcosim.flow.patches import Inlet, MovingWall, Outlet, SlipWall
+from gslcosim.flow.pressure import F32
+from gslcosim.flow.pressure_kernels import LOW
+from gslcosim.flow.turbulence import Velocity
+
+
+def impose_inlets(domain: Domain, velocity: Velocity) -> None:
+    """Set the prescribed velocities on the faces of inlets, in place.
+
+    Args:
+        domain: The domain.
+        velocity: Padded face velocities [m/s], modified.
+    """
+    for placed in domain.inlets:
+        _impose_inlet(placed, velocity, domain)
+
+
+def fill_padding(domain: Domain, velocity: Velocity, nu: F32) -> None:
+    """Set the velocities just outside the box that the stencils of the momentum equation reach, in place.
+
+    Walls mirror the velocity along them so that it is the wall's in between, frictionless walls mirror it evenly;
+    an inlet has its own; at an outlet all is as inside where air leaves, without normal velocity where it enters,
+    and the viscosity is as inside. (Inside obstacles velocities stay 0.)
+
+    Args:
+        domain: The domain.
+        velocity: Padded face velocities [m/s], modified outside the box only.
+        nu: Padded viscosity [m2/s], modified outside outlets.
+    """
+    for axis in range(3):
+        for is_high in (False, True):
+            _mirror_at_walls(domain, velocity, axis, is_high=is_high)
+    for placed in domain.placed:
+        if isinstance(placed.patch, (SlipWall, MovingWall)):
+            _mirror_at_patch(placed, velocity, domain)
+    impose_inlets(domain, velocity)
+    for placed in domain.outlets:
+        _fill_outlet(placed, velocity, nu, domain)
+
+
+# Layers just inside and just outside the box at one side.
+def _layers(domain: Domain, axis: int, *, is_high: bool) -> tuple[int, int]:
+    return (LOW + domain.shape[axis] - 1, LOW + domain.shape[axis]) if is_high else (LOW, LOW - 1)
+
+
+def _mirror_at_walls(domain: Domain, velocity: Velocity, axis: int, *, is_high: bool) -> None:
+    inside, outside = _layers(domain, axis, is_high=is_high)
+    beyond, within = [slice(None)] * axis + [outside], [slice(None)] * axis + [inside]
+    for component in range(3):
+        if component != axis:
+            np.negative(velocity[component][tuple(within)], out=velocity[component][tuple(beyond)])
+
+
+def _mirror_at_patch(placed: PlacedPatch, velocity: Velocity, domain: Domain) -> None:
+    inside, outside = _layers(domain, placed.axis, is_high=placed.is_high)
+    for component in range(3):
+        if component == placed.axis:
+            continue
+        within = velocity[component][placed.layer(inside, face_axis=component)]
+        value = within
+        if isinstance(placed.patch, MovingWall):
+            value = np.float32(2 * placed.patch.velocity_m_s[component]) - within
+        velocity[component][placed.layer(outside, face_axis=component)] = value
+
+
+# Prescribed velocities on an inlet's faces and in the padding outside of it.
+def _impose_inlet(placed: PlacedPatch, velocity: Velocity, domain: Domain) -> None:
+    inlet = placed.patch
+    assert isinstance(inlet, Inlet)
+    n = domain.shape[placed.axis]
+    inside = LOW + n - 1 if placed.is_high else LOW
+    is_air = domain.air[placed.layer(slice(inside, inside + 1))]
+    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
+    normal = slice(inside + 1, None) if placed.is_high else slice(0, LOW + 1)
+    for axis, speed in enumerate(inlet.velocity_m_s):
+        if axis == placed.axis:
+            velocity[axis][placed.layer(normal)] = np.where(is_air, np.float32(speed), np.float32(0))
+        else:
+            velocity[axis][placed.layer(outside, face_axis=axis)] = np.float32(speed)
+
+
+# Padding outside an outlet: velocities as inside where air leaves, no normal one where it enters; viscosity as inside.
+def _fill_outlet(placed: PlacedPatch, velocity: Velocity, nu: F32, domain: Domain) -> None:
+    assert isinstance(placed.patch, Outlet)
+    n = domain.shape[placed.axis]
+    face = LOW + n if placed.is_high else LOW
+    normal = velocity[placed.axis]
+    leaving = normal[placed.layer(slice(face, face + 1))]
+    leaving = np.maximum(leaving, 0) if placed.is_high else np.minimum(leaving, 0)
+    inside = face - 1 if placed.is_high else face
+    normal[placed.layer(slice(face + 1, None) if placed.is_high else slice(0, face))] = leaving
+    outside = slice(inside + 1, None) if placed.is_high else slice(0, LOW)
+    for axis in range(3):
+        if axis != placed.axis:
+            along = placed.layer(slice(inside, inside + 1), face_axis=axis)
+            velocity[axis][placed.layer(outside, face_axis=axis)] = velocity[axis][along]
+    just_outside = inside + 1 if placed.is_high else inside - 1
+    nu[placed.layer(just_outside)] = nu[placed.layer(inside)]
