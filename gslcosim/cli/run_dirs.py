@@ -34,7 +34,7 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
     path = Path(run)
     if path.is_file():
         return path
-    folders = [path] if path.is_dir() else sorted(p for p in runs_dir.glob(f"{run}*") if p.is_dir())
+    folders = [path] if path.is_dir() else _that_begin_with(run, runs_dir)
     if len(folders) != 1:
         found = f"{len(folders)} that fit: {', '.join(p.name for p in folders[:5])}" if folders else "none"
         raise UsageError(f"{run}: expected a run's folder or the id of one run in {runs_dir}, found {found}.")
@@ -42,6 +42,12 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
     if not file.is_file():
         raise UsageError(f"{run}: expected a run with a {file_name}, found none. Has the run ended well?\nFile: {file}")
     return file
+
+
+def _that_begin_with(run_id: str, runs_dir: Path) -> list[Path]:
+    if not runs_dir.is_dir():
+        return []
+    return sorted(path for path in runs_dir.iterdir() if path.is_dir() and path.name.startswith(run_id))
 
 
 def _newest(runs_dir: Path, file_name: str) -> Path:

@@ -49,3 +49,10 @@ def test_a_run_that_is_not_there_is_told(runs, run, told):
 def test_where_there_is_no_run_one_is_proposed(tmp_path):
     with pytest.raises(UsageError, match="Fly one: gslcosim up warehouse_empty"):
         find_in_run(None, runs_dir=tmp_path, file_name="digest.json")
+
+
+@pytest.mark.parametrize("run", ["/no/such/folder", "*", "../hall", "[", "hall**"])
+def test_a_path_that_is_not_there_and_a_pattern_are_told_like_any_other(runs, run):
+    """No text makes it look somewhere else, or end with a traceback."""
+    with pytest.raises(UsageError, match="found none"):
+        find_in_run(run, runs_dir=runs, file_name="digest.json")
