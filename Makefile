@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test check bench soak golden docs setup
+.PHONY: run test check bench soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -24,8 +24,12 @@ soak: .venv/ready-dev       # many seeds and hours of simulated time
 golden: .venv/ready-dev     # rewrite the golden files; review the diff
 	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden
 
-docs: .venv/ready-dev       # rewrite the generated pages
+docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python -m gslcosim.contract.reference > docs/messages.md
+
+contract: .venv/ready-dev   # rewrite the published contract; review the diff
+	rm -rf agents/contract
+	$(BIN)/gslcosim schema export agents/contract
 
 setup: .venv/ready-dev      # everything for development
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from gslcosim import __version__
-from gslcosim.cli import compare, doctor, listing, up, validate, view
+from gslcosim.cli import compare, doctor, listing, schema, up, validate, view
 from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import write_note
 from gslcosim.errors import (
@@ -18,7 +18,15 @@ from gslcosim.errors import (
     UsageError,
 )
 
-COMMANDS = (up.COMMAND, validate.COMMAND, listing.COMMAND, view.COMMAND, compare.COMMAND, doctor.COMMAND)
+COMMANDS = (
+    up.COMMAND,
+    validate.COMMAND,
+    listing.COMMAND,
+    view.COMMAND,
+    compare.COMMAND,
+    schema.COMMAND,
+    doctor.COMMAND,
+)
 
 EXIT_USAGE = 2
 EXIT_FAULT = 3

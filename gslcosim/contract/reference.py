@@ -9,27 +9,13 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from gslcosim.contract import keys
 from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.channels import CHANNELS, Channel
 from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
 from gslcosim.contract.schema import message_types
 
-AGENT = "<agent>"
-
-# Which message travels on which key, and who may see it.
-MESSAGE_OF_KEY = {
-    keys.BODIES: "BodyPoses",
-    keys.SAMPLES: "FieldSamples",
-    keys.FILAMENTS: "FilamentCloud",
-    keys.RADIO: "RadioTraffic",
-    keys.briefing(AGENT): "Briefing",
-    keys.observation(AGENT): "Observation",
-    keys.raw_command(AGENT): "Command",
-    keys.command(AGENT): "Command",
-    keys.ending(AGENT): "Ending",
-    keys.SCORE: "Score",
-    keys.VERDICT: "Verdict",
-}
+# Which message travels on which key.
+MESSAGE_OF_KEY = {channel.key: channel.message for channel in CHANNELS}
 
 _HEAD = f"""# Keys and messages, contract {CONTRACT_VERSION}
 
@@ -38,8 +24,8 @@ _HEAD = f"""# Keys and messages, contract {CONTRACT_VERSION}
 A message is a msgpack map with string keys; its encoding header is `application/msgpack;gslcosim.<Message>/1`.
 Reals are float64, or whole numbers where a language has no others; NaN and infinity are refused.
 Unknown keys are ignored; a key with a default may be absent; a changed meaning gets a new name.
-[notation.md](notation.md) has frames, units and words; golden bytes of each message are in
-[tests/golden/wire_vectors.json](../tests/golden/wire_vectors.json).
+[notation.md](notation.md) has frames, units and words.
+The same for programs, as JSON Schema, AsyncAPI and golden bytes, is in [agents/contract](../agents/contract/README.md).
 """
 
 
@@ -59,21 +45,23 @@ def messages_markdown() -> str:
 
 
 def _keys_table() -> str:
-    rows = [f"| `{key}` | [{name}](#{name.lower()}) | {_audience(key)} |" for key, name in MESSAGE_OF_KEY.items()]
     return "\n".join(
         [
             "## Keys\n",
-            "Keys are relative to the run's namespace `gsl/<run>`.\n",
-            "| key | message | visible to |",
-            "|---|---|---|",
-            *rows,
+            "Keys are relative to the run's namespace `gsl/<run>`.",
+            "An agent reaches those under `agents/<its name>/`, and no others.\n",
+            "| key | message | written by | when | read by |",
+            "|---|---|---|---|---|",
+            *map(_key_row, CHANNELS),
             "",
         ]
     )
 
 
-def _audience(key: str) -> str:
-    return "that agent and services" if key.startswith("agents/") else "services only"
+def _key_row(channel: Channel) -> str:
+    name = channel.message
+    cells = (f"`{channel.key}`", f"[{name}](#{name.lower()})", channel.writer, channel.when, channel.readers)
+    return f"| {' | '.join(cells)} |"
 
 
 def _section(record: type[Record] | type[NumericArray]) -> str:

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from gslcosim.contract import keys, messages
+from gslcosim.contract.channels import AGENT, CHANNELS
 from gslcosim.contract.messages import Record
-from gslcosim.contract.reference import AGENT, MESSAGE_OF_KEY, messages_markdown
+from gslcosim.contract.reference import MESSAGE_OF_KEY, messages_markdown
 from gslcosim.contract.schema import message_types
 from gslcosim.runtime.assembly import dataflow_of
 from gslcosim.scenario import load_scenario
@@ -41,6 +42,18 @@ def test_a_run_uses_the_keys_as_documented():
     dataflow = dataflow_of(load_scenario("warehouse_empty").scenario)
     used = {port.replace("beetle", AGENT): kind.__name__ for port, kind in dataflow.message_types.items()}
     assert used.items() <= MESSAGE_OF_KEY.items()
+
+
+def test_writers_and_readers_are_as_documented():
+    """Each port of a run is written by the participant of its channel and read by those it names."""
+    dataflow = dataflow_of(load_scenario("warehouse_empty").scenario)
+    documented = {channel.key.replace(AGENT, "beetle"): channel for channel in CHANNELS}
+    for port, writer in dataflow.writer_of.items():
+        channel = documented[port]
+        assert channel.writer == writer.replace("agent_beetle", "the agent's door"), port
+        readers = {reader.name for reader in dataflow.readers_of(writer) if any(r.port == port for r in reader.reads)}
+        documented_readers = {text.strip().replace("its door", "agent_beetle") for text in channel.readers.split(",")}
+        assert readers <= documented_readers, port
 
 
 @pytest.mark.parametrize("name", ["messages.md", "notation.md"])

@@ -26,11 +26,11 @@ def options_of(name):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["upp"], "gslcosim: expected one of the commands up, validate, list, view, compare, doctor, was 'upp'. "
+        (["upp"], "gslcosim: expected one of the commands up, validate, list, view, compare, schema, doctor, was 'upp'. "
          "Did you mean up?"),
-        (["vladiate", "x"], "gslcosim: expected one of the commands up, validate, list, view, compare, doctor, was "
+        (["vladiate", "x"], "gslcosim: expected one of the commands up, validate, list, view, compare, schema, doctor, was "
          "'vladiate'. Did you mean validate?"),
-        (["fly"], "gslcosim: expected one of the commands up, validate, list, view, compare, doctor, was 'fly'."),
+        (["fly"], "gslcosim: expected one of the commands up, validate, list, view, compare, schema, doctor, was 'fly'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --help, --in-process, --join-dir, "
          "--json, "
          "--listen, --no-services, --quiet, --runs-dir, --seed, --set, was '--sed'. Did you mean --seed?"),
