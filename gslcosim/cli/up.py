@@ -46,7 +46,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from gslcosim.cli.flight_report import summary, watched_flight
     from gslcosim.runtime.flight import fly
-    from gslcosim.runtime.supervisor import Network
+    from gslcosim.runtime.joining import Network
 
     network = Network(
         listen=tuple(arguments.listen), starts_services=not arguments.no_services, join_dir=arguments.join_dir

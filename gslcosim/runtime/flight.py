@@ -9,10 +9,11 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError, RecordingError
 from gslcosim.generation import prepare_environment
 from gslcosim.runtime.assembly import Setup, dataflow_of
+from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.status import FlightResult, FlightStatus
-from gslcosim.runtime.supervisor import Network, Supervisor
+from gslcosim.runtime.supervisor import Supervisor
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
 
 

@@ -1,16 +1,14 @@
 """Guests: the agents of a run behind the gateway, with their processes, their links, and what they say as events."""
 
-import contextlib
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gslcosim.contract import codec
-from gslcosim.errors import ContractError
+from gslcosim.gateway.framing import agent_of_payload
 from gslcosim.gateway.link import EventKind, Link
 from gslcosim.gateway.listener import Listener
-from gslcosim.gateway.streams import PipeStream
+from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents import start_command
 from gslcosim.runtime.assembly import Setup
 from gslcosim.runtime.door import door_name
@@ -58,7 +56,7 @@ class _Guest:
         if kind == "command":
             self._put_command(data)
         elif kind == "refused":
-            self.put(REFUSED, self.agents[0], data)
+            self.put(REFUSED, self.spec.name, data)
         elif kind == "closed":
             self._tell_gone(f"the agent was given up: {data.decode()}")
         else:
@@ -69,17 +67,14 @@ class _Guest:
 
     # Where a process flies several agents its frames say which of them speaks.
     def _put_command(self, payload: bytes) -> None:
-        try:
-            name = codec.peek_agent(payload)
-        except ContractError:
-            name = None  # the door says what is wrong with it
+        name = agent_of_payload(payload)
         if name is None and len(self.agents) > 1:
-            self.put(REFUSED, self.agents[0], b"Command: agent: expected one of the process's agents, was missing.")
+            self.put(REFUSED, self.spec.name, b"Command: agent: expected one of the process's agents, was missing.")
         elif name is None or name in self.agents:
-            self.put(COMMAND, name or self.agents[0], payload)
+            self.put(COMMAND, name or self.spec.name, payload)
         else:
             text = f"Command: agent: expected {' or '.join(self.agents)}, was {name[:80]!r}."
-            self.put(REFUSED, self.agents[0], text.encode(errors="replace"))
+            self.put(REFUSED, self.spec.name, text.encode(errors="replace"))
 
     def _tell_gone(self, text: str) -> None:
         with self._lock:
@@ -174,10 +169,15 @@ class Guests:
     def end(self, payload: bytes) -> None:
         """Tell all agents the end of the run, and end their streams."""
         for guest in self._processes():
+            guest.link.tell("Ending", payload)
+        self.close()
+
+    def close(self) -> None:
+        """End all streams, and let nobody in any more."""
+        for guest in self._processes():
+            guest.link.end()
             if guest.listener is not None:
                 guest.listener.close()
-            guest.link.tell("Ending", payload)
-            guest.link.end()
 
     def _processes(self) -> list[_Guest]:
         return [guest for name, guest in self._by_agent.items() if guest.spec.name == name]
@@ -214,8 +214,7 @@ class Guests:
         children.start_guest(
             door_name(name),
             command,
-            variables=self._variables(guest)
-            | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
+            variables=self._variables(guest) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
             log=self._setup.run_dir.log(door_name(name)),
             cwd=self._directory,
         )
@@ -224,13 +223,13 @@ class Guests:
         if guest.spec.start.door == "unix":
             return Listener.open_unix(socket_dir / f"{guest.spec.name}.sock")
         if guest.spec.start.attach and (endpoint := self._network.public_endpoint):
-            return Listener.open_tcp("0.0.0.0", public_name=_host_of(endpoint))  # noqa: S104 - asked for with listen
+            return Listener.open_tcp("0.0.0.0", public_name=_host_of(endpoint))
         return Listener.open_tcp()
 
-    def _variables(self, guest: _Guest) -> Mapping[str, str]:
+    def _variables(self, guest: _Guest) -> dict[str, str]:
         return {AGENT_VARIABLE: ",".join(guest.agents)}
 
-    def _open(self, guest: _Guest, stream: "PipeStream | object") -> None:
+    def _open(self, guest: _Guest, stream: Stream) -> None:
         guest.is_open = True
         guest.link.open(stream)
         for name in guest.agents:

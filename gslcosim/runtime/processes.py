@@ -77,9 +77,7 @@ class Children:
             UsageError: the command cannot be started.
         """
         with log.open("ab") as output:
-            self._start(
-                name, command, variables, cwd, streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
-            )
+            self._start(name, command, variables, cwd, streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT))
 
     def start_piped(
         self, name: str, command: Sequence[str], *, variables: Mapping[str, str], log: Path, cwd: Path

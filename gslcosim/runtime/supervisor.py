@@ -2,7 +2,6 @@
 
 import queue
 import shutil
-import socket
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -19,8 +18,11 @@ from gslcosim.runtime.agents import start_command
 from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.door import Door, door_name, faults_of
+from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS, Kept
+from gslcosim.runtime.in_order import InOrder
 from gslcosim.runtime.interruption import Interruption
+from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault
 from gslcosim.runtime.processes import Children, exit_text, python_command
 from gslcosim.runtime.status import FlightStatus
@@ -35,28 +37,9 @@ EXIT_LIMIT_S = 3.0
 REPEAT_AFTER_S = 1.0
 LOST_CONTACT_GRACE_S = 0.3
 STATUS_EVERY_S = 0.1
+# Between two looks at the clock, however many messages an agent sends.
+MAX_EVENTS_AT_ONCE = 256
 _Event = tuple[str, str, bytes]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Network:
-    """How the run's processes reach its router.
-
-    By default a private unix socket, and the supervisor starts everything. `listen` adds endpoints for other hosts;
-    with `starts_services` off the services are started by someone else. Who is not started here finds its join data
-    in `join_dir` (by default `join` in the run directory): `services/<name>.json` or `agents/<name>.json`.
-    """
-
-    listen: tuple[str, ...] = ()
-    starts_services: bool = True
-    join_dir: Path | None = None
-
-    @property
-    def public_endpoint(self) -> str | None:
-        """The endpoint that processes on other hosts use: the first of `listen`, with this host's name for `any`."""
-        if not self.listen:
-            return None
-        return self.listen[0].replace("0.0.0.0", socket.gethostname()).replace("[::]", socket.gethostname())
 
 
 @dataclass
@@ -67,6 +50,7 @@ class _Seat:
     door: Door
     trail: Trail = field(default_factory=Trail)
     kept: Kept = field(default_factory=Kept)
+    in_order: InOrder = field(default_factory=InOrder)
     briefing: bytes | None = None
     observation: bytes = b""
     asked_at: float | None = None
@@ -99,6 +83,7 @@ class Supervisor:
         }
         self._observed_by = {keys.observation(name): seat for name, seat in self._seats.items()}
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
+        self._guests = Guests(setup, directory, network, self._put_event)
         self._ready: set[str] = set()
         self._described: set[str] = set()
         self._progress: dict[str, int] = dict.fromkeys(self._services, -1)
@@ -119,12 +104,13 @@ class Supervisor:
         try:
             with (
                 Interruption(lambda: self._events.put(("interrupted", "", b""))) as interruption,
-                Children(lambda name, code: self._events.put(("exit", name, str(code).encode()))) as children,
+                Children(self._on_child_exit) as children,
                 self._open_router(socket_dir) as bus,
             ):
                 try:
                     self._listen(bus)
                     self._start_all(children)
+                    self._guests.start(children, socket_dir)
                     self._await_all_ready(bus, interruption)
                     outcome.start_up_s = time.perf_counter() - began
                     self._fly(bus, interruption)
@@ -134,9 +120,13 @@ class Supervisor:
                 outcome.flight_wall_s = time.perf_counter() - self._started_at if self._started_at else 0.0
                 self._dismiss(bus, children)
         finally:
+            self._guests.close()
             shutil.rmtree(socket_dir, ignore_errors=True)
         self._complete(outcome)
         return outcome
+
+    def _put_event(self, kind: str, name: str, payload: bytes) -> None:
+        self._events.put((kind, name, payload))
 
     # ------------------------------------------------------------ start
 
@@ -186,13 +176,15 @@ class Supervisor:
                 command = python_command("-m", f"gslcosim_services.{name}")
                 children.start(name, command, join=join, log=run_dir.log(name))
             else:
-                self._write_join("services", join)
+                self._network.write_join("services", join, run_dir.path)
         for seat in self._seats.values():
+            if seat.spec.name in self._guests:
+                continue
             account = self._accounts[seat.spec.name]
             join = self._join(seat.spec.name, account.user, account.password)
             command = start_command(seat.spec, self._directory)
             if command is None:
-                self._write_join("agents", join)
+                self._network.write_join("agents", join, run_dir.path)
             else:
                 log = run_dir.log(door_name(seat.spec.name))
                 children.start(door_name(seat.spec.name), command, join=join, log=log, cwd=self._directory)
@@ -206,17 +198,6 @@ class Supervisor:
             password=password,
             run_dir=run_dir,
         )
-
-    # For a process somebody else starts: the file holds its password, so only the owner may read it.
-    def _write_join(self, kind: str, join: Join) -> None:
-        folder = (self._network.join_dir or self._setup.run_dir.path / "join") / kind
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if endpoint := self._network.public_endpoint:
-            join = join.model_copy(update={"endpoint": endpoint})
-        written = folder / f".{join.name}.json"
-        written.touch(mode=0o600)
-        written.write_text(join.model_dump_json(exclude_none=True))
-        written.replace(folder / f"{join.name}.json")
 
     def _await_all_ready(self, bus: ZenohBus, interruption: Interruption) -> None:
         deadline = time.monotonic() + JOIN_LIMIT_S
@@ -233,7 +214,7 @@ class Supervisor:
         for name in lacking:
             if name not in self._seats:
                 raise _EndedError(self._fault(name, text, ExitCode.TIMEOUT))
-            self._lose(bus, self._seats[name], text)
+            self._lose(bus, self._seats[name], f"{text} {self._guests.absence_note(name)}".strip())
 
     def _not_ready(self) -> list[str]:
         services = [name for name in self._services if name not in self._described]
@@ -258,7 +239,9 @@ class Supervisor:
         except queue.Empty:
             return
         self._handle(bus, kind, name, payload)
-        while not self._events.empty():
+        for _ in range(MAX_EVENTS_AT_ONCE):
+            if self._events.empty():
+                return
             self._handle(bus, *self._events.get())
 
     def _handle(self, bus: ZenohBus, kind: str, name: str, payload: bytes) -> None:
@@ -276,8 +259,26 @@ class Supervisor:
             self._on_verdict(bus, payload)
         elif kind == "briefing":
             self._seats[name].briefing = payload
+            if name in self._guests:
+                self._guests.brief(name, payload)
+        elif kind == "observation":
+            self._on_observation(bus, self._seats[name], payload)
+        elif kind.startswith("guest"):
+            self._handle_guest(bus, kind, self._seats[name], payload)
         else:
             self._handle_life(bus, kind, name, payload)
+
+    def _handle_guest(self, bus: ZenohBus, kind: str, seat: _Seat, payload: bytes) -> None:
+        if kind == READY:
+            seat.is_ready = True
+        elif kind == GONE and not self._is_dismissing:
+            self._lose(bus, seat, payload.decode())
+        elif kind == COMMAND:
+            self._pass(bus, seat, seat.door.received(payload))
+            self._guests.handled(seat.spec.name)
+        elif kind == REFUSED:
+            self._pass(bus, seat, seat.door.refused(payload.decode()))
+            self._guests.handled(seat.spec.name)
 
     def _handle_life(self, bus: ZenohBus, kind: str, name: str, payload: bytes) -> None:
         if kind == "service appeared" and name in self._progress:
@@ -333,6 +334,14 @@ class Supervisor:
             bus.ask(control.resend("referee"), question, lambda _, payload: self._events.put(("verdict", "", payload)))
 
     def _on_observation(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
+        for message in seat.in_order.take(codec.peek_tick(payload), payload):
+            self._observe(bus, seat, message)
+        name = seat.spec.name
+        for tick in seat.in_order.missing():
+            question = control.ResendRequest(port=keys.observation(name), tick=tick).to_bytes()
+            bus.ask(control.resend("sensing"), question, lambda _, got: self._events.put(("observation", name, got)))
+
+    def _observe(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
         observation = codec.decode(Observation, payload)
         commands = seat.door.observed(observation)
         if observation.tick - seat.told_tick >= PROGRESS_EVERY_TICKS or observation.awaiting_command:
@@ -343,6 +352,8 @@ class Supervisor:
             seat.observation = payload
             if seat.asked_at is None:
                 seat.asked_at = seat.repeated_at = time.monotonic()
+        if seat.spec.name in self._guests:
+            self._guests.observe(seat.spec.name, payload, is_question=observation.awaiting_command)
         self._pass(bus, seat, commands)
 
     def _pass(self, bus: ZenohBus, seat: _Seat, commands: Sequence[Command]) -> None:
@@ -359,6 +370,11 @@ class Supervisor:
             seat.repeated_at = now
 
     # ------------------------------------------------------------ faults
+
+    # On the thread that waits for the process.
+    def _on_child_exit(self, name: str, code: int) -> None:
+        if not self._guests.exited(name, code):
+            self._events.put(("exit", name, str(code).encode()))
 
     def _on_exit(self, bus: ZenohBus, name: str, code: int) -> None:
         if self._is_dismissing:
@@ -403,6 +419,8 @@ class Supervisor:
     # A question may have been lost on its way; repeating it is harmless.
     def _repeat(self, bus: ZenohBus, seat: _Seat, now: float) -> None:
         seat.repeated_at = now
+        if seat.spec.name in self._guests:
+            return
         if seat.briefing is not None:
             bus.publish(keys.briefing(seat.spec.name), seat.briefing)
         if seat.observation:
@@ -433,6 +451,7 @@ class Supervisor:
         ending = codec.encode(Ending(tick=self._verdict.tick if self._verdict else 0, reason=reason))
         for name in self._seats:
             bus.publish(keys.ending(name), ending, encoding=codec.encoding_of(Ending), urgent=True)
+        self._guests.end(ending)
         bus.publish(control.CLOSE, b"", urgent=True)
         children.wait(EXIT_LIMIT_S)
 

@@ -19,6 +19,7 @@ WRONG_ARROWS = {
     "Zenoh has one home": ("gslcosim/runtime/__init__.py", "import zenoh"),
     "Rerun has one home": ("gslcosim/cli/__init__.py", "import rerun"),
     "MuJoCo has one home": ("gslcosim/environment/__init__.py", "from mujoco import mjtGeom"),
+    "The gateway knows the contract and bytes": ("gslcosim/gateway/__init__.py", "import gslcosim.bus"),
     "Cores and contract know no clock": ("gslcosim/sensing/__init__.py", "from time import sleep"),
 }
 
