@@ -7,6 +7,7 @@ from gslcosim.flow.patches import Inlet, MovingWall, Outlet, SlipWall
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.pressure_kernels import LOW
 from gslcosim.flow.turbulence import Velocity
+from gslcosim.flow.wall_kernels import mirror_into_ghosts
 
 
 def impose_inlets(domain: Domain, velocity: Velocity) -> None:
@@ -21,26 +22,34 @@ def impose_inlets(domain: Domain, velocity: Velocity) -> None:
 
 
 def fill_padding(domain: Domain, velocity: Velocity, nu: F32) -> None:
-    """Set the velocities just outside the box that the stencils of the momentum equation reach, in place.
+    """Set the velocities outside the air that the stencils of the momentum equation reach, in place.
 
     Walls mirror the velocity along them so that it is the wall's in between, frictionless walls mirror it evenly;
     an inlet has its own; at an outlet all is as inside where air leaves, without normal velocity where it enters,
-    and the viscosity is as inside. (Inside obstacles velocities stay 0.)
+    and the viscosity is as inside. Obstacles mirror like walls, into their outermost layer of cells.
 
     Args:
         domain: The domain.
-        velocity: Padded face velocities [m/s], modified outside the box only.
+        velocity: Padded face velocities [m/s], modified outside the box and inside solids only.
         nu: Padded viscosity [m2/s], modified outside outlets.
     """
     for axis in range(3):
         for is_high in (False, True):
             _mirror_at_walls(domain, velocity, axis, is_high=is_high)
+    for component, ghosts in zip(velocity, domain.ghosts):
+        mirror_into_ghosts(component.ravel(), ghosts.faces, ghosts.starts, ghosts.sources)
     for placed in domain.placed:
         if isinstance(placed.patch, (SlipWall, MovingWall)):
             _mirror_at_patch(placed, velocity, domain)
     impose_inlets(domain, velocity)
     for placed in domain.outlets:
         _fill_outlet(placed, velocity, nu, domain)
+
+
+def clear_ghosts(domain: Domain, velocity: Velocity) -> None:
+    """Set the velocities inside obstacles back to 0, in place."""
+    for component, ghosts in zip(velocity, domain.ghosts):
+        component.ravel()[ghosts.faces] = 0
 
 
 # Layers just inside and just outside the box at one side.

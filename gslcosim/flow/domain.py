@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
 from gslcosim.flow.domain_kernels import flood
+from gslcosim.flow.ghosts import GhostFaces, find_ghosts
 from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.pressure_kernels import HIGH, LOW
@@ -78,6 +79,7 @@ class Domain:
     coefficients: tuple[F32, F32, F32]
     placed: tuple[PlacedPatch, ...]
     friction: WallFriction
+    ghosts: tuple[GhostFaces, ...]
     is_closed: bool
     n_cut_off: int = field(default=0)
 
@@ -133,6 +135,7 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
         coefficients=coefficients,
         placed=placed,
         friction=_wall_friction(padded_air, placed, coefficients),
+        ghosts=find_ghosts(padded_air, coefficients),
         is_closed=is_closed,
         n_cut_off=n_free - int(np.count_nonzero(padded_air)),
     )

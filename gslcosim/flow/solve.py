@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
+from gslcosim.flow.boundary import clear_ghosts
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
@@ -124,6 +125,7 @@ def solve_wind_report(
     history, mean = _run(solver, end_time_s, average_from_s, progress)
     velocity = mean or solver.velocity
     solver.project_tightly(velocity)
+    clear_ghosts(domain, velocity)
     return _report(solver, velocity, tuple(history))
 
 

@@ -175,3 +175,26 @@ def wall_dissipation(cells, k_m2_s2, nu_m2_s, cell_m, epsilon):
             epsilon[cells[n]] = np.float32(star**3 / (VON_KARMAN * y))
         else:
             epsilon[cells[n]] = np.float32(2.0 * nu_m2_s * k / (y * y))
+
+
+@numba.njit(cache=True, nogil=True)
+def mirror_into_ghosts(velocity, faces, starts, sources):
+    """Set the velocities inside obstacles, beside their surface, to minus the mean of those beside them, in place.
+
+    In between, on the surface, the velocity is then that of a wall at rest. A wall one cell thick has one value for
+    both of its sides, the mean.
+
+    Args:
+        velocity: Flat padded velocities of one component [m/s], modified at `faces`.
+        faces: (n,) flat indices.
+        starts: (n + 1,) where each ghost's sources start.
+        sources: Flat indices of open faces.
+
+    Held by:
+        tests/unit/flow/test_ghosts.py
+    """
+    for n in range(faces.shape[0]):
+        total = 0.0
+        for m in range(starts[n], starts[n + 1]):
+            total += velocity[sources[m]]
+        velocity[faces[n]] = np.float32(-total / (starts[n + 1] - starts[n]))
