@@ -1,0 +1,165 @@
+"""agents/contract is what the code says, whole, and any validator can use it."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from gslcosim.contract import codec
+from gslcosim.contract.channels import AGENT, CHANNELS
+from gslcosim.contract.export import contract_files
+from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.schema import contract_hash, message_types
+from gslcosim.errors import ContractError
+
+FOLDER = Path(__file__).parents[2] / "agents" / "contract"
+TYPES = {item.__name__: item for item in message_types()}
+ASYNCAPI_SPECS = "@asyncapi/specs@6.11.1"
+
+
+def vectors(kind):
+    """Return the checked-in cases of all messages as (message, case)."""
+    files = [json.loads(path.read_text()) for path in sorted(FOLDER.glob("vectors/*.json"))]
+    return [pytest.param(f["message"], case, id=f"{f['message']}-{case['name']}") for f in files for case in f[kind]]
+
+
+def schema_of(message):
+    return json.loads((FOLDER / "schemas" / f"{message}.json").read_text())
+
+
+def forms_of(case):
+    """Return each form of a case with the function that reads it."""
+    if "msgpack" in case:
+        yield codec.decode, bytes.fromhex(case["msgpack"])
+    if "json" in case:
+        yield codec.decode_json, case["json"].encode()
+    if "json_hex" in case:
+        yield codec.decode_json, bytes.fromhex(case["json_hex"])
+
+
+def test_the_folder_is_what_the_code_says():
+    found = {path.relative_to(FOLDER).as_posix(): path.read_text() for path in FOLDER.rglob("*") if path.is_file()}
+    expected = contract_files()
+    assert set(found) == set(expected), "`make contract` rewrites the folder"
+    assert [name for name in expected if found[name] != expected[name]] == [], "`make contract` rewrites the folder"
+
+
+def test_version_and_hash_can_be_read_without_any_code():
+    index = json.loads((FOLDER / "contract.json").read_text())
+    assert (index["version"], index["hash"]) == (CONTRACT_VERSION, contract_hash())
+    assert set(index["messages"]) == set(TYPES)
+
+
+@pytest.mark.parametrize("message", TYPES)
+def test_each_schema_is_one_of_2020_12(message):
+    assert schema_of(message)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    jsonschema.Draft202012Validator.check_schema(schema_of(message))
+
+
+@pytest.mark.parametrize(("message", "case"), vectors("accept"))
+def test_what_must_be_accepted_is(message, case):
+    """Every way to write a message means the same, and its schema agrees."""
+    for read, written in forms_of(case):
+        assert json.loads(codec.encode_json(read(TYPES[message], written))) == case["fields"]
+    jsonschema.validate(case["fields"], schema_of(message), jsonschema.Draft202012Validator)
+    if "json" in case:
+        jsonschema.validate(json.loads(case["json"]), schema_of(message), jsonschema.Draft202012Validator)
+
+
+@pytest.mark.parametrize(
+    ("message", "case"), [case for case in vectors("accept") if case.values[1]["canonical"]]
+)  # fmt: skip
+def test_what_is_canonical_is_what_we_write(message, case):
+    decoded = codec.decode(TYPES[message], bytes.fromhex(case["msgpack"]))
+    assert codec.encode(decoded).hex() == case["msgpack"]
+    assert codec.encode_json(decoded).decode() == case["json"]
+
+
+@pytest.mark.parametrize(("message", "case"), vectors("reject"))
+def test_what_must_be_rejected_is_with_one_line(message, case):
+    for read, written in forms_of(case):
+        with pytest.raises(ContractError) as caught:
+            read(TYPES[message], written)
+        assert str(caught.value).startswith(f"{message}: ")
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("message", "case"), [case for case in vectors("reject") if "json" in case.values[1]])
+def test_the_schema_finds_what_the_vectors_say_it_finds(message, case):
+    try:
+        fields = json.loads(case["json"])
+    except json.JSONDecodeError:
+        assert case["schema_refuses"], "what is no JSON never comes before a schema"
+        return
+    assert jsonschema.Draft202012Validator(schema_of(message)).is_valid(fields) is not case["schema_refuses"]
+
+
+def references_in(tree):
+    if isinstance(tree, dict):
+        for word, value in tree.items():
+            yield from [value] if word == "$ref" else references_in(value)
+    elif isinstance(tree, list):
+        for item in tree:
+            yield from references_in(item)
+
+
+def test_asyncapi_has_all_keys_and_its_references_lead_somewhere():
+    document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
+    assert document["info"]["x-contract-hash"] == contract_hash()
+    addresses = {channel["address"] for channel in document["channels"].values()}
+    assert addresses == {channel.key.replace(AGENT, "{agent}") for channel in CHANNELS}
+    for reference in references_in(document):
+        file, _, path = reference.partition("#")
+        if file:
+            assert (FOLDER / file).is_file(), reference
+        here = document
+        for part in path.strip("/").split("/") if path else ():
+            here = here[part]
+
+
+def test_an_agent_operates_on_its_own_keys_only():
+    document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
+    for name, operation in document["operations"].items():
+        channel = document["channels"][operation["channel"]["$ref"].rsplit("/", 1)[1]]
+        assert channel["address"].startswith("agents/{agent}/"), name
+        assert (operation["action"] == "send") is (channel["address"] == "agents/{agent}/command")
+
+
+@pytest.fixture(scope="module")
+def asyncapi_schema():
+    """AsyncAPI's own schema, from its npm package; kept in the cache between runs."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    cache = Path(os.environ.get("GSLCOSIM_CACHE") or home / "gslcosim") / "asyncapi"
+    path = cache / "node_modules" / "@asyncapi" / "specs" / "schemas" / "3.0.0-without-$id.json"
+    if not path.is_file():
+        if shutil.which("npm") is None:
+            pytest.skip("AsyncAPI's schema comes from npm, which is not installed")
+        cache.mkdir(parents=True, exist_ok=True)
+        install = [
+            "npm",
+            "install",
+            "--silent",
+            "--no-save",
+            "--ignore-scripts",
+            "--prefix",
+            str(cache),
+            ASYNCAPI_SPECS,
+        ]
+        done = subprocess.run(install, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            pytest.skip(f"npm could not install {ASYNCAPI_SPECS}: {done.stderr.strip()[:200]}")
+    return json.loads(path.read_text())
+
+
+@pytest.mark.slow
+def test_asyncapi_is_valid_by_its_published_schema(asyncapi_schema):
+    document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
+    validator = jsonschema.Draft7Validator(asyncapi_schema)
+    assert [error.message for error in validator.iter_errors(document)] == []
+    document["channels"]["agents_agent_command"]["adress"] = "typo"
+    assert not validator.is_valid(document)
