@@ -4,6 +4,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -18,10 +19,20 @@ Handler = Callable[[str, bytes], None]
 Answerer = Callable[[bytes], list[bytes]]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Certificate:
+    """The router's TLS certificate and its private key, PEM files."""
+
+    certificate: Path
+    private_key: Path
+
+
 class Join(BaseModel):
     """How a process joins a run: where, as whom, and under which namespace.
 
-    `run_dir` is given to services only; agents never learn it.
+    `run_dir` is given to services only; agents never learn it. `tls_root_ca` is the PEM text of the certificate that
+    vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
+    they are several; otherwise it flies the one of its `name`.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -32,6 +43,8 @@ class Join(BaseModel):
     user: str
     password: str
     run_dir: str | None = None
+    tls_root_ca: str | None = None
+    agents: tuple[str, ...] | None = None
 
     @classmethod
     def from_environment(cls) -> "Join":
@@ -90,7 +103,11 @@ class Bus(Protocol):
         ...
 
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token until this connection ends."""
+        """Show a liveliness token until it is withdrawn or this connection ends."""
+        ...
+
+    def withdraw_alive(self, key: str) -> None:
+        """Take back a liveliness token of this connection."""
         ...
 
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:

@@ -3,6 +3,7 @@
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
 # pyright: reportUnknownVariableType=false
 
+import base64
 import contextlib
 import json
 import secrets
@@ -16,7 +17,7 @@ from typing import Any, Self
 import zenoh
 import zenoh.handlers
 
-from gslcosim.bus.port import Answerer, Handler, Join
+from gslcosim.bus.port import Answerer, Certificate, Handler, Join
 from gslcosim.errors import SimulationFault
 
 # How soon others learn that a member hangs without its process having ended [ms].
@@ -27,10 +28,13 @@ SERVICE_USER = "service"
 
 @dataclass(frozen=True, kw_only=True)
 class AgentUser:
-    """An agent's account on the router: its name is its identity, its keys are all it can reach."""
+    """The account of a process that flies an agent: the agent's keys, and those of `others` if there are, are all it
+    can reach.
+    """
 
     agent: str
     password: str
+    others: tuple[str, ...] = ()
 
     @property
     def user(self) -> str:
@@ -54,6 +58,7 @@ class ZenohBus:
         self._prefix = f"{namespace}/"
         self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
         self._held: list[Any] = []  # Zenoh undeclares what nobody holds
+        self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
     @classmethod
     def open_member(cls, join: Join) -> Self:
@@ -62,10 +67,13 @@ class ZenohBus:
         Raises:
             SimulationFault: nothing answers at the endpoint, or name and password are refused.
         """
-        config = _base_config(join.namespace)
+        config = session_config(join.namespace)
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
         config.insert_json5("listen/endpoints", "[]")
+        if join.tls_root_ca is not None:
+            encoded = base64.b64encode(join.tls_root_ca.encode()).decode()
+            config.insert_json5("transport/link/tls/root_ca_certificate_base64", json.dumps(encoded))
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
         try:
@@ -85,11 +93,12 @@ class ZenohBus:
         service_password: str,
         agents: Iterable[AgentUser],
         secrets_dir: Path,
+        tls: Certificate | None = None,
     ) -> Self:
-        """Open the run's router, with one account for the services and one for each agent.
+        """Open the run's router, with one account for the services and one for each process that flies agents.
 
-        Agents are confined to `agents/<name>/**`: they may write their command and their liveliness token there
-        and read the rest of it; everything else is denied in both directions.
+        It is confined to `agents/<name>/**` of its agents: it may write their commands and their liveliness tokens
+        there and read the rest of it; everything else is denied in both directions.
 
         Raises:
             SimulationFault: an endpoint cannot be listened on.
@@ -99,9 +108,12 @@ class ZenohBus:
         accounts.touch(mode=0o600)
         lines = [f"{SERVICE_USER}:{service_password}", *(f"{a.user}:{a.password}" for a in agents)]
         accounts.write_text("\n".join(lines) + "\n")
-        config = _base_config(namespace)
+        config = session_config(namespace)
         config.insert_json5("mode", '"router"')
         config.insert_json5("listen/endpoints", json.dumps(list(endpoints)))
+        if tls is not None:
+            config.insert_json5("transport/link/tls/listen_certificate", json.dumps(str(tls.certificate)))
+            config.insert_json5("transport/link/tls/listen_private_key", json.dumps(str(tls.private_key)))
         config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_USER))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
@@ -162,7 +174,11 @@ class ZenohBus:
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token; see `Bus`."""
-        self._held.append(self._session.liveliness().declare_token(key))
+        self._tokens[key] = self._session.liveliness().declare_token(key)
+
+    def withdraw_alive(self, key: str) -> None:
+        """Take back a liveliness token; see `Bus`."""
+        self._tokens.pop(key).undeclare()
 
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
         """Call `handler(key, is_alive)` for each token; see `Bus`."""
@@ -203,10 +219,12 @@ def new_password() -> str:
     return secrets.token_urlsafe(18)
 
 
-def _base_config(namespace: str) -> zenoh.Config:
+def session_config(namespace: str | None) -> zenoh.Config:
+    """Return what all sessions of a run have in common; without a namespace their keys are whole."""
     # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.
     config = zenoh.Config()
-    config.insert_json5("namespace", json.dumps(namespace))
+    if namespace is not None:
+        config.insert_json5("namespace", json.dumps(namespace))
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
     config.insert_json5("scouting/delay", "0")
@@ -235,13 +253,15 @@ def _access_control(namespace: str, agents: list[AgentUser]) -> dict[str, Any]:
     subjects: list[dict[str, Any]] = [{"id": SERVICE_USER, "usernames": [SERVICE_USER]}]
     policies: list[dict[str, Any]] = [{"rules": ["everything"], "subjects": [SERVICE_USER]}]
     for agent in agents:
-        home = f"{namespace}/agents/{agent.agent}"
+        homes = [f"{namespace}/agents/{name}" for name in (agent.agent, *agent.others)]
+        everything = [f"{home}/**" for home in homes]
+        commands, tokens = [f"{home}/command" for home in homes], [f"{home}/alive" for home in homes]
         mine = [
-            _rule(f"{agent.user}_hears", "egress", ["put", "delete", "reply"], [f"{home}/**"]),
+            _rule(f"{agent.user}_hears", "egress", ["put", "delete", "reply"], everything),
             _rule(f"{agent.user}_asks", "ingress", ["declare_subscriber", "query"], ["**"]),
-            _rule(f"{agent.user}_is_asked", "egress", ["declare_subscriber"], [f"{home}/command"]),
-            _rule(f"{agent.user}_acts", "ingress", ["put"], [f"{home}/command"]),
-            _rule(f"{agent.user}_lives", "ingress", ["liveliness_token"], [f"{home}/alive"]),
+            _rule(f"{agent.user}_is_asked", "egress", ["declare_subscriber"], commands),
+            _rule(f"{agent.user}_acts", "ingress", ["put"], commands),
+            _rule(f"{agent.user}_lives", "ingress", ["liveliness_token"], tokens),
         ]
         rules += mine
         subjects.append({"id": agent.user, "usernames": [agent.user]})

@@ -2,11 +2,16 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import add_runs_dir_option
 from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.bus.port import Certificate
 
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
@@ -37,6 +42,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="where processes that are not started here find their join data (default: join in the run directory)",
     )
+    parser.add_argument(
+        "--tls-certificate", type=Path, metavar="FILE", help="PEM certificate for endpoints that begin with tls/"
+    )
+    parser.add_argument("--tls-key", type=Path, metavar="FILE", help="PEM private key of the certificate")
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -49,7 +58,10 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.joining import Network
 
     network = Network(
-        listen=tuple(arguments.listen), starts_services=not arguments.no_services, join_dir=arguments.join_dir
+        listen=tuple(arguments.listen),
+        starts_services=not arguments.no_services,
+        join_dir=arguments.join_dir,
+        tls=_certificate(arguments),
     )
     with watched_flight(
         f"{loaded.name}, seed {loaded.scenario.seed}", is_quiet=arguments.quiet or arguments.json
@@ -65,6 +77,16 @@ def _run(arguments: argparse.Namespace) -> int:
         for fault in flight.result.get("faults", []):
             write_note(f"{fault['participant']}: {fault['text']}")
     return flight.exit_code
+
+
+def _certificate(arguments: argparse.Namespace) -> "Certificate | None":
+    from gslcosim.bus.port import Certificate
+
+    if arguments.tls_certificate is None and arguments.tls_key is None:
+        return None
+    if arguments.tls_certificate is None or arguments.tls_key is None:
+        raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
+    return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key)
 
 
 COMMAND = Command(

@@ -39,6 +39,8 @@ def fly(
     """
     began = time.perf_counter()
     scenario = loaded.scenario
+    network = network or Network()
+    network.check()
     dataflow_of(scenario)
     environment_dir = prepare_environment(
         scenario,
@@ -56,7 +58,7 @@ def fly(
     setup.save()
     run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, in_process=in_process)
     report(FlightStatus(state="starting"))
-    outcome = _outcome(setup, loaded.directory, network or Network(), report, in_process=in_process)
+    outcome = _outcome(setup, loaded.directory, network, report, in_process=in_process)
     _repair(run_dir, outcome)
     if outcome.digest is not None:
         outcome.digest.save(run_dir.digest)
@@ -84,7 +86,7 @@ def _outcome(
         if in_process:
             from gslcosim.runtime.in_process import fly_in_process
 
-            return fly_in_process(setup, directory, report)
+            return fly_in_process(setup, directory, network, report)
         return Supervisor(setup, directory, network, report).fly()
     except GslCosimError as error:
         return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
