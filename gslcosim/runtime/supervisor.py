@@ -22,18 +22,16 @@ from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS, Kept
 from gslcosim.runtime.in_order import InOrder
 from gslcosim.runtime.interruption import Interruption
-from gslcosim.runtime.joining import Network
-from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault
-from gslcosim.runtime.processes import Children, exit_text, python_command
+from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
+from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault, ending_of
+from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text, python_command
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent
 from gslcosim.scenario.models import AgentSpec
 from gslcosim.ticks import seconds_from_ticks
 
-JOIN_LIMIT_S = 180.0
 STALL_LIMIT_S = 30.0
 GOODBYE_LIMIT_S = 120.0
-EXIT_LIMIT_S = 3.0
 REPEAT_AFTER_S = 1.0
 LOST_CONTACT_GRACE_S = 0.3
 STATUS_EVERY_S = 0.1
@@ -81,6 +79,8 @@ class Supervisor:
             agent.name: _Seat(agent, Door(agent.name, may_overlap=agent.latency_ticks > 1))
             for agent in setup.scenario.agents
         }
+        # Who flies whom: a process has the name of the agent that it was started for.
+        self._crews = setup.scenario.agents_by_process()
         self._observed_by = {keys.observation(name): seat for name, seat in self._seats.items()}
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._guests = Guests(setup, directory, network, self._put_event)
@@ -134,13 +134,18 @@ class Supervisor:
         self._endpoint = f"unixsock-stream/{socket_dir}/router.sock"
         self._namespace = f"gsl/{self._setup.run_dir.run_id}"
         self._service_password = new_password()
-        self._accounts = {name: AgentUser(agent=name, password=new_password()) for name in self._seats}
+        self._accounts = {
+            process: AgentUser(agent=process, password=new_password(), others=tuple(name for name in agents if name != process))
+            for process, agents in self._crews.items()
+            if process not in self._guests
+        }
         return ZenohBus.open_router(
             endpoints=[self._endpoint, *self._network.listen],
             namespace=self._namespace,
             service_password=self._service_password,
             agents=self._accounts.values(),
             secrets_dir=socket_dir,
+            tls=self._network.tls,
         )
 
     def _listen(self, bus: ZenohBus) -> None:
@@ -177,19 +182,18 @@ class Supervisor:
                 children.start(name, command, join=join, log=run_dir.log(name))
             else:
                 self._network.write_join("services", join, run_dir.path)
-        for seat in self._seats.values():
-            if seat.spec.name in self._guests:
-                continue
-            account = self._accounts[seat.spec.name]
-            join = self._join(seat.spec.name, account.user, account.password)
-            command = start_command(seat.spec, self._directory)
+        for process, account in self._accounts.items():
+            join = self._join(process, account.user, account.password, agents=self._crews[process])
+            command = start_command(self._seats[process].spec, self._directory)
             if command is None:
                 self._network.write_join("agents", join, run_dir.path)
             else:
-                log = run_dir.log(door_name(seat.spec.name))
-                children.start(door_name(seat.spec.name), command, join=join, log=log, cwd=self._directory)
+                log = run_dir.log(door_name(process))
+                children.start(door_name(process), command, join=join, log=log, cwd=self._directory)
 
-    def _join(self, name: str, user: str, password: str, *, run_dir: str | None = None) -> Join:
+    def _join(
+        self, name: str, user: str, password: str, *, run_dir: str | None = None, agents: tuple[str, ...] = ()
+    ) -> Join:
         return Join(
             name=name,
             endpoint=self._endpoint,
@@ -197,6 +201,7 @@ class Supervisor:
             user=user,
             password=password,
             run_dir=run_dir,
+            agents=agents if len(agents) > 1 else None,
         )
 
     def _await_all_ready(self, bus: ZenohBus, interruption: Interruption) -> None:
@@ -210,11 +215,11 @@ class Supervisor:
             self._handle_next(bus)
 
     def _give_up_on(self, bus: ZenohBus, lacking: list[str]) -> None:
-        text = f"expected to join within {JOIN_LIMIT_S:g} s, did not."
         for name in lacking:
+            text = self._guests.absence_text(name)
             if name not in self._seats:
                 raise _EndedError(self._fault(name, text, ExitCode.TIMEOUT))
-            self._lose(bus, self._seats[name], f"{text} {self._guests.absence_note(name)}".strip())
+            self._lose(bus, self._seats[name], text)
 
     def _not_ready(self) -> list[str]:
         services = [name for name in self._services if name not in self._described]
@@ -337,7 +342,7 @@ class Supervisor:
         for message in seat.in_order.take(codec.peek_tick(payload), payload):
             self._observe(bus, seat, message)
         name = seat.spec.name
-        for tick in seat.in_order.missing():
+        if (tick := seat.in_order.lost()) is not None:
             question = control.ResendRequest(port=keys.observation(name), tick=tick).to_bytes()
             bus.ask(control.resend("sensing"), question, lambda _, got: self._events.put(("observation", name, got)))
 
@@ -381,8 +386,9 @@ class Supervisor:
             return
         if name in self._progress:
             raise _EndedError(self._fault(name, f"{exit_text(code)}; the run is not valid without it."))
-        seat = next(seat for seat in self._seats.values() if door_name(seat.spec.name) == name)
-        self._lose(bus, seat, f"the agent's process {exit_text(code)} before the end of the run.")
+        for seat in self._seats.values():
+            if door_name(seat.spec.process) == name:
+                self._lose(bus, seat, f"the agent's process {exit_text(code)} before the end of the run.")
 
     def _on_vanished(self, bus: ZenohBus, kind: str, name: str) -> None:
         if self._is_dismissing:
@@ -394,8 +400,7 @@ class Supervisor:
             self._lose(bus, self._seats[name], "the agent left the run before its end.")
 
     def _lose(self, bus: ZenohBus, seat: _Seat, reason: str) -> None:
-        log = self._setup.run_dir.log(door_name(seat.spec.name))
-        tail = _last_lines(log)
+        tail = self._setup.run_dir.last_words(door_name(seat.spec.process))
         self._pass(bus, seat, seat.door.lost(f"{reason} Its last words: {tail}" if tail else reason))
 
     def _check_time(self, bus: ZenohBus) -> None:
@@ -438,7 +443,7 @@ class Supervisor:
 
     def _fault(self, name: str, text: str, exit_code: ExitCode = ExitCode.FAULT) -> ServiceFault:
         log = self._setup.run_dir.log(name)
-        tail = _last_lines(log)
+        tail = self._setup.run_dir.last_words(name)
         text = f"{text}\nLast lines of its log:\n{tail}" if tail else text
         tick = max(self._progress.get(name, 0), 0)
         return ServiceFault(participant=name, tick=tick, text=f"{text}\nLog: {log}", exit_code=exit_code)
@@ -447,8 +452,7 @@ class Supervisor:
 
     def _dismiss(self, bus: ZenohBus, children: Children) -> None:
         self._is_dismissing = True
-        reason = self._verdict.end_reason if self._verdict else "the run was ended"
-        ending = codec.encode(Ending(tick=self._verdict.tick if self._verdict else 0, reason=reason))
+        ending = codec.encode(ending_of(self._verdict))
         for name in self._seats:
             bus.publish(keys.ending(name), ending, encoding=codec.encoding_of(Ending), urgent=True)
         self._guests.end(ending)
@@ -482,11 +486,3 @@ class Supervisor:
         wall_s = time.perf_counter() - self._started_at if self._started_at else 0.0
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
         self._report(FlightStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
-
-
-def _last_lines(log: Path, n_lines: int = 5) -> str:
-    try:
-        lines = log.read_text(errors="replace").splitlines()
-    except OSError:
-        return ""
-    return "\n".join(line[:300] for line in lines[-n_lines:])
