@@ -8,6 +8,7 @@ run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
 
 test: .venv/ready-dev       # the fast tests, then the slow ones and those with real processes
+	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -m "not slow and not end_to_end and not soak"
 	$(BIN)/pytest -q -m "(slow or end_to_end) and not soak"
 
@@ -19,6 +20,7 @@ bench: .venv/ready-dev      # how fast it is on this machine
 	@set -e; for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script; done
 
 soak: .venv/ready-dev       # many seeds and hours of simulated time
+	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -m soak --timeout 3600
 
 golden: .venv/ready-dev     # rewrite the golden files; review the diff

@@ -45,7 +45,7 @@ static double random_fraction(Beetle *beetle) {
 }
 
 /* Sets the goal to the end of a leg in this direction; says whether it keeps away from the walls. */
-static bool try_leg(const Beetle *beetle, const double start_m[3], double heading_rad, double goal_m[3]) {
+static bool try_leg(const Beetle *beetle, const double start_m[2], double heading_rad, double goal_m[3]) {
     goal_m[0] = to_millimetre(start_m[0] + LEG_M * cos(heading_rad));
     goal_m[1] = to_millimetre(start_m[1] + LEG_M * sin(heading_rad));
     for (int axis = 0; axis < 2; axis++)
@@ -54,7 +54,7 @@ static bool try_leg(const Beetle *beetle, const double start_m[3], double headin
 }
 
 /* Finds the first possible leg: the rule's own, then what is left at a wall; without one, leaves the margin. */
-static void next_waypoint(Beetle *beetle, const double start_m[3], double upwind_rad, bool is_blocked,
+static void next_waypoint(Beetle *beetle, const double start_m[2], double upwind_rad, bool is_blocked,
                           double goal_m[3]) {
     goal_m[2] = beetle->height_m;
     if (beetle->side == 0) {
@@ -88,9 +88,9 @@ static double reading(json_t *observation, const char *sensor, size_t index) {
 static json_t *decide(Beetle *beetle, json_t *observation) {
     json_error_t error;
     json_int_t tick;
-    double start_m[3], goal_m[3];
-    if (json_unpack_ex(observation, &error, 0, "{s:I, s:[F,F,F]}", "tick", &tick, "position_world_m", &start_m[0],
-                       &start_m[1], &start_m[2]))
+    double start_m[2], goal_m[3];
+    if (json_unpack_ex(observation, &error, 0, "{s:I, s:[F,F]}", "tick", &tick, "position_world_m", &start_m[0],
+                       &start_m[1]))
         fail("observation", error.text);
 
     double ohm = reading(observation, beetle->nose, 0);
@@ -124,10 +124,12 @@ static Beetle briefed(json_t *briefing) {
     Beetle beetle = {.last_ohm = INFINITY};
     json_error_t error;
     json_int_t seed;
-    if (json_unpack_ex(briefing, &error, 0, "{s:I, s:F, s:{s:[F,F,F!], s:[F,F,F!]}}", "seed", &seed,
-                       "search_height_m", &beetle.height_m, "bounds", "min_m", &beetle.min_m[0], &beetle.min_m[1],
-                       &(double){0}, "max_m", &beetle.max_m[0], &beetle.max_m[1], &(double){0}))
+    const char *version;
+    if (json_unpack_ex(briefing, &error, 0, "{s:s, s:I, s:F, s:{s:[F,F], s:[F,F]}}", "contract_version", &version,
+                       "seed", &seed, "search_height_m", &beetle.height_m, "bounds", "min_m", &beetle.min_m[0],
+                       &beetle.min_m[1], "max_m", &beetle.max_m[0], &beetle.max_m[1]))
         fail("briefing", error.text);
+    if (strncmp(version, "1.", 2) != 0) fail("expected contract version 1, was", version);
     for (int axis = 0; axis < 2; axis++) {
         beetle.min_m[axis] += WALL_MARGIN_M;
         beetle.max_m[axis] -= WALL_MARGIN_M;

@@ -66,6 +66,8 @@ public:
           vane_{sensor_with(briefing, "model", "anemometer")},
           height_m_{briefing.at("search_height_m")},
           random_{briefing.at("seed").get<std::uint64_t>()} {
+        const std::string version = briefing.at("contract_version");
+        if (version.rfind("1.", 0) != 0) throw std::runtime_error("expected contract version 1, was " + version);
         const auto& bounds = briefing.at("bounds");
         for (std::size_t axis = 0; axis < 2; ++axis) {
             min_m_[axis] = bounds.at("min_m").at(axis).get<double>() + wall_margin_m;

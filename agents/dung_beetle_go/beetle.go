@@ -3,6 +3,7 @@ package main
 import (
 	"fmt"
 	"math"
+	"strings"
 )
 
 const (
@@ -27,6 +28,9 @@ type Beetle struct {
 
 // NewBeetle reads the briefing.
 func NewBeetle(briefing Message) (*Beetle, error) {
+	if !strings.HasPrefix(briefing.Version, "1.") {
+		return nil, fmt.Errorf("expected contract version 1, was %s", briefing.Version)
+	}
 	beetle := &Beetle{heightM: briefing.SearchHeight, randomState: briefing.Seed, lastOhm: math.NaN()}
 	for axis := range 2 {
 		beetle.minM[axis] = briefing.Bounds.Min[axis] + wallMarginM

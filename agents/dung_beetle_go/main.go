@@ -18,6 +18,7 @@ type Message struct {
 	Message string `msgpack:"message"`
 
 	// Briefing
+	Version      string   `msgpack:"contract_version"`
 	Seed         uint64   `msgpack:"seed"`
 	Bounds       Bounds   `msgpack:"bounds"`
 	SearchHeight float64  `msgpack:"search_height_m"`

@@ -16,6 +16,7 @@ type Vec3 = [number, number, number];
 // Of each message the fields that this agent reads; all others are ignored.
 interface Briefing {
   message: "Briefing";
+  contract_version: string;
   seed: number;
   bounds: { min_m: Vec3; max_m: Vec3 };
   search_height_m: number;
@@ -50,6 +51,8 @@ class DungBeetle {
   private side = 0; // 0 seeking, +1 zigzagging left of upwind, -1 right of it
 
   constructor(private readonly briefing: Briefing) {
+    const version = briefing.contract_version;
+    if (!version.startsWith("1.")) throw new Error(`expected contract version 1, was ${version}`);
     const nose = briefing.sensors.find((sensor) => sensor.unit === "ohm");
     const vane = briefing.sensors.find((sensor) => sensor.model === "anemometer");
     if (!nose || !vane) throw new Error("expected a gas sensor in ohm and an anemometer");

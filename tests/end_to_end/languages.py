@@ -1,0 +1,199 @@
+"""The agents in other languages as tests see them: what they need, how they are built, what they answer."""
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+from flights import ROOT
+
+from gslcosim.contract import codec
+from gslcosim.contract.messages import (
+    Bounds,
+    Briefing,
+    Command,
+    Ending,
+    Message,
+    Observation,
+    Reading,
+    SensorDescription,
+)
+from gslcosim.gateway.framing import Frame, frame_of_message, payload_of_frame, splitter_of
+
+SERIES = json.loads((ROOT / "tests" / "golden" / "dung_beetle_commands.json").read_text())
+BUILD_LIMIT_S = 900
+PLAY_LIMIT_S = 60
+
+
+@dataclass(frozen=True)
+class LanguageAgent:
+    """One `agents/*/agent.yaml`."""
+
+    folder: Path
+    door: str
+    format: str
+    build_command: tuple[str, ...]
+    start_command: tuple[str, ...]
+    needs: tuple[str, ...]
+    libraries: tuple[str, ...]
+    observations: str
+    is_slow_to_build: bool
+
+    @property
+    def build_folder(self) -> Path:
+        base = os.environ.get("GSLCOSIM_CACHE") or (
+            Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "gslcosim"
+        )
+        return Path(base) / "agents" / self.folder.name
+
+    @property
+    def is_for_soak_only(self) -> bool:
+        """Whether only `make soak` has the time to build it."""
+        built = [Path(part) for part in self._filled(self.start_command) if str(self.build_folder) in part]
+        return self.is_slow_to_build and not all(path.exists() for path in built)
+
+    @property
+    def lacks(self) -> str:
+        """What this machine lacks to build and start the agent, in words; empty when nothing."""
+        lacking = [name for name in self.needs if shutil.which(name) is None]
+        if not lacking:
+            lacking = [f"the library {name}" for name in self.libraries if not has_library(name)]
+        return ", ".join(lacking)
+
+    def build(self) -> None:
+        """Build the agent, or skip the test when something is missing for it."""
+        if self.lacks:
+            pytest.skip(f"{self.folder.name} is not tested: this machine has no {self.lacks}")
+        if self.build_command and (problem := build_once(self.folder, self._filled(self.build_command))):
+            pytest.fail(problem)
+
+    def started_by(self) -> list[str]:
+        """Return the command line that starts the agent from any folder."""
+        program, *arguments = self._filled(self.start_command)
+        return [self._placed(program) if "/" in program else program, *map(self._placed, arguments)]
+
+    def start_override(self) -> tuple[str, str]:
+        """Return the arguments of `gslcosim up` that fly this agent instead of the scenario's."""
+        command = json.dumps(self.started_by())
+        ways = f"door: {self.door}, format: {self.format}, observations: {self.observations}"
+        return "--set", f"agents[0].start={{command: {command}, {ways}}}"
+
+    # Relative paths of agent.yaml start at its folder.
+    def _placed(self, argument: str) -> str:
+        return str(self.folder / argument) if (self.folder / argument).is_file() else argument
+
+    def _filled(self, command: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(part.replace("{build}", str(self.build_folder)) for part in command)
+
+
+def language_agents() -> list[LanguageAgent]:
+    """Return all agents that say how they are built and started."""
+    return [_read(path) for path in sorted((ROOT / "agents").glob("*/agent.yaml"))]
+
+
+def _read(path: Path) -> LanguageAgent:
+    fields = yaml.safe_load(path.read_text())
+    return LanguageAgent(
+        folder=path.parent,
+        door=fields["door"],
+        format=fields["format"],
+        build_command=tuple(fields.get("build") or ()),
+        start_command=tuple(fields["start"]),
+        needs=tuple(fields["needs"]),
+        libraries=tuple(fields.get("libraries", ())),
+        observations=fields.get("observations", "all"),
+        is_slow_to_build=fields.get("slow_to_build", False),
+    )
+
+
+@cache
+def has_library(name: str) -> bool:
+    """Return whether pkg-config knows a library."""
+    return subprocess.run(["pkg-config", "--exists", name], check=False).returncode == 0
+
+
+@cache
+def build_once(folder: Path, command: tuple[str, ...]) -> str:
+    """Build an agent the first time it is asked for; return what went wrong, empty when nothing."""
+    outcome = subprocess.run(
+        command,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=BUILD_LIMIT_S,
+        check=False,
+    )
+    return f"{folder.name}: {' '.join(command)}\n{outcome.stdout}" if outcome.returncode else ""
+
+
+def golden_briefing(seed: int) -> Briefing:
+    """Return the briefing of the golden series."""
+    return Briefing(
+        tick=0,
+        agent="beetle",
+        contract_version="1.0",
+        mission="",
+        tick_ns=100_000_000,
+        seed=seed,
+        mode="on_request",
+        latency_ticks=1,
+        gas="ethanol",
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 9.0, 8.0)),
+        search_height_m=2.0,
+        hold_s=2.0,
+        time_limit_s=300.0,
+        sensors=(
+            SensorDescription(name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0,) * 3),
+            SensorDescription(
+                name="wind", model="anemometer", quantity="wind", unit="m/s, rad", mount_body_m=(0.0,) * 3
+            ),
+        ),
+    )
+
+
+def golden_observations(steps: list[dict]) -> Iterator[Observation]:
+    """Yield the observations of one golden series, each awaiting a command."""
+    for tick, step in enumerate(steps):
+        yield Observation(
+            tick=tick,
+            agent="beetle",
+            time_s=tick / 10,
+            position_world_m=tuple(step["position_m"]),
+            yaw_rad=0.0,
+            velocity_world_m_s=(0.0, 0.0, 0.0),
+            status="holding",
+            awaiting_command=True,
+            readings=(
+                Reading(sensor="nose", quantity="resistance", unit="ohm", values=(step["ohm"],)),
+                Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.5, step["upwind_rad"])),
+            ),
+            notice=step["notice"],
+        )
+
+
+def answers(command: list[str], frame_format: str, messages: list[Message]) -> tuple[list[Command], int]:
+    """Start an agent on pipes, send it all messages at once, and return its commands and its exit code."""
+    frames = [frame_of_message(frame_format, type(message).__name__, codec.encode(message)) for message in messages]
+    played = subprocess.run(command, input=b"".join(frames), stdout=subprocess.PIPE, timeout=PLAY_LIMIT_S, check=False)
+    splitter = splitter_of(frame_format)
+    items = splitter.feed(played.stdout)
+    assert not splitter.rest(), splitter.rest()
+    assert all(isinstance(item, Frame) for item in items), items
+    return [codec.decode(Command, payload_of_frame(frame_format, item.payload)) for item in items], played.returncode
+
+
+def golden_session(seed_series: dict) -> list[Message]:
+    """Return all messages of one golden series, from the briefing to the end."""
+    steps = seed_series["steps"]
+    return [
+        golden_briefing(seed_series["seed"]),
+        *golden_observations(steps),
+        Ending(tick=len(steps), reason="time_limit"),
+    ]

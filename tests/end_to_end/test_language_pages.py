@@ -1,0 +1,59 @@
+"""The pages of docs/agents are followed literally: programs saved as they stand, commands run as they stand."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from flights import ROOT
+from languages import language_agents
+
+PAGES = ("c", "cpp", "go", "typescript")
+LIMIT_S = 110
+SAVED = re.compile(r"Save this as `([^`]+)`[^\n]*\n\n```\w+\n(.*?)```", re.DOTALL)
+COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
+
+
+def page_of(language: str) -> str:
+    return (ROOT / "docs" / "agents" / f"{language}.md").read_text()
+
+
+def commands_of(page: str) -> list[str]:
+    """The commands of a page, without those that change the machine."""
+    return [block for block in COMMANDS.findall(page) if not block.startswith("sudo ")]
+
+
+@pytest.mark.parametrize("language", PAGES)
+def test_a_page_followed_literally_ends_in_a_flying_agent(tmp_path, language):
+    (agent,) = (agent for agent in language_agents() if agent.folder.name == f"dung_beetle_{language}")
+    if agent.lacks:
+        pytest.skip(f"docs/agents/{language}.md is not tried: this machine has no {agent.lacks}")
+    page = page_of(language)
+    for name, program in SAVED.findall(page):
+        (tmp_path / name).write_text(program)
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    script = "set -euxo pipefail\n" + "\n".join(commands_of(page))
+    followed = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert followed.returncode == 0, followed.stdout + followed.stderr
+    assert followed.stdout.count("The source was found") == page.count("gslcosim up ")
+
+
+@pytest.mark.parametrize("language", PAGES)
+def test_what_a_page_installs_is_what_tests_install(language):
+    """Otherwise the page would be tested with other packages than it names."""
+    installed = (ROOT / "tests" / "install_debian_packages.sh").read_text()
+    for line in re.findall(r"^sudo apt-get install (.*)$", page_of(language), re.MULTILINE):
+        missing = [
+            package for package in line.split() if not re.search(rf"(^|\s){re.escape(package)}(\s|$)", installed)
+        ]
+        assert not missing

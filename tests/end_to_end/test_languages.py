@@ -1,0 +1,91 @@
+"""The dung beetles of all languages are one and the same: equal commands, equal digests.
+
+Every `agents/*/agent.yaml` is tested here; a language whose tools are missing is skipped and says so.
+"""
+
+import pytest
+from flights import TINY_ROOM, fly
+from languages import SERIES, answers, golden_session, language_agents
+
+# A larger room that is searched until the time is over, because success is asked for closer than legs can lead:
+# seeking, zigzags, walls and random headings.
+LONG = (
+    "--set", "environment.layout.size_m=[12, 9, 4]",
+    "--set", "agents[0].vehicle.start_m=[10, 6, 0.2]",
+    "--set", "gas.warm_up_s=60",
+    "--set", "referee.success={within_m: 0.02, of: source}",
+    "--set", "referee.stop.time_limit_s=200",
+)  # fmt: skip
+SCENARIOS = {"tiny_room": (), "long": LONG}
+
+
+def of_every_language(*, door: str | None = None):
+    agents = [agent for agent in language_agents() if door in (None, agent.door)]
+    return pytest.mark.parametrize(
+        "agent",
+        [
+            pytest.param(agent, id=agent.folder.name, marks=[pytest.mark.soak] if agent.is_for_soak_only else [])
+            for agent in agents
+        ],
+    )
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """The Python agent's flights in this framework's own process, by the scenario's name."""
+    runs_dir = tmp_path_factory.mktemp("reference")
+    flights = {name: fly(TINY_ROOM, runs_dir / name, *changes, "--in-process") for name, changes in SCENARIOS.items()}
+    assert all(flight.result["valid"] for flight in flights.values())
+    return flights
+
+
+@of_every_language(door="stdio")
+@pytest.mark.parametrize("series", SERIES, ids=lambda series: f"seed_{series['seed']}")
+def test_a_language_answers_the_golden_series_to_the_bit(agent, series):
+    """Walls, corners, refusals and random draws, all of which a flight may happen not to visit."""
+    agent.build()
+    commands, exit_code = answers(agent.started_by(), agent.format, golden_session(series))
+    assert exit_code == 0
+    assert [command.tick for command in commands] == list(range(len(series["steps"])))
+    assert {command.kind for command in commands} == {"waypoint"}
+    assert [list(command.position_world_m) for command in commands] == [step["goal_m"] for step in series["steps"]]
+
+
+@of_every_language(door="stdio")
+def test_a_language_exits_at_the_end_of_the_stream(agent):
+    """A run that is gone says no `Ending`; an agent that waits for one would be left over."""
+    agent.build()
+    briefing, first, *_ = golden_session(SERIES[0])
+    commands, exit_code = answers(agent.started_by(), agent.format, [briefing, first])
+    assert len(commands) == 1
+    assert exit_code == 0
+
+
+@of_every_language(door="stdio")
+def test_a_language_refuses_a_contract_of_another_major_version(agent, capfd):
+    """It says so and exits instead of flying by fields that may mean something else."""
+    agent.build()
+    briefing, first, *_ = golden_session(SERIES[0])
+    other = briefing.model_copy(update={"contract_version": "2.0"})
+    commands, exit_code = answers(agent.started_by(), agent.format, [other, first])
+    assert commands == []
+    assert exit_code != 0
+    assert "2.0" in capfd.readouterr().err
+
+
+@of_every_language()
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_language_flies_like_python(tmp_path, reference, agent, scenario):
+    """The same scenario and seed have the same digest, in whatever language the agent is written."""
+    agent.build()
+    flight = fly(TINY_ROOM, tmp_path, *SCENARIOS[scenario], *agent.start_override())
+    assert flight.result["valid"], flight.errors
+    assert flight.result["faults"] == []
+    assert flight.result["digest"] == reference[scenario].result["digest"]
+
+
+def test_the_long_flight_visits_what_the_short_one_may_not(reference):
+    """Otherwise the digests would agree too easily."""
+    long, tiny = (reference[name].result for name in ("long", "tiny_room"))
+    assert long["ticks"] > 10 * tiny["ticks"]
+    assert long["agents"][0]["steps"] > 10 * tiny["agents"][0]["steps"]
