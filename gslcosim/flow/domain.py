@@ -15,7 +15,7 @@ from gslcosim.flow.pressure_kernels import HIGH, LOW
 
 AXES = "xyz"
 MAX_CELLS = 200_000_000
-BYTES_PER_CELL = 150  # of the solver's arrays, padding and multigrid levels included; measured by the benchmark
+BYTES_PER_CELL = 130  # of the solver's arrays, padding and multigrid levels included; measured by the benchmark
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]

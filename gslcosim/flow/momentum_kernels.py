@@ -180,7 +180,7 @@ def advance_u(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
     Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 12, which `solver` sees to.
 
     Held by:
-        tests/analytic/flow/test_taylor_green.py (order), tests/unit/flow/test_symmetry.py (mirror images)
+        tests/analytic/flow/test_taylor_green.py (order), tests/unit/flow/test_solve.py (mirror images)
     """
     nx, ny, nz = u.shape
     per_cell = np.float32(1 / cell_m)

@@ -210,7 +210,7 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s):
         dt_s: Time step [s].
 
     Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, equations 2.2-2.4 (C_1 1.44, C_2 1.92).
-    Held by: tests/analytic/flow/test_turbulence_decay.py
+    Held by: tests/unit/flow/test_turbulence.py (decay)
     """
     nx, ny, nz = k_old.shape
     dt = np.float32(dt_s)

@@ -37,7 +37,7 @@ def log_law_friction(cells, k_m2_s2, nu_m2_s, cell_m, friction_m_s):
         friction_m_s: Written: (n,) c [m/s].
 
     Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, section 2.3 (kappa 0.41, E 9.8).
-    Held by: tests/unit/flow/test_wall_functions.py (log law recovered)
+    Held by: tests/unit/flow/test_turbulence.py (log law recovered)
     """
     y = 0.5 * cell_m
     for n in range(cells.shape[0]):
@@ -70,7 +70,7 @@ def power_law_friction(cells, wall_velocity, u, v, w, stride_x, stride_y, nu_m2_
 
     Source: Werner and Wengle 1993, Large-eddy simulation of turbulent flow over and around a cube in a plate channel
     (A = 8.3, B = 1/7), at the point instead of integrated over the cell.
-    Held by: tests/unit/flow/test_wall_functions.py
+    Held by: tests/unit/flow/test_turbulence.py
     """
     y = 0.5 * cell_m
     for n in range(cells.shape[0]):
@@ -106,7 +106,7 @@ def rub(velocity, out, faces, owners, wall_speed_m_s, friction_m_s, dt_s, cell_m
         stage_weight: g of the Runge-Kutta stage.
 
     Held by:
-        tests/analytic/flow/test_poiseuille.py
+        tests/analytic/flow/test_channels.py, tests/unit/flow/test_moving_wall.py
     """
     factor = 0.5 * stage_weight * dt_s / cell_m
     for m in range(faces.shape[0]):

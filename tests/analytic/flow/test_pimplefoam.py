@@ -34,8 +34,8 @@ def test_the_wind_after_5_s_agrees():
     theirs, free, cell_m = reference("warehouse_empty_t5s")
     report = solve_wind_report(free, cell_m, PATCHES, end_time_s=5.0)
     correlation, difference = agreement(report.velocity_m_s, theirs, free)
-    assert correlation >= 0.98
-    assert difference <= 0.16
+    assert correlation >= 0.99
+    assert difference <= 0.10
     assert report.divergence_relative <= 1e-4
     assert report.mass_balance_relative <= 0.005
 
@@ -45,5 +45,6 @@ def test_the_wind_after_5_s_agrees():
 def test_the_mean_from_60_to_120_s_agrees():
     theirs, free, cell_m = reference("warehouse_empty_mean_60s_120s")
     report = solve_wind_report(free, cell_m, PATCHES, end_time_s=120.0, average_from_s=60.0)
-    correlation, _ = agreement(report.velocity_m_s, theirs, free)
-    assert correlation >= 0.90
+    correlation, difference = agreement(report.velocity_m_s, theirs, free)
+    assert correlation >= 0.94
+    assert difference <= 0.35

@@ -1,0 +1,110 @@
+"""How accurate and how fast the wind solver is: run with `python tests/benchmarks/bench_wind.py`; one core.
+
+`--quick` leaves out the two minutes of flow for the mean and the largest grid.
+"""
+
+import itertools
+import os
+import runpy
+import sys
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+
+from gslcosim.flow import Inlet, Outlet, solve_wind_report
+from gslcosim.flow.domain import build_domain
+from gslcosim.flow.solver import FlowSolver
+from gslcosim.flow.turbulence import make_model
+
+TESTS = Path(__file__).parents[1]
+ANALYTIC = TESTS / "analytic/flow"
+PIMPLEFOAM_S_PER_5_S = 15.0  # on two cores, the same room and cells
+SIZES = ((60, 60, 28), (75, 75, 40), (120, 120, 70), (180, 180, 93))
+
+
+def say(text=""):
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def report_closed_forms():
+    cavity_error = runpy.run_path(str(ANALYTIC / "test_cavity.py"))["cavity_error"]
+    vortex_error = runpy.run_path(str(ANALYTIC / "test_taylor_green.py"))["vortex_error"]
+    profile_error = runpy.run_path(str(ANALYTIC / "test_channels.py"))["profile_error"]
+    say("Lid-driven cavity: largest difference from Ghia et al. 1982, in lid speeds")
+    for reynolds, n, end_time_s, allowed in ((100, 32, 12.0, 0.02), (400, 64, 30.0, 0.03), (1000, 64, 50.0, 0.05)):
+        say(f"  Re {reynolds:5d}  {n}^2 cells  {cavity_error(reynolds, n, end_time_s):7.4f}   (allowed {allowed})")
+    say("Taylor-Green vortex: root mean square error, and order")
+    for nu_m2_s in (1e-3, 0.1):
+        errors = [vortex_error(n, "xz", nu_m2_s=nu_m2_s, end_time_s=1.0) for n in (8, 16, 32)]
+        orders = ", ".join(f"{np.log2(a / b):.2f}" for a, b in itertools.pairwise(errors))
+        say(f"  nu {nu_m2_s:5g}   {', '.join(f'{e:.1e}' for e in errors)}   order {orders}")
+    errors = [profile_error(n) for n in (6, 12)]
+    say(f"Poiseuille: {', '.join(f'{e:.4f}' for e in errors)}   order {np.log2(errors[0] / errors[1]):.2f}")
+
+
+def report_pimplefoam(*, quick):
+    foam = runpy.run_path(str(ANALYTIC / "test_pimplefoam.py"))
+    folder = foam["REFERENCE"]
+    if not folder.exists():
+        say(f"no pimpleFoam data at {folder}; set GSLCOSIM_REFERENCE")
+        return
+    say("Against pimpleFoam (k-epsilon, empty 15 x 15 x 8 m warehouse, 75 x 75 x 40 cells)")
+    cases = [("warehouse_empty_t5s", {"end_time_s": 5.0})]
+    if not quick:
+        cases.append(("warehouse_empty_mean_60s_120s", {"end_time_s": 120.0, "average_from_s": 60.0}))
+    for name, times in cases:
+        with np.load(folder / f"{name}.npz") as data:
+            theirs, free, cell_m = data["velocity_m_s"], data["free"], float(data["cell_size_m"])
+        runs = []
+        for _ in range(3 if quick or name.endswith("5s") else 1):
+            start = time.perf_counter()
+            report = solve_wind_report(free, cell_m, foam["PATCHES"], **times)
+            runs.append(time.perf_counter() - start)
+        correlation, difference = foam["agreement"](report.velocity_m_s, theirs, free)
+        say(
+            f"  {name:30s} correlation {correlation:.4f}  rms difference {difference:.3f}  {min(runs):6.2f} s  "
+            f"{report.n_steps} steps  divergence {report.divergence_relative:.1e}  "
+            f"mass {report.mass_balance_relative:.1e}"
+        )
+        if name.endswith("5s"):
+            say(f"  5 s of flow: {PIMPLEFOAM_S_PER_5_S / min(runs):.1f} times as fast as pimpleFoam on two cores")
+
+
+def report_cost(*, quick):
+    say("Cost by size (k-epsilon)")
+    say("     cells   ns/cell/step   iterations   bytes/cell")
+    for shape in SIZES[:-1] if quick else SIZES:
+        cell_m = 15.0 / shape[0]
+        x_m, y_m, _ = (n * cell_m for n in shape)
+        inlet = Inlet(min_m=(0, 0, 0), max_m=(0, 1.6, 2.4), velocity_m_s=(1, 0, 0))
+        outlet = Outlet(min_m=(x_m, y_m - 1.6, 0), max_m=(x_m, y_m, 2.4))
+        tracemalloc.start()
+        domain = build_domain(np.ones(shape, bool), cell_m, [inlet, outlet])
+        solver = FlowSolver(domain, make_model("k_epsilon", domain, 1.5e-5))
+        solver.step(until_s=5.0)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        durations, iterations = [], []
+        for _ in range(20):
+            start = time.perf_counter()
+            record = solver.step(until_s=5.0)
+            durations.append(time.perf_counter() - start)
+            iterations.append(record.pressure.iterations)
+        n = int(np.prod(shape))
+        ns = np.median(durations) / n * 1e9
+        say(f"{n:10,d}   {ns:12.0f}   {np.mean(iterations):10.1f}   {peak / n:10.0f}")
+
+
+def main():
+    quick = "--quick" in sys.argv
+    say(f"one of {os.cpu_count()} cores")
+    report_closed_forms()
+    report_pimplefoam(quick=quick)
+    report_cost(quick=quick)
+
+
+if __name__ == "__main__":
+    main()
