@@ -122,6 +122,9 @@ class ZenohBus:
             return cls(zenoh.open(config), namespace)
         except zenoh.ZError as error:
             raise SimulationFault(f"router: expected to listen on {list(endpoints)}, could not: {error}") from error
+        finally:
+            # The router has read it; agents of the same user could.
+            accounts.unlink()
 
     def __enter__(self) -> Self:
         return self

@@ -9,6 +9,7 @@ from pathlib import Path
 from gslcosim.bus.port import Join
 from gslcosim.errors import GslCosimError, UsageError
 from gslcosim.runtime.host import ParticipantHost
+from gslcosim.runtime.privacy import keep_memory_private
 
 FAULT_EXIT_CODE = 3
 
@@ -18,6 +19,7 @@ def serve(name: str) -> None:
 
     Exits with code 3 after a fault; the log says why.
     """
+    keep_memory_private()
     faulthandler.enable()
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     # Ctrl-C is the supervisor's to handle; it dismisses the services in order.

@@ -24,6 +24,7 @@ from gslcosim.runtime.in_order import InOrder
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault, ending_of
+from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text, python_command
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent
@@ -98,6 +99,7 @@ class Supervisor:
 
     def fly(self) -> Outcome:
         """Fly until the verdict, a fault or an interruption; no process is left when this returns."""
+        keep_memory_private()
         outcome = Outcome()
         began = time.perf_counter()
         socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
@@ -135,7 +137,9 @@ class Supervisor:
         self._namespace = f"gsl/{self._setup.run_dir.run_id}"
         self._service_password = new_password()
         self._accounts = {
-            process: AgentUser(agent=process, password=new_password(), others=tuple(name for name in agents if name != process))
+            process: AgentUser(
+                agent=process, password=new_password(), others=tuple(name for name in agents if name != process)
+            )
             for process, agents in self._crews.items()
             if process not in self._guests
         }

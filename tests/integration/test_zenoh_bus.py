@@ -1,0 +1,123 @@
+"""The bus over real Zenoh: accounts, what an agent can reach, and how the end of a member is seen."""
+
+import queue
+import threading
+
+import pytest
+
+from gslcosim.bus.port import Join
+from gslcosim.bus.zenoh_bus import AgentUser, ZenohBus
+from gslcosim.errors import SimulationFault
+
+NAMESPACE = "gsl/test"
+PATIENCE_S = 10
+
+
+@pytest.fixture
+def net(tmp_path):
+    """A router with one service account and two agents; `join` opens members that are closed with the test."""
+    endpoint = f"unixsock-stream/{tmp_path}/router.sock"
+    agents = [AgentUser(agent=name, password=f"of {name}") for name in ("a", "b")]
+    members = []
+    router = ZenohBus.open_router(
+        endpoints=[endpoint], namespace=NAMESPACE, service_password="s", agents=agents, secrets_dir=tmp_path
+    )
+
+    def join(user, password):
+        member = ZenohBus.open_member(
+            Join(name=user, endpoint=endpoint, namespace=NAMESPACE, user=user, password=password)
+        )
+        members.append(member)
+        return member
+
+    yield router, join
+    for member in members:
+        member.close()
+    router.close()
+
+
+def inbox(bus, key="**"):
+    events = queue.Queue()
+    bus.subscribe(key, lambda at, payload: events.put((at, payload)))
+    return events
+
+
+def settle(router, *buses):
+    """Give what each bus has said before time to go through the router: an absence can only be waited for."""
+    for bus in buses:
+        bus.ask("rpc/settle", b"", lambda *_: None)
+        threading.Event().wait(0.1)
+
+
+def test_the_services_hear_each_other(net):
+    """A message reaches the router's own session and every service, with its key relative to the run."""
+    router, join = net
+    ours, theirs = inbox(router, "truth/*"), inbox(join("service", "s"), "truth/*")
+    sender = join("service", "s")
+    for n in range(200):  # the route is there after a moment; until then messages may go nowhere
+        sender.publish("truth/bodies", bytes([n]))
+        try:
+            assert theirs.get(timeout=0.05)[0] == "truth/bodies"
+            break
+        except queue.Empty:
+            continue
+    assert ours.get(timeout=PATIENCE_S)[0] == "truth/bodies"
+
+
+def test_an_agent_is_confined_to_its_own_keys(net):
+    """It hears only its own keys, its forged messages and tokens reach nobody, others' questions stay unanswered."""
+    router, join = net
+    service, a, b = join("service", "s"), join("agent_a", "of a"), join("agent_b", "of b")
+    at_router, at_service, at_b = inbox(router), inbox(service), inbox(b)
+    tokens = queue.Queue()
+    router.watch_alive("**", lambda key, is_alive: tokens.put(key))
+    a.answer("rpc/world/resend", lambda question: [b"forged"])
+    a.declare_alive("alive/world")
+    a.declare_alive("agents/b/alive")
+    a.declare_alive("agents/a/alive")
+    assert tokens.get(timeout=PATIENCE_S) == "agents/a/alive"
+    settle(router, service, a, b)
+    forbidden = ["truth/bodies", "command/a", "agents/b/command", "agents/b/observation", "agents/a/observation"]
+    for key in [*forbidden, "ctl/stop", "bundle/world", "agents/a/command"]:
+        a.publish(key, b"from a")
+    for key in ["truth/bodies", "command/a", "ctl/start", "bundle/world", "agents/a/observation"]:
+        service.publish(key, b"from service")
+    service.publish("agents/b/observation", b"from service")
+    assert at_b.get(timeout=PATIENCE_S) == ("agents/b/observation", b"from service")
+    heard = [at_router.get(timeout=PATIENCE_S) for _ in range(7)]
+    assert [key for key, payload in heard if payload == b"from a"] == ["agents/a/command"]
+    answers = queue.Queue()
+    router.ask("rpc/world/resend", b"", lambda key, payload: answers.put(payload))
+    settle(router, service, b)
+    assert at_b.empty()
+    assert answers.empty()
+    assert tokens.empty()
+    assert all(payload == b"from service" or key == "agents/a/command" for key, payload in list(at_service.queue))
+
+
+def test_a_wrong_password_is_refused_with_a_reason(net):
+    """The error says what to look at."""
+    _, join = net
+    with pytest.raises(SimulationFault, match="user 'agent_a' and its password were refused"):
+        join("agent_a", "guessed")
+
+
+def test_the_passwords_are_not_left_on_disk(net, tmp_path):
+    """Once the router has read its accounts the file is gone."""
+    assert list(tmp_path.glob("accounts*")) == []
+
+
+def test_the_end_of_a_member_is_seen(net):
+    """Its token vanishes, and those who listen for it learn that the router has gone."""
+    router, join = net
+    states = queue.Queue()
+    router.watch_alive("alive/*", lambda key, is_alive: states.put((key, is_alive)))
+    member, other = join("service", "s"), join("service", "s")
+    lost = threading.Event()
+    other.on_disconnect(lost.set)
+    member.declare_alive("alive/fields")
+    assert states.get(timeout=PATIENCE_S) == ("alive/fields", True)
+    member.close()
+    assert states.get(timeout=PATIENCE_S) == ("alive/fields", False)
+    router.close()
+    assert lost.wait(PATIENCE_S)
