@@ -2,6 +2,24 @@
 
 from gslcosim.agent_kit.agent import Agent
 from gslcosim.agent_kit.connection import run
-from gslcosim.contract.messages import Briefing, Command, Declaration, Observation, Reading
+from gslcosim.contract.messages import (
+    Briefing,
+    Command,
+    Declaration,
+    Observation,
+    RadioMessage,
+    RadioReception,
+    Reading,
+)
 
-__all__ = ["Agent", "Briefing", "Command", "Declaration", "Observation", "Reading", "run"]
+__all__ = [
+    "Agent",
+    "Briefing",
+    "Command",
+    "Declaration",
+    "Observation",
+    "RadioMessage",
+    "RadioReception",
+    "Reading",
+    "run",
+]

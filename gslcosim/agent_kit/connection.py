@@ -1,14 +1,13 @@
-"""The life of a Python agent as a process of its own: join, get the briefing, answer, leave."""
+"""The life of a process that flies Python agents: join, get the briefings, answer, leave."""
 
 import queue
 import sys
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from gslcosim.agent_kit.agent import Agent
+from gslcosim.agent_kit.crew import Crew
 from gslcosim.bus.port import Bus, Join
 from gslcosim.contract import codec, keys
-from gslcosim.contract.compatibility import check_contract, spoken_contract
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.errors import GslCosimError
 
@@ -17,9 +16,10 @@ _LOST = "lost"
 
 
 def run(agent_type: Callable[[Briefing], Agent]) -> None:
-    """Fly an agent in the run named by the environment variable `GSLCOSIM_JOIN`, and return when the run is over.
+    """Fly in the run named by the environment variable `GSLCOSIM_JOIN`, and return when the run is over.
 
-    Exits with a message when the run cannot be joined.
+    One agent is made for each that the process is to fly: mostly one, or all that name it with `process_of`.
+    Exits with a message when the run cannot be joined, and with code 1 when one of several agents has failed.
     """
     from gslcosim.bus.zenoh_bus import ZenohBus
 
@@ -28,47 +28,58 @@ def run(agent_type: Callable[[Briefing], Agent]) -> None:
         with ZenohBus.open_member(join) as bus:
             events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
             bus.on_disconnect(lambda: events.put((_LOST, b"")))
-            fly(agent_type, bus, join.name, events)
+            failed = fly(agent_type, bus, join.agents or (join.name,), events)
     except GslCosimError as error:
         sys.exit(str(error))
+    if failed:
+        sys.exit(f"Failed before the end of the run: {', '.join(failed)}.")
 
 
 def fly(
-    agent_type: Callable[[Briefing], Agent], bus: Bus, name: str, events: "queue.SimpleQueue[_Event] | None" = None
-) -> None:
-    """Connect an agent to a bus and answer its observations until the run ends or the link is lost.
+    agent_type: Callable[[Briefing], Agent],
+    bus: Bus,
+    names: Sequence[str],
+    events: "queue.SimpleQueue[_Event] | None" = None,
+) -> tuple[str, ...]:
+    """Connect agents to a bus and answer their observations until the run ends, the link is lost, or all have failed.
 
-    Observations may arrive twice: the answer is then repeated, not decided anew.
+    Args:
+        agent_type: Makes an agent of its briefing.
+        bus: The process's connection.
+        names: The agents that it flies, in the order of the scenario.
+        events: Where `("lost", b"")` is put when the link is lost.
+
+    Returns:
+        The names of those that have failed, if there are several; a single one's failure is raised.
     """
     inbox: queue.SimpleQueue[_Event] = events or queue.SimpleQueue()
-    for key in (keys.briefing(name), keys.observation(name), keys.ending(name)):
+    crew = Crew(
+        agent_type,
+        names,
+        send=lambda name, answer: _send(bus, name, answer),
+        leave=lambda name: bus.withdraw_alive(_alive(name)),
+    )
+    actions: dict[str, Callable[[bytes], None]] = {}
+    endings = {keys.ending(name) for name in names}
+    for name in names:
+        actions[keys.briefing(name)] = lambda got, name=name: crew.brief(name, codec.decode(Briefing, got))
+        actions[keys.observation(name)] = lambda got, name=name: crew.observe(name, codec.decode(Observation, got))
+    for key in (*actions, *endings):
         bus.subscribe(key, lambda at, payload: inbox.put((at, payload)))
-    bus.declare_alive(f"agents/{name}/alive")
-    agent: Agent | None = None
-    seen: dict[str, Any] = {"tick": -1, "answer": None, "has_answered": False}
-    while True:
+    for name in names:
+        bus.declare_alive(_alive(name))
+    while len(crew.failed) < len(names):
         key, payload = inbox.get()
-        if key == keys.observation(name) and agent is not None:
-            _answer(agent, codec.decode(Observation, payload), bus, name, seen)
-        elif key == keys.briefing(name) and agent is None:
-            briefing = codec.decode(Briefing, payload)
-            check_contract(briefing.contract_version)
-            agent = agent_type(briefing)
-        elif key in (keys.ending(name), _LOST):
-            if agent is not None:
-                agent.end(codec.decode(Ending, payload).reason if payload else "the link to the run was lost")
-            return
+        if key == _LOST or key in endings:
+            crew.end(codec.decode(Ending, payload).reason if payload else "the link to the run was lost")
+            break
+        actions[key](payload)
+    return crew.failed
 
 
-def _answer(agent: Agent, observation: Observation, bus: Bus, name: str, seen: dict[str, Any]) -> None:
-    if observation.tick > seen["tick"]:
-        seen["tick"], seen["answer"] = observation.tick, None
-        agent.observe(observation)
-        if observation.awaiting_command:
-            answered = agent.decide(observation)
-            if not seen["has_answered"]:
-                answered = answered.model_copy(update={"contract": spoken_contract()})
-            seen["answer"], seen["has_answered"] = codec.encode(answered), True
-    answer: bytes | None = seen["answer"] if observation.tick == seen["tick"] else None
-    if answer is not None:
-        bus.publish(keys.raw_command(name), answer, encoding=codec.encoding_of(Command), urgent=True)
+def _alive(name: str) -> str:
+    return f"agents/{name}/alive"
+
+
+def _send(bus: Bus, name: str, answer: bytes) -> None:
+    bus.publish(keys.raw_command(name), answer, encoding=codec.encoding_of(Command), urgent=True)

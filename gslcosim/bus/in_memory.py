@@ -102,9 +102,14 @@ class InMemoryBus:
         self._hub.ask(key, payload, handler)
 
     def declare_alive(self, key: str) -> None:
-        """Show a liveliness token until this connection ends."""
+        """Show a liveliness token until it is withdrawn or this connection ends."""
         self._tokens.append(key)
         self._hub.set_alive(key, is_alive=True)
+
+    def withdraw_alive(self, key: str) -> None:
+        """Take back a liveliness token of this connection."""
+        self._tokens.remove(key)
+        self._hub.set_alive(key, is_alive=False)
 
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
         """Call `handler(key, is_alive)` for each token that is there, appears or vanishes."""
