@@ -45,18 +45,17 @@ def default_blueprint(scenario: Scenario, environment: Environment) -> rrb.Bluep
         environment: The room.
     """
     agents = entities_of(scenario)
+    logs = [_log_view(entities.EVENTS, "Referee")]
+    if scenario.channels:
+        logs.append(_log_view(entities.RADIO, "Radio"))
     left = rrb.Vertical(
         _room_view(scenario, environment, agents),
         rrb.Horizontal(
             _map_view(scenario, environment, agents),
             rrb.Vertical(
                 rrb.TextDocumentView(origin=entities.SUMMARY, name="Run"),
-                rrb.TextLogView(
-                    origin=entities.EVENTS,
-                    name="Referee",
-                    columns=rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"]),
-                ),
-                row_shares=[3, 2],
+                *logs,
+                row_shares=[3, *(2 for _ in logs)],
             ),
             column_shares=[1, 1],
         ),
@@ -70,6 +69,11 @@ def default_blueprint(scenario: Scenario, environment: Environment) -> rrb.Bluep
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _log_view(origin: str, name: str) -> rrb.TextLogView:
+    columns = rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"])
+    return rrb.TextLogView(origin=origin, name=name, columns=columns)
 
 
 def _room_view(scenario: Scenario, environment: Environment, agents: Iterable[AgentEntities]) -> rrb.Spatial3DView:

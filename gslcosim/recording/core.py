@@ -13,6 +13,8 @@ from gslcosim.contract.messages import (
     FieldSamples,
     FilamentCloud,
     Observation,
+    RadioTraffic,
+    RadioTransmission,
     Score,
     Vec3,
     Verdict,
@@ -136,6 +138,7 @@ class RecorderCore:
         self._wind.add(tick, self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns))
         self._note_truth(tick, inbox)
         self._note_agents(tick, inbox)
+        self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
         self._note_score(tick, cast(Score | None, inbox.get(keys.SCORE)))
         verdict = cast(Verdict | None, inbox.get(keys.VERDICT))
         if verdict is not None:
@@ -162,6 +165,7 @@ class RecorderCore:
         self._slices: dict[str, SliceRows] = {}
         self._wind = WindRows(entities.WIND, self._wind_layer)
         self._events = TextRows(entities.EVENTS)
+        self._radio = TextRows(entities.RADIO)
         self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
         self._commands = [(agent, keys.command(name)) for name, agent in self._agents.items()]
 
@@ -243,6 +247,10 @@ class RecorderCore:
         elif command.kind == "declare_source" and command.declaration is not None:
             agent.markers.add(tick, command.declaration.position_world_m, "declared", agent.names.color)
 
+    def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
+        for sent in traffic.transmissions if traffic else ():
+            self._radio.add(tick, radio_text(sent), "WARN" if sent.refusal else "INFO")
+
     def _note_score(self, tick: int, score: Score | None) -> None:
         if score is None:
             return
@@ -282,8 +290,18 @@ class RecorderCore:
     def _send_all(self) -> None:
         if self._file is None:
             return
-        rows: list[Rows] = [self._filaments, self._wind, self._events, *self._slices.values()]
+        rows: list[Rows] = [self._filaments, self._wind, self._events, self._radio, *self._slices.values()]
         for agent in self._agents.values():
             rows += agent.all()
         for item in rows:
             item.send(self._file)
+
+
+def radio_text(sent: RadioTransmission) -> str:
+    """Return in one line what was sent and what became of it."""
+    head = f"{sent.sender} on {sent.message.channel} to {sent.message.to}: {sent.message.text}"
+    if sent.refusal is not None:
+        return f"{head}   [refused: {sent.refusal}]"
+    fates = {"heard by": sent.reached, "lost for": sent.lost, "out of range of": sent.out_of_range}
+    told = "; ".join(f"{words} {', '.join(names)}" for words, names in fates.items() if names)
+    return f"{head}   [{told}]"

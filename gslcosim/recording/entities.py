@@ -10,6 +10,7 @@ FILAMENTS = "gas/filaments"
 SLICES = "gas/slices"
 WIND = "wind"
 EVENTS = "events"
+RADIO = "radio"
 SUMMARY = "summary"
 
 GAS_PLOTS = "plots/gas_ppm"

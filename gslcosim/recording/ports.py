@@ -11,6 +11,8 @@ WINDOW_TICKS = 512
 def recorder_spec(scenario: Scenario) -> ParticipantSpec:
     """Return the recorder's dataflow: everything in, nothing out."""
     reads = [keys.BODIES, keys.SAMPLES, keys.FILAMENTS, keys.SCORE, keys.VERDICT]
+    if scenario.channels:
+        reads.append(keys.RADIO)
     for agent in scenario.agents:
         reads += [keys.observation(agent.name), keys.command(agent.name)]
     return ParticipantSpec(

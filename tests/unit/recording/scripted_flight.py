@@ -31,7 +31,7 @@ WAYPOINT_EVERY_TICKS = 30
 SOURCE_M = (5.0, 1.0, 2.0)
 
 
-def scenario(n_agents=1):
+def scenario(n_agents=1, channels=()):
     """Return a scenario of agents with a gas sensor and an anemometer each."""
     agents = [
         {
@@ -49,6 +49,7 @@ def scenario(n_agents=1):
             "environment": {"layout": {}},
             "gas": {"sources": [{"position_m": SOURCE_M}]},
             "agents": agents,
+            "channels": channels,
         }
     )
 
@@ -56,9 +57,9 @@ def scenario(n_agents=1):
 class ScriptedFlight:
     """A flight of `n_ticks` ticks; the last one carries the verdict."""
 
-    def __init__(self, *, n_ticks=40, n_filaments=50, n_agents=1):
+    def __init__(self, *, n_ticks=40, n_filaments=50, n_agents=1, channels=()):
         self.n_ticks = n_ticks
-        self.scenario = scenario(n_agents)
+        self.scenario = scenario(n_agents, channels)
         self._names = [agent.name for agent in self.scenario.agents]
         rng = stream(0, "test.filaments")
         ages_s = rng.uniform(0.0, 150.0, n_filaments)

@@ -8,6 +8,7 @@ from rerun.chunk import RrdReader
 from scripted_flight import CLOUD_EVERY_TICKS, WAYPOINT_EVERY_TICKS, ScriptedFlight
 
 from gslcosim.contract import keys
+from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import RecordingError
 from gslcosim.recording.core import FLUSH_TICKS, RecorderCore
@@ -205,3 +206,30 @@ def test_rerun_switched_off_is_an_error_instead_of_an_empty_file(make_room, tmp_
     core = RecorderCore(ScriptedFlight().scenario, make_room(), tmp_path / "recording.rrd")
     with pytest.raises(RecordingError, match="environment variable RERUN"):
         core.reset(Episode(seed=0))
+
+
+def test_the_radio_has_a_log_that_tells_what_became_of_each_text(make_room, tmp_path):
+    flight = ScriptedFlight(n_agents=2, channels=({"name": "radio"},))
+    path = tmp_path / "recording.rrd"
+    core = RecorderCore(flight.scenario, make_room(), path)
+    core.reset(Episode(seed=0))
+    message = RadioMessage(channel="radio", text="here")
+    sent = RadioTransmission(sender="agent_0", message=message, reached=("agent_1",))
+    lost = RadioTransmission(sender="agent_1", message=message, lost=("agent_0",))
+    refused = RadioTransmission(sender="agent_1", message=message, refusal="outgoing[0].text: too long.")
+    for tick in range(3):
+        traffic = RadioTraffic(tick=tick, transmissions=(sent, lost, refused) if tick == 2 else ())
+        core.step(tick, {**flight.inbox(tick), keys.RADIO: traffic})
+    core.close()
+    ticks, _, texts = _column(path, "/radio", "TextLog:text")
+    assert ticks == [2, 2, 2]
+    assert [text[0] for text in texts] == [
+        "agent_0 on radio to all: here   [heard by agent_1]",
+        "agent_1 on radio to all: here   [lost for agent_0]",
+        "agent_1 on radio to all: here   [refused: outgoing[0].text: too long.]",
+    ]
+    assert keys.RADIO in {read.port for read in core.spec.reads}
+
+
+def test_without_channels_there_is_no_radio_in_the_recording(record, rows_of):
+    assert "/radio" not in rows_of(record())
