@@ -16,6 +16,7 @@ from gslcosim.contract.export import contract_files
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.schema import contract_hash, message_types
 from gslcosim.errors import ContractError
+from gslcosim.gateway import framing
 
 FOLDER = Path(__file__).parents[2] / "agents" / "contract"
 TYPES = {item.__name__: item for item in message_types()}
@@ -99,6 +100,43 @@ def test_the_schema_finds_what_the_vectors_say_it_finds(message, case):
     assert jsonschema.Draft202012Validator(schema_of(message)).is_valid(fields) is not case["schema_refuses"]
 
 
+def through_the_gateway(text):
+    """Return the command in a line of JSON, on the way that it takes in a run."""
+    return codec.decode(TYPES["Command"], framing.payload_of_frame("json", text))
+
+
+@pytest.mark.parametrize(("message", "case"), [case for case in vectors("accept") if case.values[0] == "Command"])
+def test_the_gateway_accepts_the_same_commands(message, case):
+    if "json" in case:
+        assert json.loads(codec.encode_json(through_the_gateway(case["json"].encode()))) == case["fields"]
+
+
+@pytest.mark.parametrize(("message", "case"), [case for case in vectors("reject") if case.values[0] == "Command"])
+def test_the_gateway_rejects_the_same_commands(message, case):
+    for read, written in forms_of(case):
+        if read is codec.decode_json:
+            with pytest.raises(ContractError):
+                through_the_gateway(written)
+
+
+@pytest.mark.parametrize("message", ["Briefing", "Observation", "Ending"])
+@pytest.mark.parametrize("frame_format", ["msgpack", "json"])
+def test_a_frame_is_the_message_with_its_name(message, frame_format):
+    (case, *_) = (case.values[1] for case in vectors("accept") if case.values[0] == message)
+    (frame,) = framing.splitter_of(frame_format).feed(
+        framing.frame_of_message(frame_format, message, bytes.fromhex(case["msgpack"]))
+    )
+    fields = framing.fields_of_frame(frame_format, frame.payload)
+    assert fields.pop("message") == message
+    assert json.loads(codec.json_line(fields)) == case["fields"]
+
+
+def test_the_documented_limits_are_the_gateway_s():
+    document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
+    for place in ("stdio", "tcp", "unix"):
+        assert document["servers"][f"gateway_{place}"]["x-framing"]["maxFrameBytes"] == framing.MAX_FRAME_BYTES
+
+
 def references_in(tree):
     if isinstance(tree, dict):
         for word, value in tree.items():
@@ -161,5 +199,5 @@ def test_asyncapi_is_valid_by_its_published_schema(asyncapi_schema):
     document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
     validator = jsonschema.Draft7Validator(asyncapi_schema)
     assert [error.message for error in validator.iter_errors(document)] == []
-    document["channels"]["agents_agent_command"]["adress"] = "typo"
+    document["channels"]["agents_agent_command"]["adres"] = "typo"
     assert not validator.is_valid(document)

@@ -1,0 +1,52 @@
+"""The pages of the doors and of Python are followed literally, and their programs all fly the same flight."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from flights import ROOT, TINY_ROOM, fly
+
+EXAMPLES = ROOT / "docs" / "examples"
+PAGES = ("agents/python.md", "gateway.md", "zenoh-door.md")
+SAVED = re.compile(r"<!-- from docs/examples/(\S+) -->\n```python\n(.*?)```", re.DOTALL)
+COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
+LIMIT_S = 110
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_followed_literally_flies(tmp_path, page):
+    text = (ROOT / "docs" / page).read_text()
+    for name, program in SAVED.findall(text):
+        (tmp_path / name).write_text(program)
+    script = "set -eux\n" + "\n".join(COMMANDS.findall(text))
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    followed = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert followed.returncode == 0, followed.stdout + followed.stderr
+    assert followed.stdout.count("The source was found") == text.count("\ngslcosim up tiny_room") > 0
+
+
+def test_all_examples_fly_the_same_flight(tmp_path):
+    """The kit, bare Zenoh, JSON lines, and msgpack frames over a unix socket."""
+    program = f"command: [{sys.executable}, {EXAMPLES}"
+    starts = {
+        "kit": f"{{python: {EXAMPLES}/upwind.py}}",
+        "zenoh": f"{{{program}/zenoh_client.py]}}",
+        "lines": f"{{{program}/lines.py], door: stdio, format: json, observations: asked}}",
+        "frames": f"{{{program}/frames.py], door: unix}}",
+    }
+    ended = {
+        name: fly(TINY_ROOM, tmp_path / name, "--set", f"agents[0].start={start}") for name, start in starts.items()
+    }
+    assert [flight.result["faults"] for flight in ended.values()] == [[], [], [], []]
+    assert len({flight.result["digest"] for flight in ended.values()}) == 1
