@@ -11,6 +11,7 @@ from gslcosim.contract.messages import CONTRACT_VERSION, Message
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _BYTES = {"type": "string", "contentEncoding": "base64"}
 _PROSE = ("title", "description")
+_LIMITS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
 
 
 def message_types() -> tuple[type[Message], ...]:
@@ -39,8 +40,8 @@ def contract_hash() -> str:
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
-# pydantic's word for bytes is no standard's. In `properties` and `$defs` a key is a name, which may well be `title`;
-# elsewhere it is a word of JSON Schema.
+# pydantic's word for bytes is no standard's, and its versions differ in how they write limits (1 or 1.0). In
+# `properties` and `$defs` a key is a name, which may well be `title`; elsewhere it is a word of JSON Schema.
 def _pruned(schema: Any, dropped: tuple[str, ...]) -> Any:
     if isinstance(schema, list):
         return [_pruned(item, dropped) for item in cast(list[Any], schema)]
@@ -53,6 +54,8 @@ def _pruned(schema: Any, dropped: tuple[str, ...]) -> Any:
     for word, value in words.items():
         if word in ("properties", "$defs"):
             changed[word] = {name: _pruned(item, dropped) for name, item in value.items()}
+        elif word in _LIMITS and float(value).is_integer():
+            changed[word] = int(value)
         elif word not in dropped:
             changed[word] = _pruned(value, dropped)
     return changed
