@@ -1,0 +1,268 @@
+"""One session between a check and an agent: plays the scripted world and notes down everything that happens."""
+
+import queue
+import time
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from gslcosim.conformance.answers import Answer, read_answer, refused_answer
+from gslcosim.conformance.scripted_world import ScriptedWorld, briefing_for, ticks, with_unknown_fields
+from gslcosim.conformance.wiring import Event, Wire
+from gslcosim.contract.messages import Command, Ending, Message, Observation
+from gslcosim.runtime.door import Door
+from gslcosim.scenario.models import AgentSpec
+
+Variation = Literal["plain", "unknown fields", "optional fields", "repeats", "ending at once", "lost link"]
+
+FLOOD_MESSAGES = 100
+GIVE_UP_AFTER_MESSAGES = 2000
+MAX_WRONG = 3
+REPEAT_EVERY_QUESTIONS = 3
+END_REASON = "time_limit"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """How long a check waits [s]: for the agent to join, to answer, to exit, and for what it may still have to say."""
+
+    join_s: float = 30.0
+    answer_s: float = AgentSpec.model_fields["answer_within_s"].default
+    exit_s: float = 2.0
+    settle_s: float = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Script:
+    """What is played: under which name, with which seed, and what is special."""
+
+    name: str
+    seed: int
+    variation: Variation = "plain"
+
+
+@dataclass
+class Question:
+    """An observation that awaited a command, how often it was sent, and when."""
+
+    tick: int
+    sent_at_s: float
+    n_sent: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arrival:
+    """Something the agent sent, when, which question was open then, and what a run's door says to it."""
+
+    answer: Answer
+    at_s: float
+    open_tick: int | None
+    fault: str = ""
+
+
+@dataclass
+class Transcript:
+    """All that happened in one flight; times are seconds since its start, None where something did not happen."""
+
+    script: Script
+    joined_at_s: float | None = None
+    unheard: tuple[str, ...] = ()
+    overheard: tuple[str, ...] = ()
+    strays: list[str] = field(default_factory=list[str])
+    queries: list[str] = field(default_factory=list[str])
+    briefed_at_s: float | None = None
+    told_ticks: set[int] = field(default_factory=set[int])
+    questions: list[Question] = field(default_factory=list[Question])
+    arrivals: list[Arrival] = field(default_factory=list[Arrival])
+    n_arrivals: int = 0
+    left_at_s: float | None = None
+    left_how: str = ""
+    exited_at_s: float | None = None
+    exit_code: int | None = None
+    end_told_at_s: float | None = None
+    last_words: str = ""
+
+    def answers_to(self, tick: int) -> list[Arrival]:
+        """Return the valid commands with a tick."""
+        return [arrival for arrival in self.arrivals if arrival.answer.command and arrival.answer.tick == tick]
+
+    def commands(self) -> dict[int, Command]:
+        """Return the first valid command for each question that has one."""
+        found = {question.tick: self.answers_to(question.tick) for question in self.questions}
+        return {tick: arrivals[0].answer.command for tick, arrivals in found.items() if arrivals}  # type: ignore[misc]
+
+    @property
+    def n_surplus(self) -> int:
+        """How many messages came that nobody had asked for."""
+        return self.n_arrivals - sum(question.n_sent for question in self.questions)
+
+
+class Flight:
+    """Plays one script with one start of an agent."""
+
+    def __init__(self, wire: Wire, script: Script, limits: Limits) -> None:
+        self._wire = wire
+        self._limits = limits
+        self._began = time.monotonic()
+        self._world = ScriptedWorld(script.seed)
+        self._door = Door("agent")
+        self._open_tick: int | None = None
+        self._transcript = Transcript(script)
+
+    def play(self) -> Transcript:
+        """Play the script from the agent's start to its end; nothing of the agent is left when this returns."""
+        transcript = self._transcript
+        try:
+            self._wire.start()
+            self._await(lambda: transcript.joined_at_s is not None, self._limits.join_s)
+            if transcript.joined_at_s is not None:
+                self._fly()
+                self._end()
+        finally:
+            transcript.last_words = self._wire.stop()
+        return transcript
+
+    def _fly(self) -> None:
+        transcript = self._transcript
+        transcript.unheard = self._wire.unheard()
+        transcript.briefed_at_s = self._now()
+        self._send(briefing_for(transcript.script.seed))
+        if transcript.script.variation != "ending at once":
+            for tick, is_asked in ticks():
+                if self._is_hopeless():
+                    break
+                self._observe(tick, is_asked=is_asked)
+        if transcript.script.variation == "plain":
+            self._await(lambda: False, self._limits.settle_s)
+        transcript.overheard = self._wire.overheard()
+
+    def _end(self) -> None:
+        transcript = self._transcript
+        if not self._is_gone():
+            transcript.end_told_at_s = self._now()
+            if transcript.script.variation == "lost link":
+                self._wire.cut()
+            else:
+                self._send(Ending(tick=max(transcript.told_ticks, default=0), reason=END_REASON))
+            self._await(lambda: transcript.exited_at_s is not None, self._limits.exit_s)
+        elif transcript.exited_at_s is None:
+            self._await(lambda: transcript.exited_at_s is not None, self._limits.settle_s)
+
+    def _observe(self, tick: int, *, is_asked: bool) -> None:
+        transcript = self._transcript
+        observation = self._world.observe(tick, is_asked=is_asked)
+        if is_asked:
+            transcript.questions.append(Question(tick, self._now()))
+            self._open_tick = tick
+        transcript.told_ticks.add(tick)
+        self._door.observed(observation)
+        self._send(observation)
+        if not is_asked:
+            self._await(lambda: True, 0.0)
+            return
+        self._await_answer(transcript.questions[-1])
+        if transcript.script.variation == "repeats" and len(transcript.questions) % REPEAT_EVERY_QUESTIONS == 0:
+            self._repeat(observation)
+        self._open_tick = None
+        if answers := transcript.answers_to(tick):
+            self._world.obey(answers[0].answer.command)  # type: ignore[arg-type]
+
+    # What a run does when a question may have got lost: briefing and observation come again.
+    def _repeat(self, observation: Observation) -> None:
+        question = self._transcript.questions[-1]
+        if self._transcript.answers_to(question.tick):
+            question.n_sent += 1
+            self._send(briefing_for(self._transcript.script.seed))
+            self._send(observation)
+            self._await_answer(question)
+
+    # Twice the limit, to tell a late answer from none. Where something wrong has come instead, a run does not wait
+    # either; the right answer might still follow at once.
+    def _await_answer(self, question: Question) -> None:
+        transcript, settle_s = self._transcript, self._limits.settle_s
+
+        def is_settled() -> bool:
+            if len(transcript.answers_to(question.tick)) >= question.n_sent:
+                return True
+            wrong = [arrival for arrival in transcript.arrivals[-3:] if self._is_instead(arrival, question)]
+            return bool(wrong) and self._now() - wrong[-1].at_s > settle_s
+
+        self._await(is_settled, 2 * self._limits.answer_s)
+
+    def _is_instead(self, arrival: Arrival, question: Question) -> bool:
+        is_unasked = arrival.answer.command is not None and arrival.answer.tick in self._transcript.told_ticks
+        return arrival.open_tick == question.tick and not is_unasked
+
+    # Handles what comes until the condition holds, the agent is gone, or the time is over.
+    def _await(self, condition: Any, limit_s: float) -> None:
+        deadline = self._now() + limit_s
+        while True:
+            while not self._wire.events.empty():
+                self._handle(self._wire.events.get())
+            rest_s = deadline - self._now()
+            if condition() or rest_s <= 0 or self._is_over():
+                return
+            try:
+                self._handle(self._wire.events.get(timeout=min(rest_s, 0.05)))
+            except queue.Empty:
+                continue
+
+    def _handle(self, event: Event) -> None:
+        kind, data = event
+        transcript = self._transcript
+        if kind in ("command", "refused"):
+            self._hear(read_answer(data) if kind == "command" else refused_answer(data.decode()), data, kind)
+        elif kind == "joined":
+            transcript.joined_at_s = transcript.joined_at_s or self._now()
+        elif kind == "left" and transcript.left_at_s is None:
+            transcript.left_at_s, transcript.left_how = self._now(), data.decode()
+        elif kind == "exit":
+            transcript.exited_at_s, transcript.exit_code = self._now(), int(data)
+        elif kind in ("stray", "question"):
+            notes = transcript.strays if kind == "stray" else transcript.queries
+            if len(notes) < FLOOD_MESSAGES:
+                notes.append(data.decode())
+
+    def _hear(self, answer: Answer, data: bytes, kind: str) -> None:
+        transcript = self._transcript
+        transcript.n_arrivals += 1
+        self._wire.handled()
+        n_faults = len(self._door.faults)
+        _ = self._door.received(data) if kind == "command" else self._door.refused(data.decode())
+        fault = self._door.faults[-1].text if len(self._door.faults) > n_faults else ""
+        if len(transcript.arrivals) < GIVE_UP_AFTER_MESSAGES:
+            arrival = Arrival(answer=answer, at_s=self._now(), open_tick=self._open_tick, fault=fault)
+            transcript.arrivals.append(arrival)
+
+    def _send(self, message: Message) -> None:
+        variation = self._transcript.script.variation
+        fields = message.model_dump(exclude_defaults=variation == "optional fields")
+        self._wire.send(type(message), with_unknown_fields(fields) if variation == "unknown fields" else fields)  # type: ignore[arg-type]
+
+    def _is_gone(self) -> bool:
+        return self._transcript.exited_at_s is not None or self._transcript.left_at_s is not None
+
+    def _is_over(self) -> bool:
+        transcript = self._transcript
+        has_left = transcript.left_at_s is not None and transcript.end_told_at_s is None
+        is_left_behind = has_left and self._now() - (transcript.left_at_s or 0.0) > self._limits.settle_s
+        return transcript.exited_at_s is not None or is_left_behind or self._is_flooded()
+
+    def _is_flooded(self) -> bool:
+        return self._transcript.n_surplus > GIVE_UP_AFTER_MESSAGES // 2
+
+    # Nothing new is learned by asking an agent further that does not answer, or answers wrongly again and again.
+    def _is_hopeless(self) -> bool:
+        transcript = self._transcript
+        if self._is_gone() or self._is_flooded():
+            return True
+        unanswered = [question for question in transcript.questions if not transcript.answers_to(question.tick)]
+        heard = [question for question in unanswered if any(a.open_tick == question.tick for a in transcript.arrivals)]
+        is_late = any(
+            transcript.answers_to(question.tick)[0].at_s - question.sent_at_s > self._limits.answer_s
+            for question in transcript.questions
+            if question not in unanswered
+        )
+        return len(heard) >= MAX_WRONG or len(unanswered) > len(heard) or is_late
+
+    def _now(self) -> float:
+        return time.monotonic() - self._began

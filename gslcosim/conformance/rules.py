@@ -1,0 +1,178 @@
+"""The rules that every agent keeps: a short id, what the rule says, and what to do where it is broken."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Doors = Literal["all", "zenoh", "gateway"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    """One rule.
+
+    `id` is short and stable; `sentence` says what a right agent does; `remedy` is what the author of a wrong one does
+    next; `doors` are those through which the rule has a meaning.
+    """
+
+    id: str
+    sentence: str
+    remedy: str
+    doors: Doors = "all"
+
+    def applies_to(self, door: str) -> bool:
+        """Return whether the rule has a meaning for agents behind a door."""
+        return self.doors == "all" or (self.doors == "zenoh") == (door == "zenoh")
+
+
+# In the order in which a session meets them: the first broken rule is the one to look at first.
+_ALL = (
+    Rule(
+        id="joins",
+        sentence="starts and joins the run in time",
+        remedy="Run the command by itself and read its last words. Over Zenoh an agent joins with the user, password "
+        "and namespace of GSLCOSIM_JOIN and shows the liveliness token agents/<name>/alive; over tcp and unix it "
+        "connects to GSLCOSIM_GATEWAY and sends the frame {token: GSLCOSIM_TOKEN} first.",
+    ),
+    Rule(
+        id="listens-first",
+        sentence="subscribes to briefing, observation and ending before it shows its liveliness token",
+        remedy="Declare the token last: what is published between token and subscription is lost.",
+        doors="zenoh",
+    ),
+    Rule(
+        id="answers",
+        sentence="answers each observation that awaits a command",
+        remedy="Send one command whenever awaiting_command is true, and flush it: a buffered line is not sent.",
+    ),
+    Rule(
+        id="deadline",
+        sentence="answers in time",
+        remedy="Compute less for each decision, or raise answer_within_s in the scenario (--timeout here).",
+    ),
+    Rule(
+        id="size",
+        sentence="sends commands of at most 1 MiB",
+        remedy="Send the decision only; maps and logs belong into files of your own.",
+    ),
+    Rule(
+        id="encoding",
+        sentence="sends each command as one msgpack map with texts as keys, or one JSON object on a line of its own",
+        remedy="Pack a map (not a list, not a text, no numbers as keys), one a frame, in the --format you have chosen. "
+        "Over stdio nothing else may be written to the standard output: notes go to the standard error.",
+    ),
+    Rule(
+        id="contract",
+        sentence="says of its contract, if anything, what this gslcosim speaks",
+        remedy="Build the agent with the contract that `gslcosim schema export` writes, or leave `contract` out.",
+    ),
+    Rule(
+        id="integers",
+        sentence="sends whole numbers as integers",
+        remedy="Send tick as an integer: 12, not 12.0 and not '12'. Copy it from the observation as it is.",
+    ),
+    Rule(
+        id="tick",
+        sentence="answers with the tick of the observation that asked",
+        remedy="Copy tick from the observation that awaits the command; do not count by yourself.",
+    ),
+    Rule(
+        id="finite",
+        sentence="sends no NaN and no infinity",
+        remedy="Look for a division by zero or a mean of nothing in the decision; send kind: hold when in doubt.",
+    ),
+    Rule(
+        id="byte-order",
+        sentence="sends numbers in the byte order of their encoding",
+        remedy="Msgpack numbers are big-endian (0xcb and the float64, highest byte first); a msgpack library does it. "
+        "Arrays as raw bytes are little-endian, and a command has none: a position is a list of three numbers.",
+    ),
+    Rule(
+        id="schema",
+        sentence="sends commands that fit the schema: the fields that the kind needs, each of its type and range",
+        remedy="Compare with Command in docs/messages.md, and with the examples in agents/contract.",
+    ),
+    Rule(
+        id="once",
+        sentence="answers each observation that awaits a command exactly once",
+        remedy="Send the command in one place only.",
+    ),
+    Rule(
+        id="unasked",
+        sentence="sends nothing when it is not asked",
+        remedy="Look at awaiting_command: where it is false the observation is for information.",
+    ),
+    Rule(
+        id="flood",
+        sentence="sends no messages in masses",
+        remedy="Send one command for each observation that awaits one; do not send in a loop of your own.",
+    ),
+    Rule(
+        id="own-key",
+        sentence="writes only its own command and its own liveliness token",
+        remedy="Write agents/<name>/command, with the name from GSLCOSIM_JOIN. In a run the router denies all else.",
+        doors="zenoh",
+    ),
+    Rule(
+        id="own-ears",
+        sentence="reads only its own keys",
+        remedy="Subscribe to agents/<name>/briefing, observation and ending, and query nothing. In a run the router "
+        "denies all else, so that nobody sees the truth.",
+        doors="zenoh",
+    ),
+    Rule(
+        id="stays",
+        sentence="stays until the end of the run",
+        remedy="Read its last words: the agent crashed, exited, or closed its link while the run went on.",
+    ),
+    Rule(
+        id="ending",
+        sentence="exits within 2 s after Ending",
+        remedy="Leave the loop when Ending comes, and end threads that would keep the process alive.",
+    ),
+    Rule(
+        id="exit-code",
+        sentence="exits with code 0 after Ending",
+        remedy="Let the program return normally; another code says that it failed.",
+    ),
+    Rule(
+        id="restart",
+        sentence="starts and flies a second time",
+        remedy="Leave nothing behind that stands in the way of the next start: lock files, fixed ports, half files.",
+    ),
+    Rule(
+        id="determinism",
+        sentence="sends the same commands again when seed and observations are the same",
+        remedy="Draw all random numbers from a generator seeded with the briefing's seed; use neither clock nor "
+        "process id, nor files of earlier runs, nor the order of a hash table that differs from run to run.",
+    ),
+    Rule(
+        id="unknown-fields",
+        sentence="ignores fields and a later minor version that it does not know",
+        remedy="Read the fields you need by name and pass over the rest: later versions of the contract add some.",
+    ),
+    Rule(
+        id="optional-fields",
+        sentence="does without fields that have a default",
+        remedy="Take the default of docs/messages.md where such a field is missing: notice is nil, is_saturated false.",
+    ),
+    Rule(
+        id="repeats",
+        sentence="answers a repeated observation with the same bytes, without deciding anew",
+        remedy="Keep the last answer, and send it again when an observation comes with the tick it answers; ignore a "
+        "second briefing.",
+        doors="zenoh",
+    ),
+    Rule(
+        id="early-ending",
+        sentence="exits with code 0 when the run ends before the first question",
+        remedy="Wait for Ending wherever you wait for an observation: another agent may have ended the run.",
+    ),
+    Rule(
+        id="stream-end",
+        sentence="exits when the link to the run is lost",
+        remedy="Leave when reading gives the end of the stream, or when Zenoh tells that the transport has closed. "
+        "Otherwise it is left over when a run is killed.",
+    ),
+)
+
+RULES = {rule.id: rule for rule in _ALL}
