@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 from gslcosim.environment.model import Environment
 from gslcosim.fields.buoyancy import NEUTRAL, Buoyancy, gaden_3, terminal_velocity
-from gslcosim.fields.concentration import CUTOFF_SIGMA
+from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls
+from gslcosim.fields.filament_field import READINGS_WORTH_AN_INDEX, FilamentField
 from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
+from gslcosim.fields.gas_field import GasField, Sight
 from gslcosim.fields.gases import air_density_mol_m3, gas_named
 from gslcosim.fields.release import (
     ConstantRelease,
@@ -32,6 +34,34 @@ class GasModel:
     gases: tuple[str, ...]
     plume: FilamentPlume
     cutoff_sigma: float
+
+
+def gas_field_of(
+    scenario: Scenario,
+    environment: Environment,
+    *,
+    sight: Sight | None = None,
+    n_readings_per_step: int = READINGS_WORTH_AN_INDEX,
+) -> GasField:
+    """Build the gas of a scenario in its room, whatever its model; it stands at time 0 with the scenario's seed.
+
+    Args:
+        scenario: Its `gas`.
+        environment: Its room.
+        sight: What is seen of filaments; absent: what the room's walls leave, up to the model's own cut-off.
+        n_readings_per_step: How many readings a step will be asked for.
+
+    Raises:
+        ScenarioError: unknown gas, source outside the air, gas step or warm-up that does not fit the ticks.
+    """
+    model = gas_model_of(scenario, environment)
+    return FilamentField(
+        model.plume,
+        model.gases,
+        environment.grid,
+        sight=sight or Sight(walls=Walls.of(environment), cutoff_sigma=model.cutoff_sigma),
+        n_readings_per_step=n_readings_per_step,
+    )
 
 
 def gas_model_of(scenario: Scenario, environment: Environment) -> GasModel:

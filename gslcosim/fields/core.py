@@ -20,19 +20,13 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ModelError
-from gslcosim.fields.assembly import gas_model_of
-from gslcosim.fields.concentration import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
-from gslcosim.fields.filament_index import FilamentIndex
-from gslcosim.fields.filaments import FilamentPlume
+from gslcosim.fields.assembly import gas_field_of
+from gslcosim.fields.gas_field import GasField, PointGrid
 from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import exact_ticks_from_seconds, seconds_from_ticks
-
-# From so many readings of one instant on, sorting the filaments first costs less than looking at all of them.
-READINGS_WORTH_AN_INDEX = 4
-
 
 # A recorded slice is looked at, not measured: beyond 3 sigma a filament adds 1 % of its centre, at 2.5 times the cost.
 SLICE_CUTOFF_SIGMA = 3.0
@@ -42,9 +36,8 @@ class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
     Reads `truth/bodies` of the same tick. Writes `truth/samples` every tick and `truth/filaments` at tick 0 and every
-    `recording.gas_every_s`. The gas is independent of the vehicles; readings see it with a cut-off at 5 sigma
-    (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at 3 sigma and do not look for
-    walls.
+    `recording.gas_every_s`. Readings see filaments with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and
+    along free lines of sight; slices are cut off at 3 sigma and do not look for walls.
 
     Invariants: no filament in a solid cell; equal seeds give equal messages.
     Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
@@ -60,15 +53,10 @@ class FieldsCore:
         self._environment = environment
         self._spec = fields_spec(scenario)
         self._timing = gas_timing(scenario)
-        model = gas_model_of(scenario, environment)
-        self._gases, self._plume, self._cutoff_sigma = model.gases, model.plume, model.cutoff_sigma
-        self._walls = Walls.of(environment)
-        self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._mounts = MountPlaces(scenario)
-        readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
-        self._uses_index = readings_per_step >= READINGS_WORTH_AN_INDEX
-        self._index = FilamentIndex(min_m=environment.grid.origin_m, max_m=environment.grid.max_m)
-        self._indexed_step = -1
+        n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
+        self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step)
+        self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
@@ -80,20 +68,19 @@ class FieldsCore:
         return self._spec
 
     @property
-    def plume(self) -> FilamentPlume:
+    def gas(self) -> GasField:
         """The gas as it is now, for scoring and analysis."""
-        return self._plume
+        return self._gas
 
     def reset(self, episode: Episode) -> Outbox:
         """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
-        self._plume.reset(episode.seed)
-        self._plume.advance(self._timing.warm_up_steps)
-        self._indexed_step = -1
+        self._gas.reset(episode.seed)
+        self._gas.advance(self._timing.warm_up_steps)
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Bring the gas to the end of the tick and sample it there."""
-        self._plume.advance(self._timing.steps_at(tick))
+        self._gas.advance(self._timing.steps_at(tick))
         outbox: dict[str, FieldSamples | FilamentCloud] = {
             keys.SAMPLES: self._samples(tick, cast(BodyPoses, inbox[keys.BODIES]))
         }
@@ -103,12 +90,12 @@ class FieldsCore:
 
     def _samples(self, tick: int, bodies: BodyPoses) -> FieldSamples:
         places_m = self._mounts.positions_world_m(bodies)
-        gas_ppm = self._gas_at(places_m).tolist()
+        gas_ppm = self._gas.mixing_ratio_ppm_at(places_m).tolist()
         wind_m_s = self._wind_at(places_m, tick).tolist()
         if not all(math.isfinite(sum(ppm) + sum(wind)) for ppm, wind in zip(gas_ppm, wind_m_s, strict=True)):
             raise ModelError(f"fields: gas or wind at a sensor is not finite in tick {tick}: {gas_ppm}, {wind_m_s}.")
         amounts = [
-            tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gases, ppm, strict=True))
+            tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, ppm, strict=True))
             for ppm in gas_ppm
         ]
         samples = tuple(
@@ -122,32 +109,25 @@ class FieldsCore:
         )
         return FieldSamples(tick=tick, samples=samples)
 
-    def _gas_at(self, places_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        if not self._uses_index:
-            return mixing_ratio_ppm_at(
-                places_m, self._plume.filaments, walls=self._walls, cutoff_sigma=self._cutoff_sigma
-            )
-        if self._indexed_step != self._plume.step:
-            self._index.build(self._plume.filaments)
-            self._indexed_step = self._plume.step
-        return self._index.mixing_ratio_ppm_at(places_m, walls=self._walls, cutoff_sigma=self._cutoff_sigma)
-
     def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
+        own_m_s = self._gas.wind_m_s_at(places_m)
+        if own_m_s is not None:
+            return own_m_s
         time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
         grid = self._environment.grid
         frame = self._wind_m_s[self._environment.wind.frame_at(time_s)]
         return trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, places_m)
 
     def _cloud(self, tick: int) -> FilamentCloud:
-        filaments = self._plume.filaments
+        filaments = self._gas.filaments
         gas_index = filaments.gas_index[filaments.source_index].astype(np.uint8)
         return FilamentCloud(
             tick=tick,
-            gases=self._gases,
+            gases=self._gas.gases,
             position_world_m=NumericArray.from_array(filaments.position_world_m.astype(np.float32)),
             sigma_m=NumericArray.from_array(filaments.sigma_m.astype(np.float32)),
             gas_index=NumericArray.from_array(gas_index),
-            slices=tuple(self._slice(i) for i in range(len(self._gases))),
+            slices=tuple(self._slice(i) for i in range(len(self._gas.gases))),
         )
 
     def _slice(self, i_gas: int) -> ConcentrationSlice:
@@ -155,16 +135,10 @@ class FieldsCore:
         size_m = np.subtract(grid.max_m, grid.origin_m)
         nx, ny = (max(1, math.ceil(side_m / cell_m - 1e-9)) for side_m in size_m[:2])
         first_m = (grid.origin_m[0] + 0.5 * cell_m, grid.origin_m[1] + 0.5 * cell_m, self._slice_height_m)
-        ppm = mixing_ratio_ppm_on_grid(
-            self._plume.filaments,
-            first_point_m=first_m,
-            spacing_m=cell_m,
-            shape=(nx, ny, 1),
-            gas=i_gas,
-            cutoff_sigma=SLICE_CUTOFF_SIGMA,
-        )
+        points = PointGrid(first_m=first_m, spacing_m=cell_m, shape=(nx, ny, 1))
+        ppm = self._gas.mixing_ratio_ppm_on_grid(points, gas=i_gas, cutoff_sigma=SLICE_CUTOFF_SIGMA)
         return ConcentrationSlice(
-            gas=self._gases[i_gas],
+            gas=self._gas.gases[i_gas],
             origin_m=(float(grid.origin_m[0]), float(grid.origin_m[1])),
             cell_m=cell_m,
             height_m=self._slice_height_m,

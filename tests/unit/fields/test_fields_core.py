@@ -94,7 +94,7 @@ def test_the_plume_has_its_age_at_tick_0_and_grows_older_by_a_tick_each(scenario
     ages_s = []
     for tick in range(3):
         core.step(tick, bodies(tick))
-        ages_s.append(core.plume.time_s)
+        ages_s.append(core.gas.time_s)
     assert ages_s == pytest.approx([20.0, 20.1, 20.2])
 
 
@@ -103,7 +103,7 @@ def test_samples_are_the_fields_at_each_turned_mount(scenario_with, room):
     core.reset(Episode(seed=3))
     samples = core.step(0, bodies(0, quaternion=YAW_90))[keys.SAMPLES].samples
     nose_m = np.array([[6.0, 5.3 + 0.4, 2.0]])
-    expected = mixing_ratio_ppm_at(nose_m, core.plume.filaments, walls=Walls.of(room))[0, 0]
+    expected = mixing_ratio_ppm_at(nose_m, core.gas.filaments, walls=Walls.of(room))[0, 0]
     assert [(s.agent, s.sensor) for s in samples] == [("agent_0", n) for n in ("nose", "wind", "twin")]
     assert samples[0].gases[0].gas == "ethanol"
     assert samples[0].gases[0].mixing_ratio_ppm == pytest.approx(expected, rel=1e-6)
@@ -121,7 +121,7 @@ def test_many_vehicles_are_sampled_as_one_is(scenario_with, room):
     for tick in range(3):
         samples = core.step(tick, bodies(tick, agents=agents))[keys.SAMPLES].samples
         nose_m = np.array([[6.4, 5.3, 2.0]])
-        expected = mixing_ratio_ppm_at(nose_m, core.plume.filaments, walls=Walls.of(room))[0, 0]
+        expected = mixing_ratio_ppm_at(nose_m, core.gas.filaments, walls=Walls.of(room))[0, 0]
         found = [s.gases[0].mixing_ratio_ppm for s in samples if s.sensor == "nose"]
         assert found == pytest.approx([expected] * 4, rel=1e-12)
 
@@ -139,7 +139,7 @@ def test_a_gas_step_of_several_ticks_rests_between_them(scenario_with, room):
     steps = []
     for tick in range(5):
         core.step(tick, bodies(tick))
-        steps.append(core.plume.step)
+        steps.append(core.gas.step)
     assert steps == [100, 100, 101, 101, 102]
 
 
@@ -147,10 +147,10 @@ def test_clouds_tell_place_size_and_gas_of_every_filament(scenario_with, room):
     core = FieldsCore(scenario_with(), room)
     cloud = run(core, 1)[0][keys.FILAMENTS]
     assert cloud.gases == ("ethanol",)
-    assert cloud.position_world_m.shape == (core.plume.n, 3)
-    np.testing.assert_allclose(cloud.position_world_m.to_array(), core.plume.filaments.position_world_m, rtol=1e-6)
-    np.testing.assert_allclose(cloud.sigma_m.to_array(), core.plume.filaments.sigma_m, rtol=1e-6)
-    assert cloud.gas_index.to_array().tolist() == [0] * core.plume.n
+    assert cloud.position_world_m.shape == (len(core.gas.filaments.sigma_m), 3)
+    np.testing.assert_allclose(cloud.position_world_m.to_array(), core.gas.filaments.position_world_m, rtol=1e-6)
+    np.testing.assert_allclose(cloud.sigma_m.to_array(), core.gas.filaments.sigma_m, rtol=1e-6)
+    assert cloud.gas_index.to_array().tolist() == [0] * len(core.gas.filaments.sigma_m)
 
 
 def test_slices_are_the_field_at_cell_centres_of_the_search_height(scenario_with, room):
@@ -162,7 +162,7 @@ def test_slices_are_the_field_at_cell_centres_of_the_search_height(scenario_with
     i, j = np.unravel_index(ppm.argmax(), ppm.shape)
     centre = np.array([[0.4 * (i + 0.5), 0.4 * (j + 0.5), 2.3]])
     assert ppm[i, j] == pytest.approx(
-        mixing_ratio_ppm_at(centre, core.plume.filaments, cutoff_sigma=SLICE_CUTOFF_SIGMA)[0, 0], rel=1e-6
+        mixing_ratio_ppm_at(centre, core.gas.filaments, cutoff_sigma=SLICE_CUTOFF_SIGMA)[0, 0], rel=1e-6
     )
     assert (found.origin_m, found.cell_m, found.height_m) == ((0.0, 0.0), 0.4, 2.3)
 

@@ -1,0 +1,87 @@
+"""The one interface of all gas models, so that nobody else needs to know which one is at work."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Vec3
+from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls
+from gslcosim.fields.filaments import Filaments
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sight:
+    """How readings see filaments: hidden by `walls` (absent: through them), and up to `cutoff_sigma` away.
+
+    Models without filaments have no use for it.
+    """
+
+    walls: Walls | None = None
+    cutoff_sigma: float = CUTOFF_SIGMA
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointGrid:
+    """A regular grid of points: `first_m` has index (0, 0, 0); `shape` counts them along x, y, z; index order ij."""
+
+    first_m: Vec3
+    spacing_m: float
+    shape: tuple[int, int, int]
+
+    def points_m(self) -> NDArray[np.float64]:
+        """Return all points, (nx * ny * nz, 3), world frame [m]; z runs fastest."""
+        axes = (first + np.arange(n) * self.spacing_m for first, n in zip(self.first_m, self.shape, strict=True))
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+class GasField(Protocol):
+    """Gas in a room over time. Time 0 is when the sources open; a step has the length of `gas.step_s`.
+
+    Everything follows from the seed; asking changes nothing.
+    """
+
+    @property
+    def gases(self) -> tuple[str, ...]:
+        """Names of the gases, in the order of the columns of mixing ratios."""
+        ...
+
+    @property
+    def step(self) -> int:
+        """Number of steps made."""
+        ...
+
+    @property
+    def filaments(self) -> Filaments:
+        """The filaments now, none in models without; the next step may overwrite them."""
+        ...
+
+    def reset(self, seed: int) -> None:
+        """Return to time 0."""
+        ...
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Go on by steps."""
+        ...
+
+    def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the (m, n_gases) mixing ratios [ppm by volume] now at (m, 3) points, world frame [m]."""
+        ...
+
+    def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
+        """Return the (nx, ny, nz) mixing ratio of one gas [ppm by volume] now; filaments are seen through walls."""
+        ...
+
+    def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the (m, 3) wind now, world frame [m/s], if the model has its own; otherwise the room's holds."""
+        ...
+
+
+NO_FILAMENTS = Filaments(
+    position_world_m=np.zeros((0, 3)),
+    sigma_m=np.zeros(0),
+    source_index=np.zeros(0, np.int32),
+    amount_mol=np.zeros(1),
+    gas_index=np.zeros(1, np.int32),
+)
