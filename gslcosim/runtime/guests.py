@@ -12,7 +12,7 @@ from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents import start_command
 from gslcosim.runtime.assembly import Setup
 from gslcosim.runtime.door import door_name
-from gslcosim.runtime.joining import Network
+from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.processes import Children, exit_text
 from gslcosim.scenario.models import AgentSpec
 
@@ -82,7 +82,7 @@ class _Guest:
                 return
             self._is_gone = True
         for addition in (self._rest, self.refused_connection):
-            text = f"{text} {addition[:1].upper()}{addition[1:]}" if addition else text
+            text = f"{text} {_sentence(addition)}".rstrip()
         for name in self.agents:
             self.put(GONE, name, text.encode())
 
@@ -162,9 +162,15 @@ class Guests:
                 return True
         return False
 
-    def absence_note(self, agent: str) -> str:
-        """Return what is known of an agent that has not come."""
-        return self._by_agent[agent].refused_connection if agent in self._by_agent else ""
+    def absence_text(self, agent: str) -> str:
+        """Return what to say of an agent that has not come in time."""
+        note = self._by_agent[agent].refused_connection if agent in self._by_agent else ""
+        return f"expected to join within {JOIN_LIMIT_S:g} s, did not. {_sentence(note)}".rstrip()
+
+    def with_last_words(self, agent: str, text: str) -> str:
+        """Return a text about an agent with the end of its log."""
+        words = self._setup.run_dir.last_words(door_name(self._by_agent[agent].spec.name))
+        return f"{text} Its last words: {words}" if words else text
 
     def end(self, payload: bytes) -> None:
         """Tell all agents the end of the run, and end their streams."""
@@ -238,3 +244,7 @@ class Guests:
 
 def _host_of(endpoint: str) -> str:
     return endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")[0]
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]

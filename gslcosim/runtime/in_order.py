@@ -22,8 +22,6 @@ class InOrder:
             self.next_tick += 1
         return ready
 
-    def missing(self) -> list[int]:
-        """Return the ticks to ask for again: now and then, while later messages are held back."""
-        if len(self._held) % ASK_EVERY != 1:
-            return []
-        return [tick for tick in range(self.next_tick, max(self._held)) if tick not in self._held]
+    def lost(self) -> int | None:
+        """Return the tick to ask for again: now and then, while later messages are held back for it."""
+        return self.next_tick if len(self._held) % ASK_EVERY == 1 else None

@@ -1,9 +1,12 @@
 """A run in one process and one thread: the same cores, gates and doors, without a bus."""
 
+import queue
+import shutil
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,13 +18,18 @@ from gslcosim.runtime.agents import find_python_agent, load_python_agent
 from gslcosim.runtime.assembly import Setup, build_core, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.door import Door, door_name, faults_of
-from gslcosim.runtime.outcome import Outcome, ServiceFault
+from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
+from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
+from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
+from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Stepper
 from gslcosim.scenario.models import AgentSpec
 from gslcosim.ticks import seconds_from_ticks
 
 REPORT_EVERY_TICKS = 64
+LOOK_EVERY_S = 0.1
+_Event = tuple[str, str, bytes]
 
 
 @dataclass
@@ -33,6 +41,11 @@ class _Seat:
     door: Door
     trail: Trail = field(default_factory=Trail)
     agent: Agent | None = None
+
+    @property
+    def owes_answer(self) -> bool:
+        """Whether to wait for it: never, an object answers at once."""
+        return False
 
     def brief(self, briefing: Briefing) -> list[Command]:
         try:
@@ -55,11 +68,76 @@ class _Seat:
             commands += self.door.lost(reason)
         return commands
 
+    def end(self, reason: str) -> None:
+        """Tell the agent that the run is over."""
+        if self.agent is not None and not self.door.is_closed:
+            _end_quietly(self.agent, reason)
+
+
+@dataclass
+class _GuestSeat:
+    """An agent's process behind the gateway and behind its door."""
+
+    spec: AgentSpec
+    guests: Guests
+    door: Door
+    trail: Trail = field(default_factory=Trail)
+    asked_at: float = 0.0
+
+    @property
+    def owes_answer(self) -> bool:
+        """Whether the run may have to wait for it."""
+        return bool(self.door.pending)
+
+    def brief(self, briefing: Briefing) -> list[Command]:
+        self.guests.brief(self.spec.name, codec.encode(briefing))
+        return []
+
+    def observe(self, observation: Observation) -> list[Command]:
+        was_asked = self.owes_answer
+        commands = self.door.observed(observation)
+        if self.owes_answer and not was_asked:
+            self.asked_at = time.monotonic()
+        self.guests.observe(self.spec.name, codec.encode(observation), is_question=observation.awaiting_command)
+        return commands
+
+    def handle(self, kind: str, payload: bytes) -> list[Command]:
+        """Take what the agent's process did; return the commands that can pass now."""
+        if kind == GONE:
+            return self.door.lost(self.guests.with_last_words(self.spec.name, payload.decode()))
+        if kind not in (COMMAND, REFUSED):
+            return []
+        self.guests.handled(self.spec.name)
+        self.asked_at = time.monotonic()
+        return self.door.received(payload) if kind == COMMAND else self.door.refused(payload.decode())
+
+    def check_time(self) -> list[Command]:
+        """Return `failed` when an answer is owed for too long."""
+        limit_s = self.spec.answer_within_s
+        if not self.owes_answer or time.monotonic() - self.asked_at <= limit_s:
+            return []
+        text = f"the agent did not answer within {limit_s:g} s."
+        return self.door.lost(self.guests.with_last_words(self.spec.name, text))
+
+    def end(self, reason: str) -> None:
+        """Leave it to the gateway to tell the process."""
+
 
 class InProcessFlight:
-    """Flies a scenario in this thread; the order of steps is that of the dataflow, tick by tick."""
+    """Flies a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
-    def __init__(self, setup: Setup, seats: list[_Seat], report: Callable[[FlightStatus], None]) -> None:
+    Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        seats: "list[_Seat | _GuestSeat]",
+        events: "queue.SimpleQueue[_Event]",
+        report: Callable[[FlightStatus], None],
+    ) -> None:
+        self._events = events
+        self._by_agent = {seat.spec.name: seat for seat in seats}
         self._setup = setup
         self._report = report
         self._dataflow = dataflow_of(setup.scenario)
@@ -112,7 +190,12 @@ class InProcessFlight:
     def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> None:
         steppers = list(self._steppers.items())
         while self._tick_is_open() and not is_interrupted():
+            self._hear_guests()
             for name, stepper in steppers:
+                while not stepper.gate.may_step() and self._waits_for_guest(stepper) and not is_interrupted():
+                    self._wait_for_guest()
+                if is_interrupted():
+                    return
                 if stepper.gate.may_step():
                     self._culprit = name
                     for sent in stepper.step():
@@ -122,6 +205,26 @@ class InProcessFlight:
                     raise GslCosimError(f"{name} cannot step tick {stepper.gate.next_tick}: it lacks {missing}.")
             if self._tick % REPORT_EVERY_TICKS == 0:
                 self._tell(started)
+
+    def _waits_for_guest(self, stepper: Stepper) -> bool:
+        return not stepper.gate.is_finished and any(seat.owes_answer for seat in self._seats.values())
+
+    def _wait_for_guest(self) -> None:
+        with suppress(queue.Empty):
+            self._hear(*self._events.get(timeout=LOOK_EVERY_S))
+        for seat in self._seats.values():
+            if isinstance(seat, _GuestSeat):
+                self._pass(seat, seat.check_time())
+
+    # One round, so that an agent that never stops talking does not stop the run.
+    def _hear_guests(self) -> None:
+        for _ in range(self._events.qsize()):
+            self._hear(*self._events.get())
+
+    def _hear(self, kind: str, name: str, payload: bytes) -> None:
+        seat = self._by_agent[name]
+        if isinstance(seat, _GuestSeat):
+            self._pass(seat, seat.handle(kind, payload))
 
     def _tick_is_open(self) -> bool:
         return not all(stepper.gate.is_finished for stepper in self._steppers.values())
@@ -145,7 +248,7 @@ class InProcessFlight:
             for stepper in self._steppers.values():
                 stepper.gate.final_tick = message.tick
 
-    def _pass(self, seat: _Seat, commands: list[Command]) -> None:
+    def _pass(self, seat: _Seat | _GuestSeat, commands: list[Command]) -> None:
         for command in commands:
             seat.trail.append(command.tick, codec.encode(command))
             self._setup.run_dir.log_command(seat.spec.name, command)
@@ -161,8 +264,7 @@ class InProcessFlight:
                 fault = ServiceFault(participant=name, tick=self._tick, text=traceback.format_exc())
                 outcome.fault = outcome.fault or fault
         for seat in self._seats.values():
-            if seat.agent is not None and not seat.door.is_closed:
-                _end_quietly(seat.agent, self._verdict.end_reason if self._verdict else "the run was ended")
+            seat.end(ending_of(self._verdict).reason)
 
     def _digest(self, final_tick: int) -> RunDigest:
         trails = {port: trail for s in self._steppers.values() for port, trail in s.trails.items()}
@@ -173,30 +275,75 @@ class InProcessFlight:
         return RunDigest(final_tick, writers, {port: trail.until(final_tick) for port, trail in trails.items()})
 
 
-def fly_in_process(setup: Setup, directory: Path, report: Callable[[FlightStatus], None]) -> Outcome:
-    """Fly a scenario whose agents are all Python agents in this process.
+def fly_in_process(setup: Setup, directory: Path, network: Network, report: Callable[[FlightStatus], None]) -> Outcome:
+    """Fly a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
 
     Args:
         setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
+        network: Where agents that attach themselves find their join data.
         report: Is told how the flight goes.
 
     Raises:
-        UsageError: an agent is not a Python agent, or cannot be loaded.
+        UsageError: an agent is neither, or cannot be loaded or started.
     """
-    seats = [_seat(agent, directory) for agent in setup.scenario.agents]
-    with _interruption() as is_interrupted:
-        return InProcessFlight(setup, seats, report).fly(is_interrupted)
+    events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
+    guests = Guests(setup, directory, network, lambda kind, name, payload: events.put((kind, name, payload)))
+    agent_types = _agent_types(setup, directory, guests)
+    seats = [_seat(agent, agent_types, guests) for agent in setup.scenario.agents]
+    socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
+    with ExitStack() as stack:
+        stack.callback(shutil.rmtree, socket_dir, ignore_errors=True)
+        is_interrupted = stack.enter_context(_interruption())
+        children = stack.enter_context(Children(guests.exited))
+        stack.callback(guests.close)
+        guests.start(children, socket_dir)
+        _await_guests(guests, seats, events, is_interrupted)
+        outcome = InProcessFlight(setup, seats, events, report).fly(is_interrupted)
+        guests.end(codec.encode(ending_of(outcome.verdict)))
+        children.wait(EXIT_LIMIT_S)
+    return outcome
 
 
-def _seat(agent: AgentSpec, directory: Path) -> _Seat:
-    if agent.start.python is None:
-        raise UsageError(
-            f"agents.{agent.name}.start: expected a python agent for a run in one process, was another. "
-            "Leave out --in-process, or start the agent with `python:`."
-        )
-    agent_type = load_python_agent(find_python_agent(agent.start.python, directory))
-    return _Seat(agent, agent_type, Door(agent.name, may_overlap=agent.latency_ticks > 1))
+def _await_guests(
+    guests: Guests,
+    seats: "list[_Seat | _GuestSeat]",
+    events: "queue.SimpleQueue[_Event]",
+    is_interrupted: Callable[[], bool],
+) -> None:
+    expected = {seat.spec.name: seat for seat in seats if isinstance(seat, _GuestSeat)}
+    by_name = dict(expected)
+    deadline = time.monotonic() + JOIN_LIMIT_S
+    while expected and not is_interrupted():
+        if time.monotonic() > deadline:
+            for name, seat in expected.items():
+                seat.door.lost(guests.absence_text(name))
+            return
+        with suppress(queue.Empty):
+            kind, name, payload = events.get(timeout=LOOK_EVERY_S)
+            if kind in (READY, GONE):
+                expected.pop(name, None)
+            by_name[name].handle(kind, payload)
+
+
+# One for each process, so that its agents share here what they share there.
+def _agent_types(setup: Setup, directory: Path, guests: Guests) -> dict[str, type[Agent]]:
+    types: dict[str, type[Agent]] = {}
+    for agent in setup.scenario.agents:
+        if agent.name in guests or agent.process != agent.name:
+            continue
+        if agent.start.python is None:
+            raise UsageError(
+                f"agents.{agent.name}.start: expected a python agent, or one with door: stdio, tcp or unix, for a run "
+                "in one process, was one with door: zenoh. Leave out --in-process."
+            )
+        types[agent.name] = load_python_agent(find_python_agent(agent.start.python, directory))
+    return types
+
+
+def _seat(agent: AgentSpec, agent_types: dict[str, type[Agent]], guests: Guests) -> "_Seat | _GuestSeat":
+    door = Door(agent.name, may_overlap=agent.latency_ticks > 1)
+    return _GuestSeat(agent, guests, door) if agent.name in guests else _Seat(agent, agent_types[agent.process], door)
 
 
 def _end_quietly(agent: Agent, reason: str) -> None:

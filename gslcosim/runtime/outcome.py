@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-from gslcosim.contract.messages import Verdict
+from gslcosim.contract.messages import Ending, Verdict
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.door import AgentFault
 from gslcosim.ticks import seconds_from_ticks
@@ -21,6 +21,13 @@ class ExitCode(IntEnum):
     TIMEOUT = 4
     DIVERGENCE = 5
     INTERRUPTED = 130
+
+
+def ending_of(verdict: Verdict | None) -> Ending:
+    """Return what the agents of a run are told at its end."""
+    if verdict is None:
+        return Ending(tick=0, reason="the run was ended")
+    return Ending(tick=verdict.tick, reason=verdict.end_reason)
 
 
 @dataclass(frozen=True, kw_only=True)

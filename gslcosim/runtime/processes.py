@@ -17,6 +17,7 @@ from typing import cast
 from gslcosim.bus.port import JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
 
+EXIT_LIMIT_S = 3.0
 GRACE_S = 2.0
 # What a process of a run is told in its environment.
 OUR_VARIABLES = (JOIN_VARIABLE, "GSLCOSIM_AGENT", "GSLCOSIM_GATEWAY", "GSLCOSIM_TOKEN")
@@ -43,7 +44,7 @@ class Child:
 class Children:
     """All processes that the supervisor has started; leaving the context ends them."""
 
-    def __init__(self, on_exit: Callable[[str, int], None]) -> None:
+    def __init__(self, on_exit: Callable[[str, int], object]) -> None:
         self._on_exit = on_exit
         self._children: dict[str, Child] = {}
 

@@ -68,6 +68,14 @@ class RunDir:
         """Return the log file of a participant."""
         return self.path / "logs" / f"{participant}.log"
 
+    def last_words(self, participant: str, n_lines: int = 5) -> str:
+        """Return the last lines of a participant's log, each shortened; empty when there are none."""
+        try:
+            lines = self.log(participant).read_text(errors="replace").splitlines()
+        except OSError:
+            return ""
+        return "\n".join(line[:300] for line in lines[-n_lines:])
+
     def save_manifest(self, *, seed: int, environment_hash: str, in_process: bool) -> None:
         """Write `manifest.json`: all that the determinism contract depends on."""
         manifest = {

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,6 +57,14 @@ class Flight:
             assert self.process.poll() is None, self.process.communicate()
             wait_a_moment()
         raise AssertionError(f"no command within {limit_s} s")
+
+    def wait_for(self, is_true: Callable[[], bool], limit_s: float = 60) -> None:
+        """Wait until a condition holds."""
+        deadline = time.monotonic() + limit_s
+        while not is_true():
+            assert self.process.poll() is None, self.process.communicate()
+            assert time.monotonic() < deadline, f"not within {limit_s} s"
+            wait_a_moment()
 
     def abandon(self) -> None:
         """End a flight whose test has failed, so that it does not disturb the next one."""

@@ -1,0 +1,132 @@
+"""Only who shows the token is let in, and only once."""
+
+import contextlib
+import queue
+import socket
+
+import pytest
+
+from gslcosim.errors import SimulationFault
+from gslcosim.gateway import listener as listener_module
+from gslcosim.gateway.framing import frame_of_fields
+from gslcosim.gateway.listener import Listener
+
+LIMIT_S = 10
+
+
+@pytest.fixture(params=["tcp", "unix"])
+def listener(request, tmp_path):
+    listener = Listener.open_tcp() if request.param == "tcp" else Listener.open_unix(tmp_path / "agent.sock")
+    yield listener
+    listener.close()
+
+
+@pytest.fixture
+def connections():
+    """Return a function that connects to a listener; all connections are closed afterwards."""
+    made = []
+
+    def connect(listener):
+        kind, _, address = listener.address.partition(":")
+        if kind == "unix":
+            connection = socket.socket(socket.AF_UNIX)
+            made.append(connection)
+            connection.connect(address)
+            return connection
+        host, _, port = address.rpartition(":")
+        made.append(socket.create_connection((host, int(port))))
+        return made[-1]
+
+    yield connect
+    for connection in made:
+        connection.close()
+
+
+@pytest.fixture
+def told(listener):
+    """Return the queue of what a listener tells, for agents that speak JSON."""
+    events = queue.SimpleQueue()
+    listener.admit(
+        "json", lambda stream, hello: events.put(("in", stream, hello)), lambda text: events.put(("out", text))
+    )
+    return events
+
+
+def let_in(told):
+    kind, stream, hello = told.get(timeout=LIMIT_S)
+    assert kind == "in"
+    return stream, hello
+
+
+def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, told, connections):
+    connection = connections(listener)
+    connection.sendall(frame_of_fields("json", {"token": listener.token, "extra": 1}) + b"first line\n")
+    stream, hello = let_in(told)
+    assert hello["extra"] == 1
+    assert stream.read() == b"first line\n"
+    assert stream.write_now(b"back") == 4
+    assert connection.recv(10) == b"back"
+    stream.close_input()
+    stream.close_output()
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        frame_of_fields("json", {"token": "guessed"}),
+        frame_of_fields("json", {}),
+        frame_of_fields("json", {"token": 5}),
+        b'{"token": "\\ud800"}\n',
+        b"hello\n",
+        frame_of_fields("msgpack", {"token": "x"}) + b"\n",
+        b"x" * 5000,
+    ],
+)
+def test_anybody_else_is_sent_away_and_the_agent_may_still_come(listener, told, connections, first):
+    stranger = connections(listener)
+    stranger.sendall(first)
+    kind, text = told.get(timeout=LIMIT_S)
+    assert kind == "out"
+    assert text.startswith("a connection was refused: expected ")
+    connections(listener).sendall(frame_of_fields("json", {"token": listener.token}))
+    stream, _ = let_in(told)
+    stream.close_input()
+    stream.close_output()
+
+
+def test_strangers_who_say_nothing_do_not_keep_the_agent_out(listener, told, connections, monkeypatch):
+    monkeypatch.setattr(listener_module, "HELLO_LIMIT_S", 0.05)
+    for _ in range(2 * listener_module.MAX_WAITING):
+        connections(listener)
+    connections(listener).sendall(frame_of_fields("json", {"token": listener.token}))
+    while (event := told.get(timeout=LIMIT_S))[0] == "out":
+        pass
+    event[1].close_input()
+    event[1].close_output()
+
+
+def test_nobody_follows_the_agent(listener, told, connections):
+    hello = frame_of_fields("json", {"token": listener.token})
+    first, second = connections(listener), connections(listener)
+    first.sendall(hello)
+    stream, _ = let_in(told)
+    second.sendall(hello)
+    second.settimeout(LIMIT_S)
+    with contextlib.suppress(ConnectionError):
+        assert second.recv(1) == b""
+    stream.close_input()
+    stream.close_output()
+    assert told.empty()
+
+
+def test_a_place_that_is_taken_is_a_fault_with_its_name(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(SimulationFault, match="expected to listen on"):
+        Listener.open_unix(tmp_path / "taken")
+
+
+def test_a_unix_socket_is_for_its_owner_only(tmp_path):
+    listener = Listener.open_unix(tmp_path / "agent.sock")
+    assert (tmp_path / "agent.sock").stat().st_mode & 0o077 == 0
+    listener.admit("json", lambda *_: None, lambda _: None)
+    listener.close()
