@@ -15,9 +15,11 @@ PATIENCE_S = 10
 
 @pytest.fixture
 def net(tmp_path):
-    """A router with one service account and two agents; `join` opens members that are closed with the test."""
+    """A router with one service account, agents a and b, and a process of agents c and d; `join` opens members that
+    are closed with the test."""
     endpoint = f"unixsock-stream/{tmp_path}/router.sock"
     agents = [AgentUser(agent=name, password=f"of {name}") for name in ("a", "b")]
+    agents.append(AgentUser(agent="c", password="of c", others=("d",)))
     members = []
     router = ZenohBus.open_router(
         endpoints=[endpoint], namespace=NAMESPACE, service_password="s", agents=agents, secrets_dir=tmp_path
@@ -93,6 +95,31 @@ def test_an_agent_is_confined_to_its_own_keys(net):
     assert answers.empty()
     assert tokens.empty()
     assert all(payload == b"from service" or key == "agents/a/command" for key, payload in list(at_service.queue))
+
+
+def test_a_process_of_several_agents_reaches_the_keys_of_each_and_no_others(net):
+    """It speaks and lives for both, hears both, and nothing of a third; a token can be withdrawn alone."""
+    router, join = net
+    service, process = join("service", "s"), join("agent_c", "of c")
+    at_router, at_process = inbox(router, "agents/*/command"), inbox(process)
+    tokens = queue.Queue()
+    router.watch_alive("agents/*/alive", lambda key, is_alive: tokens.put((key, is_alive)))
+    for name in ("a", "c", "d"):
+        process.declare_alive(f"agents/{name}/alive")
+    assert {tokens.get(timeout=PATIENCE_S) for _ in range(2)} == {("agents/c/alive", True), ("agents/d/alive", True)}
+    process.withdraw_alive("agents/d/alive")
+    assert tokens.get(timeout=PATIENCE_S) == ("agents/d/alive", False)
+    settle(router, service, process)
+    for name in ("a", "c", "d"):
+        process.publish(f"agents/{name}/command", b"from c")
+        service.publish(f"agents/{name}/observation", b"from service")
+    assert [at_router.get(timeout=PATIENCE_S)[0] for _ in range(2)] == ["agents/c/command", "agents/d/command"]
+    heard = [at_process.get(timeout=PATIENCE_S) for _ in range(5)]
+    told = [key for key, payload in heard if payload == b"from service"]
+    assert told == ["agents/c/observation", "agents/d/observation"]
+    settle(router, service)
+    assert at_router.empty()
+    assert tokens.empty()
 
 
 def test_a_wrong_password_is_refused_with_a_reason(net):
