@@ -4,10 +4,13 @@ import json
 import os
 import shutil
 import subprocess
+import threading
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import IO
 
 import pytest
 import yaml
@@ -24,7 +27,7 @@ from gslcosim.contract.messages import (
     Reading,
     SensorDescription,
 )
-from gslcosim.gateway.framing import Frame, frame_of_message, payload_of_frame, splitter_of
+from gslcosim.gateway.framing import Frame, Item, Splitter, frame_of_message, payload_of_frame, splitter_of
 
 SERIES = json.loads((ROOT / "tests" / "golden" / "dung_beetle_commands.json").read_text())
 BUILD_LIMIT_S = 900
@@ -179,14 +182,37 @@ def golden_observations(steps: list[dict]) -> Iterator[Observation]:
 
 
 def answers(command: list[str], frame_format: str, messages: list[Message]) -> tuple[list[Command], int]:
-    """Start an agent on pipes, send it all messages at once, and return its commands and its exit code."""
-    frames = [frame_of_message(frame_format, type(message).__name__, codec.encode(message)) for message in messages]
-    played = subprocess.run(command, input=b"".join(frames), stdout=subprocess.PIPE, timeout=PLAY_LIMIT_S, check=False)
+    """Start an agent on pipes, play the messages, and return its commands and its exit code.
+
+    As in a run, what comes after an observation that awaits a command is sent when the command has come: an agent
+    that does not flush its output does not get by.
+    """
+    commands: list[Command] = []
     splitter = splitter_of(frame_format)
-    items = splitter.feed(played.stdout)
+    agent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+    limit = threading.Timer(PLAY_LIMIT_S, agent.kill)
+    limit.start()
+    with ExitStack() as on_exit:
+        on_exit.callback(limit.cancel)
+        on_exit.enter_context(agent)
+        on_exit.enter_context(suppress(BrokenPipeError))
+        for message in messages:
+            agent.stdin.write(frame_of_message(frame_format, type(message).__name__, codec.encode(message)))
+            if isinstance(message, Observation) and message.awaiting_command:
+                commands += _next_commands(agent.stdout, splitter, frame_format)
+        agent.stdin.close()
+        assert not agent.stdout.read(), "more was sent than asked for"
     assert not splitter.rest(), splitter.rest()
+    return commands, agent.returncode
+
+
+# None when the agent has gone.
+def _next_commands(stream: IO[bytes], splitter: Splitter, frame_format: str) -> list[Command]:
+    items: list[Item] = []
+    while not items and (data := stream.read(65536)):
+        items = splitter.feed(data)
     assert all(isinstance(item, Frame) for item in items), items
-    return [codec.decode(Command, payload_of_frame(frame_format, item.payload)) for item in items], played.returncode
+    return [codec.decode(Command, payload_of_frame(frame_format, item.payload)) for item in items]
 
 
 def golden_session(seed_series: dict) -> list[Message]:
