@@ -7,6 +7,8 @@ packages=(
     gcc g++ cmake make pkg-config
     libjansson-dev       # agents/dung_beetle_c
     nlohmann-json3-dev   # agents/dung_beetle_cpp
+    octave               # agents/dung_beetle_octave
+    jq                   # agents/dung_beetle_shell
 )
 
 command -v dpkg-query >/dev/null || exit 0
