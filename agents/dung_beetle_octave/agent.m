@@ -1,5 +1,6 @@
 % The dung beetle in Octave: one JSON object a line on standard input, one command a line on standard output.
 addpath(fileparts(mfilename('fullpath')));
+sigterm_dumps_octave_core(false); % when it is ended from outside, it leaves no file behind
 
 while true
   try
