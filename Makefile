@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test check bench soak golden docs contract setup
+.PHONY: run test check bench bench-agents soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -18,6 +18,9 @@ check: .venv/ready-dev      # style, types, layers, spelling
 
 bench: .venv/ready-dev      # how fast it is on this machine
 	@set -e; for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script; done
+
+bench-agents: .venv/ready-dev  # decisions per second and round trip, for each language and door
+	$(BIN)/python tests/benchmarks/bench_agents.py
 
 soak: .venv/ready-dev       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh
