@@ -137,7 +137,7 @@ void fly() {
         if (kind == "Ending") return;
         if (kind == "Briefing")
             beetle.emplace(message);
-        else if (message.at("awaiting_command"))
+        else if (message.value("awaiting_command", false))
             std::cout << beetle.value().decide(message) << std::endl;  // endl also flushes: the run waits for it
     }
 }
