@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
+from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.errors import ShapeError
 from gslcosim.fields.concentration_kernels import add_filaments_at_points_inplace, add_filaments_to_grid_inplace
@@ -28,12 +28,17 @@ class Walls:
     @classmethod
     def of(cls, environment: Environment) -> Self:
         """Return the walls of an environment."""
-        occupancy = np.ascontiguousarray(environment.occupancy, np.uint8)
+        return cls.of_occupancy(environment.occupancy, environment.grid)
+
+    @classmethod
+    def of_occupancy(cls, occupancy: NDArray[np.uint8], grid: Grid) -> Self:
+        """Return the walls of (nx, ny, nz) cells; those of another kind than solid do not hide anything."""
+        cells = np.ascontiguousarray(occupancy, np.uint8)
         return cls(
-            occupancy=occupancy,
-            solid_sums=sums_of_solids(occupancy),
-            origin_m=float3(environment.grid.origin_m),
-            cell_m=float(environment.grid.cell_m),
+            occupancy=cells,
+            solid_sums=sums_of_solids(cells),
+            origin_m=float3(grid.origin_m),
+            cell_m=float(grid.cell_m),
         )
 
 

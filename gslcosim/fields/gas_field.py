@@ -30,10 +30,16 @@ class PointGrid:
     spacing_m: float
     shape: tuple[int, int, int]
 
+    def axes_m(self) -> list[NDArray[np.float64]]:
+        """Return the coordinates of the points along x, y and z [m]."""
+        return [
+            first + np.arange(n, dtype=np.float64) * self.spacing_m
+            for first, n in zip(self.first_m, self.shape, strict=True)
+        ]
+
     def points_m(self) -> NDArray[np.float64]:
         """Return all points, (nx * ny * nz, 3), world frame [m]; z runs fastest."""
-        axes = (first + np.arange(n) * self.spacing_m for first, n in zip(self.first_m, self.shape, strict=True))
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        return np.stack(np.meshgrid(*self.axes_m(), indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 class GasField(Protocol):

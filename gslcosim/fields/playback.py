@@ -45,6 +45,11 @@ class GasPlayback:
         """The numbers of the frames that are there, ascending."""
         return tuple(self._numbers.tolist())
 
+    @property
+    def period_s(self) -> float:
+        """Time between frame i and frame i + 1 [s]."""
+        return self._period_s
+
     def number_at(self, time_s: float) -> int | None:
         """Return the number of the frame that holds at a time [s]; none before the first."""
         position = int(time_s / self._period_s + 1e-9)
@@ -86,10 +91,11 @@ class GasPlayback:
         frame = self.frame(number)
         if frame.filaments is not None:
             return mixing_ratio_ppm_at(points, frame.filaments, walls=walls, cutoff_sigma=cutoff_sigma)[:, 0]
-        return _values_in_cells(frame, points)
+        return values_in_cells(frame, points)
 
 
-def _values_in_cells(frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def values_in_cells(frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (m,) values of the cells of a stored grid that hold (m, 3) points, world frame [m]; 0 outside."""
     values = np.zeros(len(points))
     cells = frame.grid.cell_of(points)
     is_inside = frame.grid.contains_cell(cells)
