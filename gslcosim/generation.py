@@ -17,14 +17,17 @@ from gslcosim.environment.model import Cell, WindFrames
 from gslcosim.environment.room import Room, build_room, with_wind
 from gslcosim.environment.store import FORMAT, environment_folder, load_environment, save_environment
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models import LayoutSpec, Scenario, WindSpec
+from gslcosim.scenario.models import Layout, Scenario, WindSpec
 
 Progress = Callable[[str, float], None]
 
 _log = logging.getLogger(__name__)
 
 # The code that decides what a generated environment holds: when it changes, environments are made anew.
-_ROOM_SOURCES = ("grid", "layouts", "model", "occupancy", "occupancy_kernels", "openings", "room")
+_ROOM_SOURCES = (
+    "buildings", "furnishing", "grid", "layouts", "model", "occupancy", "occupancy_kernels", "openings", "outdoors",
+    "pieces", "room", "warehouses",
+)  # fmt: skip
 
 
 def prepare_environment(
@@ -62,7 +65,7 @@ def prepare_environment(
     return folder
 
 
-def recipe_hash(layout: LayoutSpec, wind: WindSpec) -> str:
+def recipe_hash(layout: Layout, wind: WindSpec) -> str:
     """Return 32 hexadecimal digits of all that decides what a generated environment will hold."""
     digest = hashlib.blake2b(json.dumps(_recipe(layout, wind), sort_keys=True).encode(), digest_size=16)
     for path in _sources(wind):
@@ -71,7 +74,7 @@ def recipe_hash(layout: LayoutSpec, wind: WindSpec) -> str:
     return digest.hexdigest()
 
 
-def _recipe(layout: LayoutSpec, wind: WindSpec) -> dict[str, Any]:
+def _recipe(layout: Layout, wind: WindSpec) -> dict[str, Any]:
     is_solved = wind.solver != "uniform"
     # Uniform wind does not depend on how long a solver would have run.
     wind_values = wind.model_dump(mode="json", exclude=None if is_solved else {"end_time_s", "average_from_s"})
@@ -86,7 +89,7 @@ def _sources(wind: WindSpec) -> list[Path]:
     return sources
 
 
-def _generate(layout: LayoutSpec, wind: WindSpec, folder: Path, progress: Progress) -> None:
+def _generate(layout: Layout, wind: WindSpec, folder: Path, progress: Progress) -> None:
     progress("Building the room", 0.0)
     room = build_room(layout, wind)
     for notice in room.notices:

@@ -17,10 +17,17 @@ Row = dict[str, str]
 
 # What a scenario names but no table describes.
 DESCRIPTIONS = {
+    "cluttered_rooms": "Random walls with passages, in the manner of the first AutoGDM, and clutter.",
     "crazyflie": "Crazyflie 2.x nano quadrotor of 28 g, for swarms and narrow places.",
     "holonomic": "Point robot that moves any way it wants and does not feel the air, for large studies.",
+    "home": "A flat divided into rooms, with doors and furniture.",
     "iris": "Iris-class quadrotor of 1.5 kg with a geometric controller and minimum-jerk trajectories.",
+    "office": "Rooms on both sides of a corridor, with doors and desks; a rectangle or an L.",
+    "plant": "Tanks and buildings outdoors, in a wind that grows with the height.",
+    "warehouse_complex": "A warehouse whose inner racks are turned, with a forklift, piles and pallets in its aisles.",
     "warehouse_empty": "A closed room of any size with an inlet and an outlet in opposite walls, and boxes if wanted.",
+    "warehouse_simple": "A warehouse with rows of racks, filled and empty ones by lot.",
+    "wind_tunnel": "A channel open at both ends, with blocks on its floor if wanted.",
 }
 
 
@@ -64,9 +71,9 @@ def _gases() -> list[Row]:
 
 
 def _layouts() -> list[Row]:
-    from gslcosim.scenario.models import LayoutSpec
+    from gslcosim.scenario.schema_walk import kinds_of, slot_at
 
-    return [_described(name) for name in typing.get_args(LayoutSpec.model_fields["kind"].annotation)]
+    return [_described(name) for name in kinds_of(slot_at(("environment", "layout")).annotation)]
 
 
 KINDS: dict[str, Callable[[], list[Row]]] = {

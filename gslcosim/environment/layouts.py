@@ -1,23 +1,24 @@
 """Layouts: from a scenario's few numbers to a room of named boxes, with its inlet and outlet."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from gslcosim.environment.furnishing import furniture_of, opening_specs
 from gslcosim.environment.grid import Grid, Vec3, point_text
 from gslcosim.environment.model import Box, Opening
 from gslcosim.environment.openings import (
     are_overlapping,
-    default_inlet,
-    default_outlet,
     face_of,
     notice_of_snapping,
     problems_of_inflow,
     problems_of_opening,
     snapped,
 )
+from gslcosim.environment.outdoors import log_profile, whole_face
 from gslcosim.environment.problems import raise_if_any
-from gslcosim.scenario.models import BoxSpec, LayoutSpec, OpeningSpec, WindSpec
+from gslcosim.scenario.layout_models import BoxSpec, Layout, OpeningSpec, PlantSpec
+from gslcosim.scenario.models import WindSpec
 from gslcosim.scenario.problems import Problem
 
 LAYOUT_PATH = "environment.layout"
@@ -27,6 +28,9 @@ WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "
 
 FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
 CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
+SKY_RGBA = (0.75, 0.85, 0.95, 0.05)
+# Walls of Isaac Sim's warehouse are white up to here and yellow above, thesis 9.1.1.
+WHITE_UP_TO_M, YELLOW_RGBA = 3.0, (0.95, 0.80, 0.15, 1.0)
 OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
 
 
@@ -46,7 +50,7 @@ class Plan:
     notices: tuple[str, ...] = ()
 
 
-def plan_room(layout: LayoutSpec, wind: WindSpec) -> Plan:
+def plan_room(layout: Layout, wind: WindSpec) -> Plan:
     """Lay out a room.
 
     Args:
@@ -63,7 +67,8 @@ def plan_room(layout: LayoutSpec, wind: WindSpec) -> Plan:
         name=layout.kind,
         grid=grid,
         boxes=(
-            *closing_boxes((0.0, 0.0, 0.0), layout.size_m, layout.wall_m),
+            *_shell(layout),
+            *furniture_of(layout),
             *(_obstacle(spec) for spec in layout.obstacles),
         ),
         openings=openings,
@@ -71,7 +76,7 @@ def plan_room(layout: LayoutSpec, wind: WindSpec) -> Plan:
     )
 
 
-def problems_of_layout(layout: LayoutSpec, wind: WindSpec) -> list[Problem]:
+def problems_of_layout(layout: Layout, wind: WindSpec) -> list[Problem]:
     """Return all that makes a layout impossible, with the places in the scenario; empty when it can be built."""
     problems = _problems_of_size(layout.size_m, wind.cell_m)
     problems += _problems_of_obstacles(layout)
@@ -79,14 +84,14 @@ def problems_of_layout(layout: LayoutSpec, wind: WindSpec) -> list[Problem]:
         # Openings are checked against the grid of the room, which there is not yet.
         return problems
     grid = _grid(layout, wind.cell_m)
-    inlet, outlet = _opening_specs(layout)
+    inlet, outlet = opening_specs(layout)
     inlet_path, outlet_path = f"{LAYOUT_PATH}.inlet", f"{LAYOUT_PATH}.outlet"
     problems = problems_of_opening(inlet, grid, inlet_path) + problems_of_opening(outlet, grid, outlet_path)
     if problems:
         return problems
     if wind.solver != "uniform" and (face := face_of(inlet, grid)):
         problems += problems_of_inflow(wind.inlet_velocity_m_s, face)
-    (first, second), _ = _openings(layout, wind, grid)
+    first, second = _inlet_and_outlet(layout, wind, grid)
     if are_overlapping(first, second, grid):
         problems.append(
             Problem(
@@ -150,9 +155,9 @@ def _common_divisor_m(size_m: Vec3, cell_m: float) -> float | None:
     return None
 
 
-def _problems_of_obstacles(layout: LayoutSpec) -> list[Problem]:
+def _problems_of_obstacles(layout: Layout) -> list[Problem]:
     problems: list[Problem] = []
-    names: set[str] = set(WALL_NAMES)
+    names = {*WALL_NAMES, *(box.name for box in furniture_of(layout))}
     for i, spec in enumerate(layout.obstacles):
         path = f"{LAYOUT_PATH}.obstacles[{i}]"
         if spec.name in names:
@@ -189,24 +194,38 @@ def _clipped_text(low_m: float, high_m: float, length_m: float) -> str:
     return f"Cut it to {low_m:g} to {high_m:g} m." if low_m < high_m else "It lies outside altogether."
 
 
-def _grid(layout: LayoutSpec, cell_m: float) -> Grid:
+def _grid(layout: Layout, cell_m: float) -> Grid:
     nx, ny, nz = (round(length_m / cell_m) for length_m in layout.size_m)
     return Grid(origin_m=(0.0, 0.0, 0.0), cell_m=cell_m, shape=(nx, ny, nz))
 
 
-def _opening_specs(layout: LayoutSpec) -> tuple[OpeningSpec, OpeningSpec]:
-    return layout.inlet or default_inlet(layout.size_m), layout.outlet or default_outlet(layout.size_m)
-
-
-def _openings(layout: LayoutSpec, wind: WindSpec, grid: Grid) -> tuple[tuple[Opening, Opening], tuple[str, ...]]:
-    inlet_spec, outlet_spec = _opening_specs(layout)
-    inlet = _opening("inlet", inlet_spec, grid, wind.inlet_velocity_m_s)
-    outlet = _opening("outlet", outlet_spec, grid, (0.0, 0.0, 0.0))
+def _openings(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[tuple[Opening, ...], tuple[str, ...]]:
+    inlet, outlet = _inlet_and_outlet(layout, wind, grid)
     notices = (
         notice_of_snapping(opening.name, spec, (opening.min_m, opening.max_m), grid.cell_m)
-        for opening, spec in ((inlet, inlet_spec), (outlet, outlet_spec))
+        for opening, spec in zip((inlet, outlet), opening_specs(layout), strict=True)
     )
-    return (inlet, outlet), tuple(notice for notice in notices if notice)
+    openings: tuple[Opening, ...] = (inlet, outlet)
+    if isinstance(layout, PlantSpec):
+        openings = (*log_profile(inlet, layout, grid), outlet, *_open_faces(layout, grid, (inlet, outlet)))
+    return openings, tuple(notice for notice in notices if notice)
+
+
+def _inlet_and_outlet(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[Opening, Opening]:
+    inlet, outlet = opening_specs(layout)
+    return (
+        _opening("inlet", inlet, grid, wind.inlet_velocity_m_s),
+        _opening("outlet", outlet, grid, (0.0, 0.0, 0.0)),
+    )
+
+
+# Outdoors the air goes in and out through the sides and the top too, where nothing else is.
+def _open_faces(layout: PlantSpec, grid: Grid, others: tuple[Opening, ...]) -> tuple[Opening, ...]:
+    faces: list[Opening] = []
+    for name, axis, is_upper in (("open_y_min", 1, False), ("open_y_max", 1, True), ("open_top", 2, True)):
+        spec = whole_face(layout.size_m, axis, is_upper=is_upper)
+        faces.append(replace(_opening("outlet", spec, grid, (0.0, 0.0, 0.0)), name=name))
+    return tuple(face for face in faces if not any(are_overlapping(face, other, grid) for other in others))
 
 
 def _opening(kind: Literal["inlet", "outlet"], spec: OpeningSpec, grid: Grid, velocity_m_s: Vec3) -> Opening:
@@ -214,6 +233,24 @@ def _opening(kind: Literal["inlet", "outlet"], spec: OpeningSpec, grid: Grid, ve
     assert face is not None, "checked before by problems_of_opening"
     min_m, max_m = snapped(spec, grid, face)
     return Opening(name=kind, kind=kind, min_m=min_m, max_m=max_m, velocity_m_s=velocity_m_s)
+
+
+# Outdoors the boxes of the sky and the sides only keep vehicles in: they are hardly seen.
+def _shell(layout: Layout) -> tuple[Box, ...]:
+    boxes = closing_boxes((0.0, 0.0, 0.0), layout.size_m, layout.wall_m)
+    if isinstance(layout, PlantSpec):
+        return tuple(box if box.kind == "floor" else replace(box, rgba=SKY_RGBA) for box in boxes)
+    if layout.walls == "white_yellow" and layout.size_m[2] > WHITE_UP_TO_M:
+        return tuple(part for box in boxes for part in (_two_coloured(box) if box.kind == "wall" else (box,)))
+    return boxes
+
+
+def _two_coloured(wall: Box) -> tuple[Box, Box]:
+    (x0, y0, _), (x1, y1, _) = wall.min_m, wall.max_m
+    return (
+        replace(wall, max_m=(x1, y1, WHITE_UP_TO_M)),
+        replace(wall, name=f"{wall.name}_upper", min_m=(x0, y0, WHITE_UP_TO_M), rgba=YELLOW_RGBA),
+    )
 
 
 def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:

@@ -44,15 +44,15 @@ class Face:
 FACES = tuple(Face(axis=axis, is_upper=is_upper) for axis in range(3) for is_upper in (False, True))
 
 
-def default_inlet(size_m: Vec3) -> OpeningSpec:
-    """Return the thesis's inlet: on the face x = 0, from the corner y = 0, on the floor."""
-    width_m, height_m = _default_size_m(size_m)
+def default_inlet(size_m: Vec3, opening_m: tuple[float, float] | None = None) -> OpeningSpec:
+    """Return the thesis's inlet: on the face x = 0, from the corner y = 0, on the floor; `opening_m` is y by z."""
+    width_m, height_m = opening_m or _default_size_m(size_m)
     return OpeningSpec(min_m=(0.0, 0.0, 0.0), max_m=(0.0, width_m, height_m))
 
 
-def default_outlet(size_m: Vec3) -> OpeningSpec:
+def default_outlet(size_m: Vec3, opening_m: tuple[float, float] | None = None) -> OpeningSpec:
     """Return the thesis's outlet: as large as the inlet, on the face x = x_max, in the far corner."""
-    width_m, height_m = _default_size_m(size_m)
+    width_m, height_m = opening_m or _default_size_m(size_m)
     x_m, y_m, _ = size_m
     return OpeningSpec(min_m=(x_m, y_m - width_m, 0.0), max_m=(x_m, y_m, height_m))
 

@@ -14,7 +14,7 @@ from gslcosim.environment.model import Box, Environment, Opening, WindFrames
 from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models import LayoutSpec, WindSpec
+from gslcosim.scenario.models import Layout, WindSpec
 from gslcosim.scenario.problems import Problem
 
 
@@ -33,7 +33,7 @@ class Room:
     notices: tuple[str, ...] = ()
 
 
-def build_room(layout: LayoutSpec, wind: WindSpec) -> Room:
+def build_room(layout: Layout, wind: WindSpec) -> Room:
     """Generate a room from its layout, without solving its wind.
 
     Args:
@@ -55,7 +55,7 @@ def build_room(layout: LayoutSpec, wind: WindSpec) -> Room:
     )
 
 
-def problems_of_room(layout: LayoutSpec, wind: WindSpec) -> list[Problem]:
+def problems_of_room(layout: Layout, wind: WindSpec) -> list[Problem]:
     """Return all that makes a room impossible, with the places in the scenario; empty when it can be built."""
     return problems_of_layout(layout, wind) or problems_of_occupancy(plan_room(layout, wind))
 

@@ -189,7 +189,8 @@ def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
 def _is_whole(folder: Path, content_hash: str) -> bool:
     try:
         return load_environment(folder, check_hash=True).content_hash == content_hash
-    except EnvironmentDataError:
+    except (EnvironmentDataError, FileNotFoundError):
+        # The second: another process took the folder away while it was read.
         return False
 
 

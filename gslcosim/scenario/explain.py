@@ -10,7 +10,16 @@ from pydantic_core import ErrorDetails
 
 from gslcosim.scenario.problems import Problem, child_path, parent_of
 from gslcosim.scenario.rules import RULE
-from gslcosim.scenario.schema_walk import Segment, Slot, holds_blocks, keys_of, paths_of_key, slot_at, words_of
+from gslcosim.scenario.schema_walk import (
+    Segment,
+    Slot,
+    holds_blocks,
+    keys_of,
+    kinds_of,
+    paths_of_key,
+    slot_at,
+    words_of,
+)
 from gslcosim.scenario.suggestions import did_you_mean, nearest_key
 from gslcosim.scenario.units import ending_of, number_in_unit_of, read_quantity, unit_of
 
@@ -50,6 +59,8 @@ def _problem_of(details: ErrorDetails) -> Problem | None:
             return _wrong_value(slot_at(location[:-1]), value)
         case "missing":
             return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
+        case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
+            return _unknown_kind(slot, typing.cast("dict[str, Any]", value).get("kind"))
         case "too_short" if isinstance(value, list) and typing.cast("list[Any]", value):
             return None  # pydantic counts only the valid items; those that are not have their own problems
         case _:
@@ -58,6 +69,16 @@ def _problem_of(details: ErrorDetails) -> Problem | None:
 
 def _wrong_value(slot: Slot, value: Any) -> Problem:
     return Problem(path=slot.path, expected=slot.describe(), found=shown(value), remedy=_value_remedy(slot, value))
+
+
+def _unknown_kind(slot: Slot, kind: Any) -> Problem:
+    kinds = kinds_of(slot.annotation)
+    return Problem(
+        path=child_path(slot.path, "kind"),
+        expected=f"one of {', '.join(kinds[:-1])} or {kinds[-1]}",
+        found=shown(kind),
+        remedy=did_you_mean(kind, kinds) if isinstance(kind, str) else "",
+    )
 
 
 def _unknown_key(location: tuple[Segment, ...], key: str, value: Any) -> Problem:

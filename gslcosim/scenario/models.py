@@ -3,17 +3,18 @@
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import Field, model_validator
 
+from gslcosim.scenario.layout_models import BoxSpec as BoxSpec
+from gslcosim.scenario.layout_models import Layout as Layout
+from gslcosim.scenario.layout_models import LayoutSpec as LayoutSpec
+from gslcosim.scenario.layout_models import OpeningSpec as OpeningSpec
 from gslcosim.scenario.rules import broken_rule
+from gslcosim.scenario.spec import Name, NonNegative, Positive, Vec3
+from gslcosim.scenario.spec import Spec as Spec
+from gslcosim.scenario.spec import shown as _shown
 
 SCHEMA = "gslcosim/scenario/1"
-
-Vec3 = tuple[float, float, float]
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-
 
 # The gases and sensors that there are; the tables with their figures are in gslcosim.fields and gslcosim.sensing.
 Gas = Literal[
@@ -26,66 +27,10 @@ SensorModel = Literal[
 ]  # fmt: skip
 
 
-class Spec(BaseModel):
-    """Base of all parts of a scenario: frozen, unknown keys are errors, no NaN or infinity."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class BoxSpec(Spec):
-    """A solid box in the room, corners in the world frame [m]."""
-
-    name: Name
-    min_m: Vec3
-    max_m: Vec3
-
-    @model_validator(mode="after")
-    def _check_corners(self) -> Self:
-        if not all(low < high for low, high in zip(self.min_m, self.max_m, strict=True)):
-            raise broken_rule(
-                key="max_m",
-                expected=f"each number greater than that of min_m, {_shown(self.min_m)}",
-                found=_shown(self.max_m),
-                remedy="min_m and max_m are opposite corners.",
-            )
-        return self
-
-
-class OpeningSpec(Spec):
-    """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
-
-    min_m: Vec3
-    max_m: Vec3
-
-    @model_validator(mode="after")
-    def _check_corners(self) -> Self:
-        sides_m = [high - low for low, high in zip(self.min_m, self.max_m, strict=True)]
-        if sum(side_m > 0 for side_m in sides_m) != 2 or min(sides_m) != 0:
-            raise broken_rule(
-                key="max_m",
-                expected=f"one number equal to that of min_m, {_shown(self.min_m)}, and two greater",
-                found=_shown(self.max_m),
-                remedy="An opening is a rectangle on one side of the room.",
-            )
-        return self
-
-
-class LayoutSpec(Spec):
-    """How to generate a room. Sizes [m]; inlet and outlet default to the thesis's near and far corner."""
-
-    kind: Literal["warehouse_empty"] = "warehouse_empty"
-    size_m: tuple[Positive, Positive, Positive] = (15.0, 15.0, 8.0)
-    seed: Annotated[int, Field(ge=0)] = 1
-    wall_m: Positive = 0.2
-    inlet: OpeningSpec | None = None
-    outlet: OpeningSpec | None = None
-    obstacles: tuple[BoxSpec, ...] = ()
-
-
 class EnvironmentSpec(Spec):
     """Where the run takes place: a layout to generate, or the folder of an environment made before."""
 
-    layout: LayoutSpec | None = None
+    layout: Layout | None = None
     path: str | None = None
 
     @model_validator(mode="after")
@@ -445,7 +390,3 @@ class Scenario(Spec):
         """Height of the recorded slice [m]: the agents' search height, or the first source's where they differ."""
         heights_m = {agent.vehicle.search_height_m for agent in self.agents}
         return heights_m.pop() if len(heights_m) == 1 else self.gas.sources[0].position_m[2]
-
-
-def _shown(numbers: Vec3) -> str:
-    return f"[{', '.join(f'{number:g}' for number in numbers)}]"

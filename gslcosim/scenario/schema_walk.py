@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import annotated_types
-from pydantic import BaseModel, StringConstraints
+from pydantic import BaseModel, StringConstraints, Tag
 from pydantic.fields import FieldInfo
 
 from gslcosim.scenario.models import Scenario
@@ -54,7 +54,7 @@ def keys_of(model: type[BaseModel]) -> list[str]:
 
 def paths_of_key(key: str) -> list[str]:
     """Return the places of all blocks, written like `agents[].vehicle`, that have a certain key."""
-    return [path for path, model in _all_blocks(Scenario, "") if key in keys_of(model)]
+    return list(dict.fromkeys(path for path, model in _all_blocks(Scenario, "") if key in keys_of(model)))
 
 
 def words_of(annotation: Any) -> list[str]:
@@ -62,6 +62,11 @@ def words_of(annotation: Any) -> list[str]:
     kinds = _kinds_of_union(annotation) or [annotation]
     literals = [kind for kind in kinds if typing.get_origin(kind) is Literal]
     return [str(word) for literal in literals for word in typing.get_args(literal)]
+
+
+def kinds_of(annotation: Any) -> list[str]:
+    """Return the kinds of which a block that belongs here may be, where there are several."""
+    return list(_variants(annotation))
 
 
 def holds_blocks(annotation: Any) -> bool:
@@ -74,6 +79,10 @@ def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[B
     for name, field in model.model_fields.items():
         inner_path = child_path(path, field.alias or name)
         inner = _model_in(field.annotation)
+        if inner is None and (variants := _variants(_split(field.annotation)[0])):
+            for variant in variants.values():
+                yield from _all_blocks(variant, inner_path)
+            continue
         if inner is None:
             inner, inner_path = _model_in(_item_annotation(field.annotation)), f"{inner_path}[]"
         if inner is not None:
@@ -85,7 +94,11 @@ def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
     if isinstance(segment, int):
         item, constraints = _split(_item_annotation(slot.annotation))
         return None if item is None else Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
-    field = slot.model and _field_of(slot.model, segment)
+    if segment in _variants(slot.annotation):
+        # Pydantic puts the kind of a block between the block's key and its own.
+        return Slot(path=slot.path, key=slot.key, annotation=_variants(slot.annotation)[segment])
+    models = [slot.model] if slot.model else list(_variants(slot.annotation).values())
+    field = next((field for model in models if (field := _field_of(model, segment))), None)
     if field is None:
         return None
     annotation, constraints = _split(field.annotation)
@@ -129,6 +142,17 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
 
+# The models of a union by their tags: a block's `kind` says which of them it is.
+def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
+    variants: dict[str, type[BaseModel]] = {}
+    for each in _kinds_of_union(annotation):
+        kind, constraints = _split(each)
+        tags = [constraint.tag for constraint in constraints if isinstance(constraint, Tag)]
+        if tags and isinstance(kind, type) and issubclass(kind, BaseModel):
+            variants[tags[0]] = kind
+    return variants
+
+
 def _item_annotation(annotation: Any) -> Any:
     kind, _ = _split(annotation)
     return typing.get_args(kind)[0] if typing.get_origin(kind) is tuple else None
@@ -138,6 +162,8 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
     kind, inner = _split(annotation)
     constraints = (*inner, *constraints)
     in_unit = f" in {unit}" if unit and not unit.startswith("per") else f" {unit}" if unit else ""
+    if variants := _variants(kind):
+        return f"a block with the key kind, {_alternatives(list(variants))}"
     if kinds := _kinds_of_union(kind):
         return " or ".join(_describe(each, (), unit).removeprefix("one of ") for each in kinds)
     if typing.get_origin(kind) is Literal:

@@ -3,6 +3,7 @@
 import pytest
 
 from gslcosim.errors import ScenarioError
+from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.loading import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError, Problem
 
@@ -29,7 +30,7 @@ def test_a_file_is_preferred_to_a_bundled_scenario_of_the_same_name(scenario_fil
 @pytest.mark.parametrize(
     ("source", "told"),
     [
-        ("warehouse_emty", "warehouse_emty: expected a file or a bundled scenario (tiny_room, warehouse_empty), found "
+        ("warehouse_emty", "warehouse_emty: expected a file or a bundled scenario (BUNDLED), found "
          "neither. Did you mean warehouse_empty?"),
         ("hal.yaml", "hal.yaml: expected a scenario file, found none. Did you mean hall.yaml?"),
         ("none/hall.yml", "none/hall.yml: expected a scenario file, found none."),
@@ -55,7 +56,7 @@ def test_a_source_that_is_no_scenario_is_refused_with_a_remedy(scenario_file, tm
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ScenarioError) as refusal:
         load_scenario(source)
-    assert str(refusal.value) == told
+    assert str(refusal.value) == told.replace("BUNDLED", ", ".join(bundled_scenarios()))
 
 
 def test_a_byte_order_mark_is_not_part_of_the_text(scenario_file):

@@ -49,6 +49,18 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
         ("name: hall", "name: hall\nwind: {end_time_s: 5, average_from_s: 5}",
          "hall.yaml:3: wind.average_from_s: expected less than end_time_s, 5, was 5. "
          "For example 2.5, or null for the wind at the end of the solve."),
+        ("warehouse_empty, size_m", "warehouse_simpel, size_m",
+         "hall.yaml:4: environment.layout.kind: expected one of warehouse_empty, warehouse_simple, warehouse_complex, "
+         "office, home, cluttered_rooms, plant or wind_tunnel, was 'warehouse_simpel'. Did you mean warehouse_simple?"),
+        ("warehouse_empty, size_m", "warehouse_complex, filled_least_frac: 2, size_m",
+         "hall.yaml:4: environment.layout.filled_least_frac: expected a number from 0 to 1, was 2."),
+        ("warehouse_empty, size_m", "office, n_piles: 2, size_m",
+         "hall.yaml:4: environment.layout.n_piles: expected one of the keys kind, size_m, seed, wall_m, inlet, outlet, "
+         "obstacles, inlet_size_m, outlet_size_m, walls, rooms_per_side, corridor_m, door_m, partition_m, outline, "
+         "has_furniture, was an unknown key."),
+        ("size_m: [15, 10, 8]", f"{AN_INLET.replace('[1, 1, 1]', '[0, 1, 1]')}, inlet_size_m: [1, 2]",
+         "hall.yaml:4: environment.layout.inlet_size_m: expected no size beside inlet, which has its own, was both. "
+         "Leave out inlet_size_m, or inlet to have it in its usual place."),
         ("size_m: [15, 10, 8]", AN_OBSTACLE,
          "hall.yaml:4: environment.layout.obstacles[0].max_m: expected each number greater than that of min_m, [1, "
          "1, 0], "
