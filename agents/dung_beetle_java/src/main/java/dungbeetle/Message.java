@@ -6,7 +6,7 @@ import com.fasterxml.jackson.annotation.JsonTypeInfo;
 import java.util.List;
 
 /** What comes from the run: the fields this agent reads. All others are ignored, as the contract asks. */
-@JsonTypeInfo(use = JsonTypeInfo.Id.NAME, property = "message")
+@JsonTypeInfo(use = JsonTypeInfo.Id.NAME, property = "message", defaultImpl = Message.Other.class)
 @JsonSubTypes({
     @Type(value = Message.Briefing.class, name = "Briefing"),
     @Type(value = Message.Observation.class, name = "Observation"),
@@ -36,6 +36,9 @@ public sealed interface Message {
 
     /** The run is over. */
     record Ending(String reason) implements Message {}
+
+    /** A message that a later version of the contract may bring: to be passed over. */
+    record Other() implements Message {}
 
     /** The room, world frame. */
     record Bounds(double[] minM, double[] maxM) {}
