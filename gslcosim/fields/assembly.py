@@ -20,7 +20,7 @@ from gslcosim.fields.release import (
 from gslcosim.fields.source_shapes import SourceShape
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import GasSpec, SourceSpec
+from gslcosim.scenario.gas_models import GasSpec, SourceSpec
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
 GADEN_3_NOISE_PER_S = 10.0

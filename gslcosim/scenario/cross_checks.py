@@ -1,12 +1,14 @@
 """Rules between distant parts of a scenario, checked on its plain values so that other problems do not hide them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from gslcosim.scenario.models import GasSpec, RecordingSpec, Scenario, Spec, StopSpec
+from gslcosim.scenario.gas_models import GASES
+from gslcosim.scenario.models import GasSpec, RecordingSpec, Scenario, SensorSpec, Spec, StopSpec
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
+from gslcosim.scenario.sensor_models import sensor_names
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 
@@ -30,6 +32,9 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
         *_wrong_members(values),
         *_missing_programs(values, directory),
         *_missing_environment(values, directory),
+        *_missing_gas_frames(values, directory),
+        *_unknown_gases(values),
+        *_unknown_sensors(values),
         *_broken_times(values),
     ]
 
@@ -144,6 +149,57 @@ def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Pr
         )
 
 
+def _missing_gas_frames(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
+    folder = _block(values, "gas", "playback").get("folder")
+    if isinstance(folder, str) and not (directory / folder).exists():
+        yield Problem(
+            path="gas.playback.folder",
+            expected="a folder of gas frames, or a movie",
+            found=f"'{folder}'",
+            remedy=f"There is no {(directory / folder).resolve()}.",
+        )
+
+
+def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
+    gas = _block(values, "gas")
+    defined = [str(block["name"]) for _, block in _blocks(gas, "define") if "name" in block]
+    for i, name in enumerate(defined):
+        if name in GASES or name in defined[:i]:
+            yield Problem(
+                path=f"gas.define[{i}].name",
+                expected="a name that no other gas has",
+                found=f"'{name}'",
+                remedy=f"For example my_{name}.",
+            )
+    named = [("gas.gas", gas.get("gas"))]
+    named += [(f"gas.sources[{i}].gas", source.get("gas")) for i, source in _blocks(gas, "sources")]
+    for path, name in named:
+        if isinstance(name, str) and name not in (*GASES, *defined):
+            yield _unknown_name(path, name, (*GASES, *defined))
+    for i, block in _blocks(gas, "define"):
+        for j, law in _blocks(block, "mox"):
+            sensor = law.get("sensor")
+            if isinstance(sensor, str) and sensor not in sensor_names():
+                yield _unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, sensor_names())
+
+
+def _unknown_sensors(values: dict[str, Any]) -> Iterator[Problem]:
+    for i, agent in _blocks(values, "agents"):
+        for j, sensor in _blocks(agent, "sensors"):
+            model = sensor.get("model")
+            if isinstance(model, str) and model not in sensor_names():
+                yield _unknown_name(f"agents[{i}].sensors[{j}].model", model, sensor_names())
+
+
+def _unknown_name(path: str, name: str, known: Sequence[str]) -> Problem:
+    return Problem(
+        path=path,
+        expected=f"one of {', '.join(known[:-1])} or {known[-1]}",
+        found=f"'{name}'",
+        remedy=did_you_mean(name, known),
+    )
+
+
 def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     tick_ms = _number(values, "tick_ms", Scenario)
     if tick_ms is None or tick_ms <= 0 or tick_ms != int(tick_ms):
@@ -160,6 +216,11 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     gas, recording, stop = _block(values, "gas"), _block(values, "recording"), _block(values, "referee", "stop")
     yield from _not_whole_ticks("recording.gas_every_s", _number(recording, "gas_every_s", RecordingSpec), tick_ns)
     yield from _not_whole_ticks("referee.stop.time_limit_s", _number(stop, "time_limit_s", StopSpec), tick_ns)
+    for i, agent in _blocks(values, "agents"):
+        for j, sensor in _blocks(agent, "sensors"):
+            for key in ("period_s", "delay_s", "warm_up_s"):
+                duration_s = _number(sensor, key, SensorSpec)
+                yield from _not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
     yield from _broken_gas_times(_number(gas, "step_s", GasSpec), _number(gas, "warm_up_s", GasSpec), tick_ns)
 
 

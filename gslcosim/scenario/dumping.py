@@ -67,6 +67,21 @@ def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:
     return scenario.model_copy(update={"environment": environment, "agents": agents})
 
 
+def with_absolute_gas(scenario: Scenario, directory: Path) -> Scenario:
+    """Return a scenario whose stored gas, if it plays any, is named absolutely: services know no folder to start from.
+
+    Args:
+        scenario: A valid scenario.
+        directory: Where its relative paths start.
+    """
+    playback = scenario.gas.playback
+    if playback is None:
+        return scenario
+    folder = str((directory / playback.folder).resolve())
+    gas = scenario.gas.model_copy(update={"playback": playback.model_copy(update={"folder": folder})})
+    return scenario.model_copy(update={"gas": gas})
+
+
 def _with_absolute_program(agent: AgentSpec, directory: Path) -> AgentSpec:
     start = agent.start
     if start.python is not None and (directory / start.python).is_file():

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.cross_checks import problems_between_parts
-from gslcosim.scenario.dumping import dump_resolved
+from gslcosim.scenario.dumping import dump_resolved, with_absolute_gas
 from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.models import Scenario
 from gslcosim.scenario.overrides import apply_overrides
@@ -120,6 +120,7 @@ def _check(tree: YamlTree, directory: Path) -> tuple[Scenario | None, list[Probl
         expected = slot_at(()).describe()
         return None, [Problem(path="", expected=expected, found=shown(tree.values))]
     scenario, problems = _validate(values)
+    scenario = scenario and with_absolute_gas(scenario, directory)
     problems += problems_between_parts(values, directory=directory)
     spoilt = [located.problem.path for located in tree.problems]
     return scenario, [p for p in problems if not any(_is_inside(p.path, path) for path in spoilt)]

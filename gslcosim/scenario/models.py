@@ -1,30 +1,21 @@
 """The frozen models of a scenario file: every field with unit, default and range."""
 
-from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.scenario.gas_models import GasSpec as GasSpec
+from gslcosim.scenario.gas_models import SourceSpec as SourceSpec
 from gslcosim.scenario.layout_models import BoxSpec as BoxSpec
 from gslcosim.scenario.layout_models import Layout as Layout
 from gslcosim.scenario.layout_models import LayoutSpec as LayoutSpec
 from gslcosim.scenario.layout_models import OpeningSpec as OpeningSpec
 from gslcosim.scenario.rules import broken_rule
+from gslcosim.scenario.sensor_models import SensorSpec as SensorSpec
 from gslcosim.scenario.spec import Name, NonNegative, Positive, Vec3
 from gslcosim.scenario.spec import Spec as Spec
-from gslcosim.scenario.spec import shown as _shown
 
 SCHEMA = "gslcosim/scenario/1"
-
-# The gases and sensors that there are; the tables with their figures are in gslcosim.fields and gslcosim.sensing.
-Gas = Literal[
-    "ethanol", "methane", "hydrogen", "propanol", "chlorine", "fluorine", "acetone", "neon", "helium", "biogas",
-    "butane", "carbon_dioxide", "carbon_monoxide", "smoke",
-]  # fmt: skip
-SensorModel = Literal[
-    "tgs2600", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "pid", "threshold", "binary", "hit_counter", "averaging",
-    "second_order", "anemometer", "anemometer_3d",
-]  # fmt: skip
 
 
 class EnvironmentSpec(Spec):
@@ -68,98 +59,6 @@ class WindSpec(Spec):
                 remedy=f"For example {self.end_time_s / 2:g}, or null for the wind at the end of the solve.",
             )
         return self
-
-
-class ReleaseSpec(Spec):
-    """When filaments are born.
-
-    `constant` evenly, `poisson` independently of each other; `variable` draws a rate from 0 to `filaments_per_s` anew
-    every `interval_s`; `intermittent` releases for `on_s` and pauses for `off_s`; `scheduled` changes the rate as
-    `schedule` says: pairs of time [s since the start of the warm-up] and filaments per second, times ascending.
-    """
-
-    kind: Literal["constant", "poisson", "variable", "intermittent", "scheduled"] = "constant"
-    interval_s: Positive = 1.0
-    on_s: Positive = 10.0
-    off_s: Positive = 10.0
-    schedule: tuple[tuple[NonNegative, NonNegative], ...] = ()
-
-    @model_validator(mode="after")
-    def _check_schedule(self) -> Self:
-        times_s = [time_s for time_s, _ in self.schedule]
-        is_ascending = all(before < after for before, after in pairwise(times_s))
-        if not is_ascending or (self.kind == "scheduled") != bool(self.schedule):
-            raise broken_rule(
-                key="schedule",
-                expected="pairs of time and rate with ascending times, with kind: scheduled and only then",
-                found=f"times {', '.join(f'{time_s:g}' for time_s in times_s) or 'none'} with kind: {self.kind}",
-                remedy="For example release: {kind: scheduled, schedule: [[0, 10], [60, 0]]}.",
-            )
-        return self
-
-
-class ShapeSpec(Spec):
-    """The extent of a source about its position.
-
-    `size_m` is a box's edges, a line's vector from end to end, or the edges of the box around a sphere or an upright
-    cylinder; a point has none.
-    """
-
-    kind: Literal["point", "box", "line", "sphere", "cylinder"] = "point"
-    size_m: Vec3 = (0.0, 0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _check_size(self) -> Self:
-        is_fitting = {
-            "point": not any(self.size_m),
-            "line": any(self.size_m),
-        }.get(self.kind, min(self.size_m) >= 0 and any(self.size_m))
-        if not is_fitting:
-            raise broken_rule(
-                key="size_m",
-                expected={"point": "no size", "line": "a vector that is not zero"}.get(
-                    self.kind, "three edges, none negative"
-                ),
-                found=_shown(self.size_m),
-                remedy="For example shape: {kind: box, size_m: [1, 1, 0.5]}.",
-            )
-        return self
-
-
-class SourceSpec(Spec):
-    """A source of gas. `ppm` and `sigma_m` are a filament's centre mixing ratio and size at birth.
-
-    `gas` is this source's gas where it differs from the one that is searched for.
-    """
-
-    position_m: Vec3
-    filaments_per_s: Positive = 10.0
-    ppm: Positive = 10.0
-    sigma_m: Positive = 0.1
-    gas: Gas | None = None
-    shape: ShapeSpec = ShapeSpec()
-    release: ReleaseSpec = ReleaseSpec()
-
-
-class GasSpec(Spec):
-    """The gas and its dispersion.
-
-    `gas` is the one to search for. Growth sigma^2 = sigma0^2 + growth_m2_s * age; random walk with eddy diffusivity per
-    axis; `step_s` is the filament model's own time step; `warm_up_s` the plume's age when the run starts.
-    `buoyancy` lets light gases rise and heavy ones sink. `compatibility` repeats GADEN's noise, cut-off and buoyancy,
-    with `gaden_noise_std_m` in place of the eddy diffusivity.
-    """
-
-    model: Literal["filament"] = "filament"
-    gas: Gas = "ethanol"
-    sources: Annotated[tuple[SourceSpec, ...], Field(min_length=1)]
-    growth_m2_s: NonNegative = 0.001
-    eddy_diffusivity_m2_s: NonNegative = 0.002
-    step_s: Positive = 0.1
-    warm_up_s: NonNegative = 150.0
-    buoyancy: Literal["terminal_velocity", "none"] = "terminal_velocity"
-    compatibility: Literal["none", "gaden_2", "gaden_3"] = "none"
-    gaden_noise_std_m: NonNegative = 0.02
 
 
 class StartSpec(Spec):
@@ -241,34 +140,6 @@ class VehicleSpec(Spec):
     hold_s: NonNegative = 2.0
     max_speed_m_s: Positive = 1.0
     max_acceleration_m_s2: Positive = 2.0
-
-
-class SensorSpec(Spec):
-    """A sensor on the vehicle; `mount_m` is its place in the body frame [m].
-
-    Any sensor, in the unit of its readings: `period_s` between readings (absent: every tick), `delay_s`, `noise_std`,
-    `bias`, `drift_per_s` added to the bias, `max_value` at which it saturates.
-    Some only: `speed_noise_std_m_s`, `direction_noise_std_rad` of anemometers; `threshold_ppm` of threshold, binary;
-    `hits_per_s_per_ppm` of hit_counter; `averaging_s` of averaging; the two time constants each of `response_s` and
-    `recovery_s` of second_order.
-    """
-
-    model: SensorModel
-    name: Name
-    mount_m: Vec3 = (0.0, 0.0, 0.0)
-    speed_noise_std_m_s: NonNegative = 0.01
-    direction_noise_std_rad: NonNegative = 0.1
-    period_s: Positive | None = None
-    delay_s: NonNegative = 0.0
-    noise_std: NonNegative = 0.0
-    bias: float = 0.0
-    drift_per_s: float = 0.0
-    max_value: Positive | None = None
-    threshold_ppm: NonNegative = 0.1
-    hits_per_s_per_ppm: Positive = 1.0
-    averaging_s: Positive = 1.0
-    response_s: tuple[Positive, Positive] = (1.0, 2.0)
-    recovery_s: tuple[Positive, Positive] = (2.0, 10.0)
 
 
 class AgentSpec(Spec):

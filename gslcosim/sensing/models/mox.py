@@ -58,11 +58,26 @@ def _parameters(
     )
 
 
+# Not in GADEN. From Figaro's sheet "TGS 2602 - for the detection of Air Contaminants": 10 to 100 kilo-ohms in clean air
+# (their geometric mean, rounded), and the ethanol curve through about 0.75 at 1 ppm, 0.3 at 10 ppm and 0.17 at 30 ppm,
+# the sheet's range, where one sensor may differ from another by a factor of two. Uncertain: the sheet gives no times
+# (TGS2600's are taken), and its curves of toluene, ammonia, hydrogen sulfide and hydrogen are not digitised here; a
+# scenario may `define` such gases with a power law of its own.
+_TGS2602 = MoxParameters(
+    model="tgs2602",
+    r0_ohm=30000.0,
+    air_ratio=1.0,
+    rise_s=4.8,
+    decay_s=18.75,
+    power_law={"ethanol": (0.77, -0.43)},
+)
+
 _TABLE = (
     _parameters(
         "tgs2600", 50000.0, 1.0, (4.8, 18.75), ethanol=(0.6796, -0.3196), methane=(1.018, -0.07284),
         hydrogen=(0.6821, -0.3532),
     ),
+    _TGS2602,
     _parameters(
         "tgs2610", 3740.0, 10.3, (3.44, 6.35), ethanol=(106.1, -0.5008), methane=(63.91, -0.5372),
         hydrogen=(66.78, -0.4888),

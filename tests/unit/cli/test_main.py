@@ -10,7 +10,7 @@ import pytest
 
 from gslcosim import __version__, errors
 from gslcosim.cli.main import COMMANDS, exit_code_of, main
-from gslcosim.cli.parsing import build_parser, choices_of, parse
+from gslcosim.cli.parsing import all_actions_of, build_parser, choices_of, parse
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "commands.md"
@@ -20,7 +20,7 @@ ALL = ", ".join(NAMES)
 
 def options_of(name):
     """Return the long options of a command with their help."""
-    actions = choices_of(build_parser(COMMANDS, version="0"))[name]._actions
+    actions = all_actions_of(choices_of(build_parser(COMMANDS, version="0"))[name])
     return {text: action.help for action in actions for text in action.option_strings if text.startswith("--")}
 
 

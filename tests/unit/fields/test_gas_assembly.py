@@ -5,7 +5,8 @@ import pytest
 from pydantic import ValidationError
 
 from gslcosim.fields.assembly import gas_model_of
-from gslcosim.scenario.models import ReleaseSpec, Scenario, ShapeSpec
+from gslcosim.scenario.gas_models import ReleaseSpec, ShapeSpec
+from gslcosim.scenario.models import Scenario
 
 PLACE = (5.0, 5.0, 2.0)
 

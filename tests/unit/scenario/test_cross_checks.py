@@ -1,14 +1,13 @@
 """Rules between distant parts of a scenario."""
 
-from typing import get_args
-
 import pytest
 
 from gslcosim import world
 from gslcosim.fields.gases import GASES
 from gslcosim.scenario import cross_checks
+from gslcosim.scenario.gas_models import GASES as GAS_NAMES
 from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.models import Gas, SensorModel
+from gslcosim.scenario.sensor_models import SENSORS
 from gslcosim.sensing import SENSOR_MODELS
 
 
@@ -103,8 +102,8 @@ def test_the_physics_step_is_that_of_the_world():
 
 def test_the_gases_and_sensors_are_those_that_the_cores_have():
     """Scenario is the lower layer and may not ask them, so it keeps the names itself."""
-    assert get_args(Gas) == tuple(GASES)
-    assert set(get_args(SensorModel)) == set(SENSOR_MODELS)
+    assert tuple(GASES) == GAS_NAMES
+    assert tuple(SENSOR_MODELS) == SENSORS
 
 
 TWO_MORE = """agents:
@@ -142,7 +141,8 @@ def test_agents_are_listed_by_the_process_that_flies_them(scenario_file):
           "For example radio_2."]),
         ("[{name: radio, members: [moth, waps]}]",
          ["channels[0].members: expected at least two agents, was moth. Leave the channel out, or add an agent.",
-          "channels[0].members[1]: expected the name of an agent (moth, wasp, beetle), was 'waps'. Did you mean wasp?"]),
+          "channels[0].members[1]: expected the name of an agent (moth, wasp, beetle), was 'waps'. Did "
+          "you mean wasp?"]),
         ("[{name: radio, members: some}]",
          ["channels[0].members: expected all or a list of at least one text, was 'some'."]),
         ("[{name: radio, loss_frac: 1.5, delay_ticks: 0}]",
@@ -170,3 +170,61 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
     agents = TWO_MORE.replace("START", start).replace("wasp", name)
     found = told(("agents:\n", agents), ("name: hall", "name: hall\nchannels: [{name: radio}]"))
     assert found == [f"hall.yaml:3: channels[0].members: {end}"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("name: nose}", "name: nose, period_s: 0.25}",
+         "hall.yaml:13: agents[0].sensors[0].period_s: expected a whole number of 100 ms ticks, was 0.25 s. Nearest: "
+         "0.2 or 0.3."),
+        ("name: nose}", "name: nose, delay_s: 0.03}",
+         "hall.yaml:13: agents[0].sensors[0].delay_s: expected a whole number of 100 ms ticks, was 0.03 s. Nearest: "
+         "0.1."),
+        ("name: nose}", "name: nose, warm_up_s: 1.01}",
+         "hall.yaml:13: agents[0].sensors[0].warm_up_s: expected a whole number of 100 ms ticks, was 1.01 s. Nearest: "
+         "1 or 1.1."),
+        ("gas:", "gas:\n  define: [{name: ethanol, specific_gravity: 2}]",
+         "hall.yaml:6: gas.define[0].name: expected a name that no other gas has, was 'ethanol'. For example "
+         "my_ethanol."),
+        ("gas:", "gas:\n  gas: freon\n  define: [{name: freom, specific_gravity: 3}]",
+         "hall.yaml:6: gas.gas: expected one of ethanol, methane, hydrogen, propanol, chlorine, fluorine, acetone, "
+         "neon, helium, biogas, butane, carbon_dioxide, carbon_monoxide, smoke or freom, was 'freon'. Did you mean "
+         "freom?"),
+        ("gas:", "gas:\n  model: playback",
+         "hall.yaml:5: gas.playback: expected a folder of frames with model: playback and only then, was none with "
+         "model: playback. For example model: playback, playback: {folder: my_frames}."),
+        ("gas:", "gas:\n  tape: true\n  model: gaussian_plume",
+         "hall.yaml:6: gas.tape: expected false, unless the gas is made of filaments that no vehicle moves, was true "
+         "with model: gaussian_plume. Leave tape out."),
+        ("gas:", "gas:\n  tape: true\n  rotor_downwash: true",
+         "hall.yaml:6: gas.tape: expected false, unless the gas is made of filaments that no vehicle moves, was true "
+         "with rotor_downwash. Leave tape out."),
+        ("gas:", "gas:\n  model: meandering_plume\n  rotor_downwash: true",
+         "hall.yaml:7: gas.rotor_downwash: expected false with a model without filaments of its own, was true with "
+         "model: meandering_plume. Leave it out, or take model: filament."),
+        ("name: nose}", "name: nose, beam_body: [0, 0, 0]}",
+         "hall.yaml:13: agents[0].sensors[0].beam_body: expected a direction that is not zero, was [0, 0, 0]. For "
+         "example [1, 0, 0], ahead."),
+    ],
+)  # fmt: skip
+def test_instruments_and_gases_that_cannot_be_are_refused(told, old, new, line):
+    assert told((old, new)) == [line]
+
+
+def test_missing_gas_frames_are_one_problem(told, tmp_path):
+    (line,) = told(("gas:", "gas:\n  model: playback\n  playback: {folder: frames}"))
+    assert line.startswith(
+        "hall.yaml:7: gas.playback.folder: expected a folder of gas frames, or a movie, was 'frames'"
+    )
+
+
+def test_stored_gas_is_named_absolutely(scenario_file, tmp_path):
+    (tmp_path / "frames").mkdir()
+    loaded = load_scenario(scenario_file(("gas:", "gas:\n  model: playback\n  playback: {folder: frames}")))
+    assert loaded.scenario.gas.playback.folder == str(tmp_path / "frames")
+
+
+def test_a_defined_gas_can_be_released(scenario_file):
+    gas = "gas:\n  gas: freon\n  define: [{name: freon, specific_gravity: 3, mox: [{sensor: tgs2600, a: 1, b: -1}]}]"
+    assert load_scenario(scenario_file(("gas:", gas))).scenario.gas.gas == "freon"

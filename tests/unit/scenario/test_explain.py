@@ -1,13 +1,13 @@
 """Wrong values and keys: each is told once, with place, expected, found and remedy."""
 
-from typing import get_args
-
 import pytest
 
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.explain import shown
-from gslcosim.scenario.models import Gas, SensorModel, VehicleSpec
+from gslcosim.scenario.gas_models import GASES
+from gslcosim.scenario.models import VehicleSpec
 from gslcosim.scenario.schema_walk import keys_of
+from gslcosim.scenario.sensor_models import SENSORS
 
 VEHICLE_KEYS = ", ".join(keys_of(VehicleSpec))
 
@@ -85,9 +85,9 @@ def test_a_wrong_value_is_one_problem_with_a_remedy(told, old, new, line):
     ("old", "new", "place", "known", "remedy"),
     [
         ("model: tgs2600", "model: TGS-2600", "hall.yaml:13: agents[0].sensors[0].model",
-         get_args(SensorModel), "was 'TGS-2600'. Did you mean tgs2600?"),
+         SENSORS, "was 'TGS-2600'. Did you mean tgs2600?"),
         ("gas:", "gas:\n  gas: etanol", "hall.yaml:6: gas.gas",
-         get_args(Gas), "was 'etanol'. Did you mean ethanol?"),
+         GASES, "was 'etanol'. Did you mean ethanol?"),
     ],
 )  # fmt: skip
 def test_an_unknown_sensor_or_gas_is_answered_with_all_that_are_known(told, old, new, place, known, remedy):
@@ -118,7 +118,7 @@ def test_an_unknown_sensor_or_gas_is_answered_with_all_that_are_known(told, old,
          "Did you mean start_m? It is in metres."),
         ("name: hall", "name: hall\nreferee: {seed: 3}",
          "hall.yaml:3: referee.seed: expected one of the keys success, stop, was an unknown key. "
-         "seed belongs to the top level or environment.layout."),
+         "seed belongs to the top level or environment.layout or gas."),
     ],
 )  # fmt: skip
 def test_an_unknown_key_is_one_problem_that_names_what_was_meant(told, old, new, line):
