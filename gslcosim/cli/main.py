@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from gslcosim import __version__
-from gslcosim.cli import compare, doctor, listing, sample, schema, up, validate, view
+from gslcosim.cli import agent, compare, doctor, listing, sample, schema, up, validate, view
 from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import write_note
 from gslcosim.errors import (
@@ -25,6 +25,7 @@ COMMANDS = (
     view.COMMAND,
     compare.COMMAND,
     sample.COMMAND,
+    agent.COMMAND,
     schema.COMMAND,
     doctor.COMMAND,
 )

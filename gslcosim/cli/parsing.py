@@ -96,7 +96,14 @@ def _unknown_words(parser: Parser, command: str | None, unknown: list[str]) -> s
 
 def _options_of(parser: Parser, command: str | None) -> set[str]:
     chosen = choices_of(parser)[command] if command else parser
-    return {text for action in chosen._actions for text in action.option_strings if text.startswith("--")}
+    return {text for action in all_actions_of(chosen) for text in action.option_strings if text.startswith("--")}
+
+
+def all_actions_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Return what a command takes, with what the actions below it take."""
+    nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    below = [item for action in nested for choice in action.choices.values() for item in all_actions_of(choice)]
+    return [*parser._actions, *below]
 
 
 def choices_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

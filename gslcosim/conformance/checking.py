@@ -15,6 +15,7 @@ from gslcosim.conformance.judging import (
     repeat_failures,
     slowest_answer_s,
 )
+from gslcosim.conformance.rules import RULES
 from gslcosim.conformance.wiring import Wiring
 
 SEED, OTHER_SEED = 20_230_117, 7
@@ -26,6 +27,7 @@ _VARIATIONS: dict[str, tuple[Variation, str]] = {
     "repeats": ("repeats", ", some of them sent again after the answer"),
 }
 _AFTER_FIRST = ("restart", "determinism", *_VARIATIONS, "early-ending", "stream-end")
+_IN_FLIGHT = tuple(rule for rule in RULES if rule not in (*_AFTER_FIRST, "joins", "ending", "exit-code"))
 
 
 def check_agent(
@@ -99,7 +101,7 @@ class Check:
             self._add(renamed(rule, broken))
             return
         if rule == "repeats":
-            self._add(repeat_failures(flight))
+            self._add(repeat_failures(flight, may_answer_more="once" in self.failures))
         if "determinism" in self.failures:
             self.notes[rule] = "answered rightly; whether as before cannot be told while determinism fails"
         else:
@@ -133,20 +135,8 @@ class Check:
         self.unjudged |= dict.fromkeys(_AFTER_FIRST, reason)
         if first.end_told_at_s is None:
             self.unjudged |= dict.fromkeys(("ending", "exit-code"), reason)
-        if "joins" in found:
-            later = (
-                "listens-first",
-                "answers",
-                "deadline",
-                "size",
-                "encoding",
-                "contract",
-                "integers",
-                "tick",
-                "finite",
-            )
-            more = ("byte-order", "schema", "once", "unasked", "flood", "own-key", "own-ears", "stays")
-            self.unjudged |= dict.fromkeys((*later, *more), reason)
+        if {"joins", "listens-first"} & found.keys():
+            self.unjudged |= dict.fromkeys(_IN_FLIGHT, reason)
         elif not first.commands():
             judged_by_commands = ("contract", "integers", "tick", "finite", "byte-order", "schema", "once", "deadline")
             self.unjudged |= dict.fromkeys(judged_by_commands, reason)

@@ -18,6 +18,7 @@ FLOOD_MESSAGES = 100
 GIVE_UP_AFTER_MESSAGES = 2000
 MAX_WRONG = 3
 REPEAT_EVERY_QUESTIONS = 3
+REPEAT_AFTER_S = 1.0  # as the supervisor of a run does
 END_REASON = "time_limit"
 
 
@@ -42,11 +43,12 @@ class Script:
 
 @dataclass
 class Question:
-    """An observation that awaited a command, how often it was sent, and when."""
+    """An observation that awaited a command, when it was sent, how often, and when it was no longer waited for."""
 
     tick: int
     sent_at_s: float
     n_sent: int = 1
+    closed_at_s: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +67,7 @@ class Transcript:
 
     script: Script
     joined_at_s: float | None = None
+    joins_by_start: bool = False
     unheard: tuple[str, ...] = ()
     overheard: tuple[str, ...] = ()
     strays: list[str] = field(default_factory=list[str])
@@ -78,16 +81,19 @@ class Transcript:
     left_how: str = ""
     exited_at_s: float | None = None
     exit_code: int | None = None
+    is_given_up: bool = False
     end_told_at_s: float | None = None
     last_words: str = ""
 
-    def answers_to(self, tick: int) -> list[Arrival]:
-        """Return the valid commands with a tick."""
-        return [arrival for arrival in self.arrivals if arrival.answer.command and arrival.answer.tick == tick]
+    def answers_to(self, question: Question) -> list[Arrival]:
+        """Return the valid commands with a question's tick; none if the first came only when it was no longer open."""
+        found = [a for a in self.arrivals if a.answer.command and a.answer.tick == question.tick]
+        found = [arrival for arrival in found if arrival.at_s >= question.sent_at_s]
+        return found if found and found[0].open_tick == question.tick else []
 
     def commands(self) -> dict[int, Command]:
         """Return the first valid command for each question that has one."""
-        found = {question.tick: self.answers_to(question.tick) for question in self.questions}
+        found = {question.tick: self.answers_to(question) for question in self.questions}
         return {tick: arrivals[0].answer.command for tick, arrivals in found.items() if arrivals}  # type: ignore[misc]
 
     @property
@@ -106,7 +112,7 @@ class Flight:
         self._world = ScriptedWorld(script.seed)
         self._door = Door("agent")
         self._open_tick: int | None = None
-        self._transcript = Transcript(script)
+        self._transcript = Transcript(script, joins_by_start=wire.joins_by_start)
 
     def play(self) -> Transcript:
         """Play the script from the agent's start to its end; nothing of the agent is left when this returns."""
@@ -126,6 +132,8 @@ class Flight:
         transcript.unheard = self._wire.unheard()
         transcript.briefed_at_s = self._now()
         self._send(briefing_for(transcript.script.seed))
+        # Over Zenoh the keys of an agent have no order among each other.
+        self._await(lambda: not self._wire.may_lose, self._limits.settle_s)
         if transcript.script.variation != "ending at once":
             for tick, is_asked in ticks():
                 if self._is_hopeless():
@@ -137,6 +145,8 @@ class Flight:
 
     def _end(self) -> None:
         transcript = self._transcript
+        if self._is_flooded():
+            return
         if not self._is_gone():
             transcript.end_told_at_s = self._now()
             if transcript.script.variation == "lost link":
@@ -159,34 +169,45 @@ class Flight:
         if not is_asked:
             self._await(lambda: True, 0.0)
             return
-        self._await_answer(transcript.questions[-1])
+        self._await_answer(transcript.questions[-1], observation)
         if transcript.script.variation == "repeats" and len(transcript.questions) % REPEAT_EVERY_QUESTIONS == 0:
             self._repeat(observation)
-        self._open_tick = None
-        if answers := transcript.answers_to(tick):
+        self._open_tick, transcript.questions[-1].closed_at_s = None, self._now()
+        if answers := transcript.answers_to(transcript.questions[-1]):
             self._world.obey(answers[0].answer.command)  # type: ignore[arg-type]
 
-    # What a run does when a question may have got lost: briefing and observation come again.
     def _repeat(self, observation: Observation) -> None:
         question = self._transcript.questions[-1]
-        if self._transcript.answers_to(question.tick):
-            question.n_sent += 1
-            self._send(briefing_for(self._transcript.script.seed))
-            self._send(observation)
-            self._await_answer(question)
+        if self._transcript.answers_to(question):
+            question.n_sent = len(self._transcript.answers_to(question))
+            self._send_again(observation)
+            self._await_answer(question, observation)
+
+    # What a run does when a question may have got lost: briefing and observation come again.
+    def _send_again(self, observation: Observation) -> None:
+        self._transcript.questions[-1].n_sent += 1
+        self._send(briefing_for(self._transcript.script.seed))
+        self._send(observation)
 
     # Twice the limit, to tell a late answer from none. Where something wrong has come instead, a run does not wait
     # either; the right answer might still follow at once.
-    def _await_answer(self, question: Question) -> None:
+    def _await_answer(self, question: Question, observation: Observation) -> None:
         transcript, settle_s = self._transcript, self._limits.settle_s
+        n_wanted = question.n_sent
 
         def is_settled() -> bool:
-            if len(transcript.answers_to(question.tick)) >= question.n_sent:
+            if len(transcript.answers_to(question)) >= n_wanted:
                 return True
             wrong = [arrival for arrival in transcript.arrivals[-3:] if self._is_instead(arrival, question)]
             return bool(wrong) and self._now() - wrong[-1].at_s > settle_s
 
-        self._await(is_settled, 2 * self._limits.answer_s)
+        deadline = self._now() + 2 * self._limits.answer_s
+        while True:
+            rest_s = deadline - self._now()
+            self._await(is_settled, min(rest_s, REPEAT_AFTER_S) if self._wire.may_lose else rest_s)
+            if is_settled() or self._now() >= deadline or self._is_over():
+                return
+            self._send_again(observation)
 
     def _is_instead(self, arrival: Arrival, question: Question) -> bool:
         is_unasked = arrival.answer.command is not None and arrival.answer.tick in self._transcript.told_ticks
@@ -213,8 +234,9 @@ class Flight:
             self._hear(read_answer(data) if kind == "command" else refused_answer(data.decode()), data, kind)
         elif kind == "joined":
             transcript.joined_at_s = transcript.joined_at_s or self._now()
-        elif kind == "left" and transcript.left_at_s is None:
+        elif kind in ("left", "given up") and transcript.left_at_s is None:
             transcript.left_at_s, transcript.left_how = self._now(), data.decode()
+            transcript.is_given_up = kind == "given up"
         elif kind == "exit":
             transcript.exited_at_s, transcript.exit_code = self._now(), int(data)
         elif kind in ("stray", "question"):
@@ -255,14 +277,10 @@ class Flight:
         transcript = self._transcript
         if self._is_gone() or self._is_flooded():
             return True
-        unanswered = [question for question in transcript.questions if not transcript.answers_to(question.tick)]
-        heard = [question for question in unanswered if any(a.open_tick == question.tick for a in transcript.arrivals)]
-        is_late = any(
-            transcript.answers_to(question.tick)[0].at_s - question.sent_at_s > self._limits.answer_s
-            for question in transcript.questions
-            if question not in unanswered
-        )
-        return len(heard) >= MAX_WRONG or len(unanswered) > len(heard) or is_late
+        unanswered = [question for question in transcript.questions if not transcript.answers_to(question)]
+        closed = [(question.sent_at_s, question.closed_at_s or 0.0) for question in transcript.questions]
+        is_slow = any(closed_s - sent_s > self._limits.answer_s for sent_s, closed_s in closed)
+        return len(unanswered) >= MAX_WRONG or is_slow
 
     def _now(self) -> float:
         return time.monotonic() - self._began

@@ -72,17 +72,20 @@ def difference(rule: str, first: Transcript, second: Transcript, *, sent: str) -
     return {}
 
 
-def repeat_failures(transcript: Transcript) -> dict[str, Failure]:
-    """Return where an observation that came again was not answered again, or not with the same bytes."""
+def repeat_failures(transcript: Transcript, *, may_answer_more: bool) -> dict[str, Failure]:
+    """Return where an observation that came again was not answered again, or not with the same bytes.
+
+    `may_answer_more` says that it is known already that the agent answers more than once.
+    """
     for question in transcript.questions:
-        answers = [arrival.answer for arrival in transcript.answers_to(question.tick)]
+        answers = [arrival.answer for arrival in transcript.answers_to(question)]
         if question.n_sent == 1 or not answers:
             continue
         sent = f"{_observation(question.tick)} again, after its answer and another briefing"
         expected = f"the same bytes as before: {answers[0].shown}"
         if len(answers) < question.n_sent:
             return _one(transcript, "repeats", sent=sent, expected=expected, got="nothing")
-        if len(answers) > question.n_sent:
+        if len(answers) > question.n_sent and not may_answer_more:
             got = f"{len(answers)} answers to {question.n_sent} observations"
             return _one(transcript, "repeats", sent=sent, expected=expected, got=got)
         if any(answer.payload != answers[0].payload for answer in answers):
@@ -100,8 +103,8 @@ def are_alike(first: Command | None, second: Command | None) -> bool:
 
 def slowest_answer_s(transcript: Transcript) -> float | None:
     """Return the longest time from a question to its answer [s]."""
-    answered = [question for question in transcript.questions if transcript.answers_to(question.tick)]
-    return max((transcript.answers_to(q.tick)[0].at_s - q.sent_at_s for q in answered), default=None)
+    answered = [question for question in transcript.questions if transcript.answers_to(question)]
+    return max((transcript.answers_to(q)[0].at_s - q.sent_at_s for q in answered), default=None)
 
 
 def _in_order(transcript: Transcript, limits: Limits) -> Iterator[Failure]:
@@ -111,6 +114,7 @@ def _in_order(transcript: Transcript, limits: Limits) -> Iterator[Failure]:
     if transcript.unheard:
         expected = f"subscriptions to {', '.join(transcript.unheard)} before the token"
         yield _failure(transcript, "listens-first", sent="", expected=expected, got="a token without them")
+        return
     if transcript.n_surplus > FLOOD_MESSAGES:
         n_asked = sum(question.n_sent for question in transcript.questions)
         expected = f"{n_asked} commands, one for each observation that awaited one"
@@ -132,7 +136,12 @@ def _in_order(transcript: Transcript, limits: Limits) -> Iterator[Failure]:
 # Over stdio an agent has joined as soon as it is started. One that is gone without a word has never really come.
 def _died_unheard(transcript: Transcript) -> bool:
     is_over = transcript.exited_at_s is not None and transcript.end_told_at_s is None
-    return is_over and not transcript.n_arrivals and not transcript.told_ticks - {0, 1, 2, 3, 4}
+    return (
+        transcript.joins_by_start
+        and is_over
+        and not transcript.n_arrivals
+        and not transcript.told_ticks - {0, 1, 2, 3, 4}
+    )
 
 
 def _absence(transcript: Transcript, limits: Limits) -> Failure:
@@ -147,7 +156,7 @@ def _absence(transcript: Transcript, limits: Limits) -> Failure:
 
 def _question_failures(transcript: Transcript, question: Question, limits: Limits) -> Iterator[Failure]:
     sent = _observation(question.tick)
-    answers = transcript.answers_to(question.tick)
+    answers = transcript.answers_to(question)
     others = [a for a in transcript.arrivals if a.open_tick == question.tick and a not in answers]
     for arrival in (*answers[:1], *others):
         if problem := arrival.answer.problem:
@@ -172,7 +181,7 @@ def _question_failures(transcript: Transcript, question: Question, limits: Limit
 # What came while no question was open, and commands for observations that asked for none, beside the right answer.
 def _unasked_failures(transcript: Transcript) -> Iterator[Failure]:
     asked = {question.tick for question in transcript.questions}
-    answered = {tick for tick in asked if transcript.answers_to(tick)}
+    answered = {question.tick for question in transcript.questions if transcript.answers_to(question)}
     for arrival in transcript.arrivals:
         answer = arrival.answer
         if arrival.open_tick is None and answer.problem is not None:
@@ -211,7 +220,7 @@ def _trespasses(transcript: Transcript) -> Iterator[Failure]:
 
 
 def _early_leave(transcript: Transcript) -> Iterator[Failure]:
-    if not _is_gone_early(transcript):
+    if not _is_gone_early(transcript) or transcript.is_given_up:
         return
     how = transcript.left_how
     if transcript.exited_at_s is not None:

@@ -25,7 +25,7 @@ from gslcosim.runtime.guests import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARI
 from gslcosim.runtime.processes import Children
 
 DoorKind = Literal["zenoh", "stdio", "tcp", "unix"]
-Event = tuple[Literal["joined", "command", "refused", "left", "exit", "stray", "question"], bytes]
+Event = tuple[Literal["joined", "command", "refused", "left", "given up", "exit", "stray", "question"], bytes]
 N_LAST_LINES = 6
 _NAMESPACE = "gsl/check"
 _KEY_OF_MESSAGE = {Briefing: keys.briefing, Observation: keys.observation, Ending: keys.ending}
@@ -73,9 +73,15 @@ class Wiring:
 
 
 class Wire(Protocol):
-    """One start of an agent. `events` holds what it does, in order."""
+    """One start of an agent. `events` holds what it does, in order.
+
+    `may_lose` says that a message may be lost in the air, so that a run repeats questions;
+    `joins_by_start` that an agent joins by being started, without a word of its own.
+    """
 
     events: "queue.SimpleQueue[Event]"
+    may_lose: bool
+    joins_by_start: bool
 
     def start(self) -> None:
         """Start the agent's process."""
@@ -131,6 +137,9 @@ class _Started:
 class ZenohWire(_Started):
     """An agent over Zenoh, with a router of its own that lets it do what it wants and sees it."""
 
+    may_lose = True
+    joins_by_start = False
+
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
         self._user = AgentUser(agent=AGENT, password=new_password())
@@ -145,7 +154,7 @@ class ZenohWire(_Started):
             router.offer(_whole(key))
         router.watch(
             on_put=self._on_put,
-            on_question=lambda key, _: self.events.put(("question", key.encode())),
+            on_question=lambda key, _: self.events.put(("question", _relative(key).encode())),
             on_alive=self._on_alive,
         )
         join = Join(
@@ -208,8 +217,11 @@ class ZenohWire(_Started):
 class GatewayWire(_Started):
     """An agent behind the gateway, over the very link that a run uses."""
 
+    may_lose = False
+
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
+        self.joins_by_start = wiring.door == "stdio"
         self._link = Link(wiring.format, self._on_event)
         self._listener: Listener | None = None
 
@@ -268,10 +280,9 @@ class GatewayWire(_Started):
         if kind in ("command", "refused"):
             self.events.put(("command" if kind == "command" else "refused", data))
             return
-        if data and kind == "ended":
+        if data:
             self.events.put(("refused", data))
-        text = b"its output ended" if kind == "ended" else b"it was given up: " + data
-        self.events.put(("left", text))
+        self.events.put(("given up", data) if kind == "closed" else ("left", b"its output ended"))
 
 
 def _whole(key: str) -> str:

@@ -1,0 +1,113 @@
+"""`gslcosim agent`: check an agent against the contract, or begin a new one."""
+
+import argparse
+from pathlib import Path
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+
+EXAMPLES = """  gslcosim agent new python my_agent
+  gslcosim agent check -- python my_agent/agent.py
+  gslcosim agent check --door stdio --format json -- ./my-agent --verbose"""
+
+EXIT_BROKEN_RULES = 1
+DEFAULT_TIMEOUT_S = 30.0
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
+    check = actions.add_parser(
+        "check", help="play scripted sessions with an agent and judge every rule of the contract", allow_abbrev=False
+    )
+    _add_check_arguments(check)
+    check.set_defaults(act=_check)
+    new = actions.add_parser("new", help="write a working agent to begin with", allow_abbrev=False)
+    _add_new_arguments(new)
+    new.set_defaults(act=_new)
+
+
+def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help="the command that starts the agent, after --")
+    parser.add_argument(
+        "--door",
+        choices=("zenoh", "stdio", "tcp", "unix"),
+        default="zenoh",
+        help="how the agent joins: over Zenoh, or through the gateway over stdio, tcp or unix (default: zenoh)",
+    )
+    parser.add_argument(
+        "--format",
+        choices=("msgpack", "json"),
+        default="msgpack",
+        help="the format of frames through the gateway (default: msgpack)",
+    )
+    parser.add_argument(
+        "--observations",
+        choices=("all", "asked"),
+        default="all",
+        help="send all observations through the gateway, or only those that await a command (default: all)",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=_seconds,
+        default=DEFAULT_TIMEOUT_S,
+        metavar="S",
+        help=f"how long the agent may take for an answer, in seconds (default: {DEFAULT_TIMEOUT_S:g})",
+    )
+    add_json_option(parser)
+
+
+def _add_new_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("language", metavar="LANGUAGE", help="python, or another language that has a template")
+    parser.add_argument("name", metavar="NAME", help="the agent's name, such as my_agent")
+    parser.add_argument(
+        "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
+    )
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    return int(arguments.act(arguments))
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from gslcosim.conformance import Limits, Wiring, check_agent
+
+    wiring = Wiring(
+        command=tuple(arguments.words),
+        door=arguments.door,
+        format=arguments.format,
+        observations=arguments.observations,
+    )
+    limits = Limits(answer_s=arguments.timeout, join_s=max(arguments.timeout, DEFAULT_TIMEOUT_S))
+    report = check_agent(wiring, limits, lambda name: write_note(f"flight: {name}"))
+    if arguments.json:
+        write_json(report.as_fields())
+    else:
+        write(report.as_text())
+    return 0 if report.has_passed else EXIT_BROKEN_RULES
+
+
+def _new(arguments: argparse.Namespace) -> int:
+    from gslcosim.conformance.creation import create_agent
+
+    created = create_agent(arguments.language, arguments.name, arguments.dir or Path(arguments.name))
+    write(created.as_text())
+    return 0
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 0.0 < seconds < 1e6:
+        raise argparse.ArgumentTypeError(f"expected a number of seconds above 0, was '{text}'")
+    return seconds
+
+
+COMMAND = Command(
+    name="agent",
+    summary="check an agent in any language against the contract, or begin a new one",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,121 @@
+"""Agents with one fault each: the rule meant for it finds it, and only rules that follow from it fail beside it."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from gslcosim.conformance import Limits, Wiring, check_agent
+
+MUTANT = Path(__file__).parent / "agents" / "mutant.py"
+LIMITS = Limits(join_s=20, answer_s=1.0, exit_s=2.0, settle_s=0.15)
+
+# Name, what fails (first the rule meant for it, then what follows from it), and words that lead to the fix.
+OVER_PIPES = {
+    "crash_at_start": (["joins"], "no licence found"),
+    "late": (["deadline"], "one after 1."),
+    "silent": (["answers"], "nothing within"),
+    "crash_in_flight": (["stays"], "plume"),
+    "leaves_early": (["stays"], "exit code 0 before the end of the run"),
+    "closes_output": (["stays"], "its output ended before the end of the run"),
+    "never_exits": (["ending", "stream-end"], "it still runs 2 s later"),
+    "thread_left_over": (["ending"], "it still runs 2 s later"),
+    "ignores_stream_end": (["stream-end"], "it still runs 2 s later"),
+    "exits_with_3": (["exit-code"], "ended with exit code 3"),
+    "waits_for_a_question": (["early-ending"], "it still runs 2 s later"),
+    "lock_file": (["restart"], "running.lock"),
+    "tick_plus_one": (["tick"], '"tick":5'),
+    "tick_minus_one": (["tick"], '"tick":3'),
+    "tick_counted": (["tick"], '"tick":0'),
+    "tick_32_bit": (["tick"], '"tick":0'),
+    "tick_float": (["integers"], "tick 4.0, a real number"),
+    "tick_text": (["integers"], "tick '4', a text"),
+    "not_a_number": (["finite"], "position_world_m.0: nan"),
+    "infinite": (["finite"], "hold_s: inf"),
+    "reason_is_a_number": (["schema"], "reason: input should be a valid string, was 5"),
+    "number_as_key": (["encoding"], "int is not allowed for map key"),
+    "numbers_little_endian": (["byte-order"], "with its bytes turned around it is 2.0"),
+    "position_as_big_endian_array": (["schema"], "A position is a list of three numbers"),
+    "not_msgpack": (["encoding"], "c120676172"),
+    "a_list": (["encoding"], "msgpack of a list"),
+    "prints": (["encoding"], "It is the text 'deci'"),
+    "wrong_map": (["schema"], "kind: field required"),
+    "unknown_kind": (["schema"], "was 'goto'"),
+    "claims_to_have_failed": (["schema"], "which only the runtime writes"),
+    "waypoint_to_nowhere": (["schema"], "a waypoint command needs position_world_m"),
+    "huge": (["size"], "was 8000"),
+    "other_contract": (["contract"], "was 9.0"),
+    "twice": (["once"], "2: Command"),
+    "unasked": (["unasked"], '"tick":0'),
+    "floods": (["flood"], "messages, and then the check gave up"),
+    "unseeded": (["determinism"], '"tick":4'),
+    "reads_the_clock": (["determinism"], '"tick":4'),
+    "remembers_the_last_run": (["determinism"], '"tick":4'),
+    "stops_at_an_unknown_field": (["unknown-fields"], "unexpected x_flag"),
+    "wants_its_own_minor_version": (["unknown-fields"], "built for an older contract"),
+    "needs_optional_fields": (["optional-fields"], "KeyError: 'notice'"),
+    "takes_absence_for_news": (["optional-fields"], '"tick":4'),
+}
+IN_JSON = {
+    "unflushed": (["answers"], "nothing within"),
+    "not_a_number": (["finite"], "position_world_m.0: nan"),
+    "tick_float": (["integers"], "tick 4.0, a real number"),
+    "prints": (["encoding"], "deciding for tick 4"),
+    "two_objects_on_a_line": (["encoding"], "Extra data"),
+}
+OVER_ZENOH = {
+    "not_msgpack": (["encoding"], "c120676172"),
+    "huge": (["size"], "8000"),
+    "floods": (["flood"], "messages, and then the check gave up"),
+    "twice": (["once"], "2: Command"),
+    "answers_for_another": (["own-key", "answers"], "agents/agent_2/command"),
+    "forges_truth": (["own-key"], "truth/bodies"),
+    "spies": (["own-ears"], "a subscription that includes truth/bodies"),
+    "asks_for_the_truth": (["own-ears"], "a query of truth/bodies"),
+    "forgets_the_namespace": (["joins"], "outside of the namespace"),
+    "token_first": (["listens-first"], "a token without them"),
+    "decides_anew": (["repeats"], "not the same"),
+    "silent_at_repeats": (["repeats"], "nothing"),
+    "begins_anew_with_each_briefing": (["repeats"], '"tick":11'),
+    "hangs_up": (["stays"], "its liveliness token vanished before the end of the run"),
+    "ignores_stream_end": (["stream-end"], "it still runs 2 s later"),
+    "crash_at_start": (["joins"], "no licence found"),
+}
+
+
+def check(name, door, frame_format, folder):
+    command = (sys.executable, str(MUTANT), name, door, frame_format)
+    return check_agent(Wiring(command=command, door=door, format=frame_format, directory=folder), LIMITS)
+
+
+def assert_caught(report, rules, words):
+    assert set(report.failed_rules) == set(rules), report.as_text()
+    failure = report.finding(rules[0]).failure
+    assert words in f"{failure.sent} {failure.got}", report.as_text()
+    assert not report.has_passed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OVER_PIPES)
+def test_a_wrong_agent_over_pipes_is_caught(name, tmp_path):
+    assert_caught(check(name, "stdio", "msgpack", tmp_path), *OVER_PIPES[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", IN_JSON)
+def test_a_wrong_agent_in_json_is_caught(name, tmp_path):
+    assert_caught(check(name, "stdio", "json", tmp_path), *IN_JSON[name])
+
+
+@pytest.mark.slow
+@pytest.mark.end_to_end
+@pytest.mark.parametrize("name", OVER_ZENOH)
+def test_a_wrong_agent_over_zenoh_is_caught(name, tmp_path):
+    assert_caught(check(name, "zenoh", "msgpack", tmp_path), *OVER_ZENOH[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("door", "frame_format"), [("stdio", "msgpack"), ("stdio", "json"), ("zenoh", "msgpack")])
+def test_the_agent_without_a_fault_breaks_no_rule(door, frame_format, tmp_path):
+    report = check("right", door, frame_format, tmp_path)
+    assert report.has_passed, report.as_text()
