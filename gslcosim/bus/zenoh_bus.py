@@ -145,11 +145,25 @@ class ZenohBus:
             self._publishers[key, urgent] = publisher
         publisher.put(payload)
 
-    def subscribe(self, key: str, handler: Handler) -> None:
-        """Call `handler(key, payload)` for each message; see `Bus`."""
+    def subscribe(
+        self,
+        key: str,
+        handler: Handler,
+        *,
+        max_bytes: int | None = None,
+        on_longer: Callable[[str, int], None] = lambda _key, _n_bytes: None,
+    ) -> None:
+        """Call `handler(key, payload)` for each message; see `Bus`.
+
+        A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is told of it instead.
+        """
 
         def on_sample(sample: zenoh.Sample) -> None:
-            handler(self._relative(sample.key_expr), sample.payload.to_bytes())
+            n_bytes = len(sample.payload)
+            if max_bytes is not None and n_bytes > max_bytes:
+                on_longer(self._relative(sample.key_expr), n_bytes)
+            else:
+                handler(self._relative(sample.key_expr), sample.payload.to_bytes())
 
         # Indirect: the network's thread must not wait for the interpreter, or the router forwards nothing meanwhile.
         callback: Any = zenoh.handlers.Callback(on_sample, indirect=True)

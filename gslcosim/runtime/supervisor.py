@@ -5,7 +5,6 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from gslcosim.bus.port import Join
@@ -17,18 +16,18 @@ from gslcosim.runtime import control
 from gslcosim.runtime.agents import start_command
 from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import Door, door_name, faults_of
+from gslcosim.runtime.door import MAX_COMMAND_BYTES, Door, door_name, faults_of
 from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
-from gslcosim.runtime.host import PROGRESS_EVERY_TICKS, Kept
-from gslcosim.runtime.in_order import InOrder
+from gslcosim.runtime.host import PROGRESS_EVERY_TICKS
+from gslcosim.runtime.inlet import Inlet
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault, ending_of
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text, python_command
+from gslcosim.runtime.seat import Seat
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent
-from gslcosim.scenario.models import AgentSpec
 from gslcosim.ticks import seconds_from_ticks
 
 STALL_LIMIT_S = 30.0
@@ -39,23 +38,6 @@ STATUS_EVERY_S = 0.1
 # Between two looks at the clock, however many messages an agent sends.
 MAX_EVENTS_AT_ONCE = 256
 _Event = tuple[str, str, bytes]
-
-
-@dataclass
-class _Seat:
-    """The supervisor's side of one agent: its door, its commands, and when it owes an answer."""
-
-    spec: AgentSpec
-    door: Door
-    trail: Trail = field(default_factory=Trail)
-    kept: Kept = field(default_factory=Kept)
-    in_order: InOrder = field(default_factory=InOrder)
-    briefing: bytes | None = None
-    observation: bytes = b""
-    asked_at: float | None = None
-    repeated_at: float = 0.0
-    told_tick: int = -1
-    is_ready: bool = False
 
 
 class _EndedError(Exception):
@@ -76,14 +58,16 @@ class Supervisor:
         self._report = report
         self._dataflow = dataflow_of(setup.scenario)
         self._services = service_names(setup.scenario)
+        self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._seats = {
-            agent.name: _Seat(agent, Door(agent.name, may_overlap=agent.latency_ticks > 1))
+            agent.name: Seat(
+                agent, Door(agent.name, may_overlap=agent.latency_ticks > 1), Inlet(agent.name, self._put_event)
+            )
             for agent in setup.scenario.agents
         }
         # Who flies whom: a process has the name of the agent that it was started for.
         self._crews = setup.scenario.agents_by_process()
         self._observed_by = {keys.observation(name): seat for name, seat in self._seats.items()}
-        self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._guests = Guests(setup, directory, network, self._put_event)
         self._ready: set[str] = set()
         self._described: set[str] = set()
@@ -159,10 +143,13 @@ class Supervisor:
         def put_agent(kind: str) -> Callable[[str, bytes], None]:
             return lambda key, payload: self._events.put((kind, key.split("/")[1], payload))
 
-        for name in self._seats:
+        for name, seat in self._seats.items():
             bus.subscribe(keys.briefing(name), put_agent("briefing"))
-            bus.subscribe(keys.raw_command(name), put_agent("command"))
-            bus.answer(control.resend(door_name(name)), self._seats[name].kept.answer)
+            inlet = seat.inlet
+            bus.subscribe(
+                keys.raw_command(name), inlet.on_command, max_bytes=MAX_COMMAND_BYTES, on_longer=inlet.on_longer
+            )
+            bus.answer(control.resend(door_name(name)), seat.kept.answer)
         for name in ("sensing", "referee"):
             bus.subscribe(control.bundle(name), put("bundle"))
         bus.subscribe(control.FAULT, put("fault"))
@@ -258,6 +245,9 @@ class Supervisor:
             self._on_bundle(bus, payload)
         elif kind == "command":
             self._pass(bus, self._seats[name], self._seats[name].door.received(payload))
+            self._seats[name].inlet.handled(payload)
+        elif kind == "command refused":
+            self._pass(bus, self._seats[name], self._seats[name].door.refused(payload.decode()))
         elif kind == "progress":
             self._on_progress(name, payload)
         elif kind == "waiting":
@@ -277,7 +267,7 @@ class Supervisor:
         else:
             self._handle_life(bus, kind, name, payload)
 
-    def _handle_guest(self, bus: ZenohBus, kind: str, seat: _Seat, payload: bytes) -> None:
+    def _handle_guest(self, bus: ZenohBus, kind: str, seat: Seat, payload: bytes) -> None:
         if kind == READY:
             seat.is_ready = True
         elif kind == GONE and not self._is_dismissing:
@@ -342,7 +332,7 @@ class Supervisor:
             question = control.ResendRequest(port=keys.VERDICT, tick=bye.last_tick).to_bytes()
             bus.ask(control.resend("referee"), question, lambda _, payload: self._events.put(("verdict", "", payload)))
 
-    def _on_observation(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
+    def _on_observation(self, bus: ZenohBus, seat: Seat, payload: bytes) -> None:
         for message in seat.in_order.take(codec.peek_tick(payload), payload):
             self._observe(bus, seat, message)
         name = seat.spec.name
@@ -350,7 +340,7 @@ class Supervisor:
             question = control.ResendRequest(port=keys.observation(name), tick=tick).to_bytes()
             bus.ask(control.resend("sensing"), question, lambda _, got: self._events.put(("observation", name, got)))
 
-    def _observe(self, bus: ZenohBus, seat: _Seat, payload: bytes) -> None:
+    def _observe(self, bus: ZenohBus, seat: Seat, payload: bytes) -> None:
         observation = codec.decode(Observation, payload)
         commands = seat.door.observed(observation)
         if observation.tick - seat.told_tick >= PROGRESS_EVERY_TICKS or observation.awaiting_command:
@@ -365,7 +355,7 @@ class Supervisor:
             self._guests.observe(seat.spec.name, payload, is_question=observation.awaiting_command)
         self._pass(bus, seat, commands)
 
-    def _pass(self, bus: ZenohBus, seat: _Seat, commands: Sequence[Command]) -> None:
+    def _pass(self, bus: ZenohBus, seat: Seat, commands: Sequence[Command]) -> None:
         for command in commands:
             payload = codec.encode(command)
             port = keys.command(seat.spec.name)
@@ -403,7 +393,7 @@ class Supervisor:
         elif name in self._seats:
             self._lose(bus, self._seats[name], "the agent left the run before its end.")
 
-    def _lose(self, bus: ZenohBus, seat: _Seat, reason: str) -> None:
+    def _lose(self, bus: ZenohBus, seat: Seat, reason: str) -> None:
         tail = self._setup.run_dir.last_words(door_name(seat.spec.process))
         self._pass(bus, seat, seat.door.lost(f"{reason} Its last words: {tail}" if tail else reason))
 
@@ -426,7 +416,7 @@ class Supervisor:
             raise _EndedError(self._stall_fault(limit_s))
 
     # A question may have been lost on its way; repeating it is harmless.
-    def _repeat(self, bus: ZenohBus, seat: _Seat, now: float) -> None:
+    def _repeat(self, bus: ZenohBus, seat: Seat, now: float) -> None:
         seat.repeated_at = now
         if seat.spec.name in self._guests:
             return

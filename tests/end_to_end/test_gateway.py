@@ -4,11 +4,10 @@ import json
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
-from flights import AGENTS, TINY_ROOM, fly, start, wait_a_moment
+from flights import AGENTS, TINY_ROOM, fly, start
 
 ASKED_LESS = ("--set", "referee.stop.time_limit_s=8")
 IMPATIENT = ("--set", "agents[0].answer_within_s=1")
@@ -141,38 +140,6 @@ def assert_agent_failed(ended, expected):
     assert ended.result["valid"] is True, ended.errors
     assert ended.result["end_reason"] == "agent_failed"
     assert any(expected in fault["text"] for fault in ended.result["faults"]), ended.result["faults"]
-
-
-@pytest.mark.parametrize(("what", "frame_format"), [("flood", "msgpack"), ("flood", "json"), ("huge", "json")])
-def test_memory_stays_bounded_whatever_an_agent_sends(tmp_path, what, frame_format, quiet_mb):
-    """A flood at full speed, and a hundred megabytes a decision: less than 100 MB above a quiet flight."""
-    assert peak_memory_mb(tmp_path, *wrong(what, frame_format), *ASKED_LESS) - quiet_mb < 100
-
-
-@pytest.fixture(scope="module")
-def quiet_mb(tmp_path_factory):
-    return peak_memory_mb(tmp_path_factory.mktemp("quiet"), *wrong("hold", "json"), *ASKED_LESS)
-
-
-def peak_memory_mb(runs_dir, *arguments):
-    """Fly and return the most memory that the supervisor's process has held."""
-    flight = start(TINY_ROOM, runs_dir, *arguments)
-    peaks_kb = [0]
-
-    def watch():
-        status = Path(f"/proc/{flight.process.pid}/status")
-        while flight.process.poll() is None:
-            lines = [line for line in status.read_text().splitlines() if line.startswith("VmHWM")]
-            peaks_kb.extend(int(line.split()[1]) for line in lines)
-            wait_a_moment()
-
-    watching = threading.Thread(target=watch)
-    watching.start()
-    ended = flight.end()
-    watching.join()
-    assert ended.result["valid"] is True, ended.errors
-    assert ended.result["end_reason"] == "time_limit"
-    return max(peaks_kb) / 1000
 
 
 def test_a_slow_reader_changes_nothing(tmp_path):

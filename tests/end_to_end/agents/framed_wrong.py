@@ -46,12 +46,15 @@ def endlessly(data):
 
 
 def flood(question):
-    """Send a second's worth of a hundred thousand messages nobody asked for, and then the answer."""
-    stop_at = time.monotonic() + 1.0
-    junk = b'{"tick":0,"kind":"noop"}\n' if FORMAT == "json" else b"\0\0\0\x11\x82\xa4tick\0\xa4kind\xa4noop"
+    """Answer, and then send for a second what nobody asked for, as fast as it is taken."""
+    hold(question)
+    stop_at, n_sent = time.monotonic() + 1.0, 0
+    junk = b'{"kind":"noop"}\n' if FORMAT == "json" else b"\0\0\0\x0b\x81\xa4kind\xa4noop"
     while time.monotonic() < stop_at:
         write(junk * 1000)
-    hold(question)
+        n_sent += 1000
+    sys.stderr.write(f"sent {n_sent} messages in a second\n")
+    sys.stderr.flush()
 
 
 def crash():
