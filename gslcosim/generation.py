@@ -3,7 +3,7 @@
 import hashlib
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 
 from gslcosim import flow
 from gslcosim._kernel_cache import PACKAGE_DIR, cache_root
-from gslcosim.environment.model import Cell, WindFrames
+from gslcosim.environment.grid import Vec3
+from gslcosim.environment.mjcf import mjcf_of
+from gslcosim.environment.model import Cell, Environment, WindFrames
+from gslcosim.environment.picture import top_view_png
 from gslcosim.environment.room import Room, build_room, with_wind
-from gslcosim.environment.store import FORMAT, environment_folder, load_environment, save_environment
+from gslcosim.environment.store import (
+    FORMAT,
+    PICTURE_FILE,
+    SCENE_FILE,
+    environment_folder,
+    load_environment,
+    save_environment,
+)
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models import Layout, Scenario, WindSpec
 
@@ -25,8 +35,8 @@ _log = logging.getLogger(__name__)
 
 # The code that decides what a generated environment holds: when it changes, environments are made anew.
 _ROOM_SOURCES = (
-    "buildings", "furnishing", "grid", "layouts", "model", "occupancy", "occupancy_kernels", "openings", "outdoors",
-    "pieces", "room", "warehouses",
+    "buildings", "furnishing", "grid", "layouts", "mjcf", "model", "occupancy", "occupancy_kernels", "openings",
+    "outdoors", "picture", "pieces", "room", "warehouses",
 )  # fmt: skip
 
 
@@ -61,7 +71,7 @@ def prepare_environment(
     assert spec.layout is not None, "an EnvironmentSpec has either"
     folder = (cache_dir or cache_root() / "environments") / recipe_hash(spec.layout, scenario.wind)
     if not _is_usable(folder):
-        _generate(spec.layout, scenario.wind, folder, progress or _ignore)
+        generate_environment(spec.layout, scenario.wind, folder, progress=progress)
     return folder
 
 
@@ -89,15 +99,42 @@ def _sources(wind: WindSpec) -> list[Path]:
     return sources
 
 
-def _generate(layout: Layout, wind: WindSpec, folder: Path, progress: Progress) -> None:
+def generate_environment(
+    layout: Layout,
+    wind: WindSpec,
+    folder: Path,
+    *,
+    sources_m: Sequence[Vec3] = (),
+    progress: Progress | None = None,
+) -> Environment:
+    """Make an environment and save it to a folder, with its scene and a picture from above; nothing is cached.
+
+    Args:
+        layout: The room.
+        wind: The air's motion and the cell of the grid.
+        folder: Where; an environment that stands there is replaced.
+        sources_m: Sources of gas to show in the picture, world frame [m].
+        progress: Is told what is being done and how much of it is over, from 0 to 1.
+
+    Raises:
+        ScenarioError: the room is impossible.
+        FlowError: the wind cannot be solved.
+        EnvironmentDataError: the folder holds something else.
+    """
+    progress = progress or _ignore
     progress("Building the room", 0.0)
     room = build_room(layout, wind)
     for notice in room.notices:
         _log.info(notice)
     velocity_m_s = _uniform(room, wind) if wind.solver == "uniform" else _solved(room, wind, progress)
     environment = with_wind(room, WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
-    save_environment(environment, folder, made_from=_recipe(layout, wind), notices=room.notices)
+    extras = {
+        SCENE_FILE: mjcf_of(environment).encode(),
+        PICTURE_FILE: top_view_png(environment, sources_m=sources_m),
+    }
+    save_environment(environment, folder, made_from=_recipe(layout, wind), notices=room.notices, extras=extras)
     progress("Saving the environment", 1.0)
+    return environment
 
 
 def _uniform(room: Room, wind: WindSpec) -> NDArray[np.float32]:

@@ -65,6 +65,44 @@ def problems_of_places_in(scenario: Scenario, room: Room | Environment) -> list[
     return problems + _problems_of_neighbours(scenario.agents)
 
 
+def random_free_point_m(
+    room: Room | Environment, rng: np.random.Generator, *, heights_m: tuple[float, float] = (0.5, 3.0)
+) -> Vec3:
+    """Return a point of the air, drawn evenly between two heights above the floor [m], for example for a source.
+
+    All air of a room can be reached from its openings. Points keep a cell away from solids, where there are such.
+
+    Raises:
+        EnvironmentDataError: there is no air.
+    """
+    grid = room.grid
+    is_air = room.occupancy != Cell.SOLID
+    height_m = grid.axis_centres_m(2) - grid.origin_m[2]
+    for is_wanted in (_is_clear(is_air) & _is_between(height_m, heights_m), _is_clear(is_air), is_air):
+        cells = np.argwhere(is_wanted)
+        if len(cells):
+            point_m = (cells[int(rng.integers(len(cells)))] + 0.5) * grid.cell_m
+            return _as_vec3(np.asarray(grid.origin_m, dtype=np.float64) + point_m)
+    raise EnvironmentDataError(f"{room.name}: expected air to put a source in, was none.")
+
+
+def _is_between(values: NDArray[np.float64], limits: tuple[float, float]) -> NDArray[np.bool_]:
+    return (values >= limits[0]) & (values <= limits[1])
+
+
+# Air whose six neighbours are air too; the walls around the grid are solid.
+def _is_clear(is_air: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    padded = np.pad(is_air, 1)
+    inner = slice(1, -1)
+    is_clear = is_air.copy()
+    for axis in range(3):
+        for side in (slice(None, -2), slice(2, None)):
+            window = [inner, inner, inner]
+            window[axis] = side
+            is_clear &= padded[tuple(window)]
+    return is_clear
+
+
 def nearest_free_point_m(position_m: Vec3, room: Room | Environment) -> Vec3 | None:
     """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
     for centres_m, reach_m in _growing_surroundings(position_m, room):

@@ -3,6 +3,8 @@
     environment.yaml   name, grid, boxes, openings, wind timing, content hash, how it was made (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
+    scene.xml          the boxes as MJCF, for other programs; may be absent
+    top_view.png       a picture from above, for people; may be absent
 
 Arrays are numpy's own format (version 1 or newer), C order, little-endian, index order x, y, z.
 All lengths are metres in the world frame; cell (0, 0, 0) touches `grid.origin_m`.
@@ -29,6 +31,7 @@ from gslcosim.errors import EnvironmentDataError
 
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE, OCCUPANCY_FILE, WIND_FILE = "environment.yaml", "occupancy.npy", "wind.npy"
+SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
 _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -81,6 +84,7 @@ def save_environment(
     *,
     made_from: Mapping[str, Any] | None = None,
     notices: Sequence[str] = (),
+    extras: Mapping[str, bytes] | None = None,
 ) -> None:
     """Write an environment to a folder: at once and whole, or not at all.
 
@@ -92,6 +96,7 @@ def save_environment(
         folder: Where; its parents are made.
         made_from: Plain values that say how it was made, kept for people in environment.yaml.
         notices: Sentences on what was done differently from what was asked, kept for people in environment.yaml.
+        extras: Further files by name, such as `PICTURE_FILE`.
 
     Raises:
         EnvironmentDataError: the folder exists and holds something else, or the wind is not finite.
@@ -104,6 +109,8 @@ def save_environment(
         np.save(beside / OCCUPANCY_FILE, np.ascontiguousarray(environment.occupancy, dtype=np.uint8))
         np.save(beside / WIND_FILE, np.ascontiguousarray(environment.wind.velocity_m_s, dtype="<f4"))
         (beside / HEADER_FILE).write_text(_header_text(environment, made_from, notices), encoding="utf-8")
+        for name, content in (extras or {}).items():
+            (beside / name).write_bytes(content)
         _move_into_place(beside, folder, environment.content_hash)
     finally:
         shutil.rmtree(beside, ignore_errors=True)

@@ -166,3 +166,9 @@ def test_an_inlet_without_wind_leaves_the_air_still(tmp_path):
     wind = {"inlet_velocity_m_s": [0.0, 0.0, 0.0], "cell_m": 0.25, "end_time_s": 1.0, "average_from_s": None}
     environment = load_environment(prepare_environment(scenario(wind=wind), cache_dir=tmp_path))
     assert not environment.wind.velocity_m_s.any()
+
+
+def test_a_scene_and_a_picture_are_beside_the_environment(tmp_path):
+    folder = prepare_environment(scenario(), cache_dir=tmp_path)
+    assert (folder / "top_view.png").read_bytes().startswith(b"\x89PNG")
+    assert 'name="box"' in (folder / "scene.xml").read_text()
