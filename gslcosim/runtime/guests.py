@@ -214,6 +214,7 @@ class Guests:
                 "gateway": listener.address,
                 "token": listener.token,
                 "format": guest.spec.start.format,
+                **({"agents": guest.agents} if len(guest.agents) > 1 else {}),
             }
             self._network.write_join_file("agents", name, fields, self._setup.run_dir.path)
             return
