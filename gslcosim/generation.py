@@ -3,7 +3,12 @@
 import hashlib
 import json
 import logging
-from collections.abc import Callable, Sequence
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,6 +22,7 @@ from gslcosim.environment.grid import Vec3
 from gslcosim.environment.mjcf import mjcf_of
 from gslcosim.environment.model import Cell, Environment, WindFrames
 from gslcosim.environment.picture import top_view_png
+from gslcosim.environment.placement import random_free_point_m
 from gslcosim.environment.room import Room, build_room, with_wind
 from gslcosim.environment.store import (
     FORMAT,
@@ -26,8 +32,10 @@ from gslcosim.environment.store import (
     load_environment,
     save_environment,
 )
-from gslcosim.errors import EnvironmentDataError
+from gslcosim.errors import EnvironmentDataError, GslCosimError
+from gslcosim.rng import stream
 from gslcosim.scenario.models import Layout, Scenario, WindSpec
+from gslcosim.scenario.recipes import Recipe
 
 Progress = Callable[[str, float], None]
 
@@ -73,6 +81,117 @@ def prepare_environment(
     if not _is_usable(folder):
         generate_environment(spec.layout, scenario.wind, folder, progress=progress)
     return folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """An environment to make: from what, and where to put it."""
+
+    layout: Layout
+    wind: WindSpec
+    folder: Path
+    sources_m: tuple[Vec3, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of an order: figures of the environment, or the reason why there is none.
+
+    `random_source_m` is a place in its free air, drawn with the layout's seed, for those who want a source anywhere.
+    """
+
+    order: Order
+    duration_s: float
+    n_air_cells: int | None = None
+    n_solid_cells: int | None = None
+    content_hash: str | None = None
+    random_source_m: Vec3 | None = None
+    error: str | None = None
+
+
+def orders_of(recipe: Recipe, folder: Path, *, n: int = 1, first_seed: int | None = None) -> tuple[Order, ...]:
+    """Return orders of n environments, each with the next seed, the folder itself or `kind_seed` in it for several."""
+    first = recipe.layout.seed if first_seed is None else first_seed
+    return tuple(
+        Order(
+            layout=recipe.layout.model_copy(update={"seed": seed}),
+            wind=recipe.wind,
+            folder=folder if n == 1 else folder / f"{recipe.layout.kind}_{seed}",
+            sources_m=recipe.sources_m,
+        )
+        for seed in range(first, first + n)
+    )
+
+
+def generate_many(orders: Sequence[Order], *, jobs: int = 1, report: Progress | None = None) -> tuple[Outcome, ...]:
+    """Make environments, several at a time if wanted; one that fails does not keep the others from being made.
+
+    Args:
+        orders: What to make.
+        jobs: How many processes make them; with 1 it is this one.
+        report: Is told what is being done and how much of it all is over, from 0 to 1.
+
+    Returns:
+        An outcome for each order, in their order.
+    """
+    report = report or _ignore
+    outcomes = dict(_made_one_by_one(orders, report) if jobs == 1 else _made_by_processes(orders, jobs, report))
+    return tuple(outcomes[i] for i in range(len(orders)))
+
+
+def _made_one_by_one(orders: Sequence[Order], report: Progress) -> Iterator[tuple[int, Outcome]]:
+    for i, order in enumerate(orders):
+
+        def tell(text: str, fraction: float, i: int = i) -> None:
+            report(f"{i + 1} of {len(orders)}: {text}", (i + fraction) / len(orders))
+
+        yield i, _made(order, tell)
+
+
+def _made_by_processes(orders: Sequence[Order], jobs: int, report: Progress) -> Iterator[tuple[int, Outcome]]:
+    # Spawned, because threads of this process must not be copied into the others.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(max_workers=min(jobs, len(orders)), mp_context=context) as pool:
+        futures = {pool.submit(_made, order): i for i, order in enumerate(orders)}
+        report(f"0 of {len(orders)} made", 0.0)
+        try:
+            for n, future in enumerate(as_completed(futures), start=1):
+                yield futures[future], _outcome_of(future, orders[futures[future]])
+                report(f"{n} of {len(orders)} made", n / len(orders))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _outcome_of(future: "Future[Outcome]", order: Order) -> Outcome:
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        return Outcome(
+            order=order, duration_s=0.0, error="the process that made it ended; was there too little memory?"
+        )
+
+
+def _made(order: Order, progress: Progress | None = None) -> Outcome:
+    started_s = time.perf_counter()
+    try:
+        environment = generate_environment(
+            order.layout, order.wind, order.folder, sources_m=order.sources_m, progress=progress
+        )
+        rng = stream(order.layout.seed, "layout.random_source")
+        random_source_m = random_free_point_m(environment, rng)
+    except (GslCosimError, OSError, MemoryError) as error:
+        return Outcome(
+            order=order, duration_s=time.perf_counter() - started_s, error=str(error) or type(error).__name__
+        )
+    n_solid = int((environment.occupancy == Cell.SOLID).sum())
+    return Outcome(
+        order=order,
+        duration_s=time.perf_counter() - started_s,
+        n_air_cells=environment.occupancy.size - n_solid,
+        n_solid_cells=n_solid,
+        content_hash=environment.content_hash,
+        random_source_m=random_source_m,
+    )
 
 
 def recipe_hash(layout: Layout, wind: WindSpec) -> str:

@@ -33,10 +33,11 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     """
     from gslcosim.scenario import load_scenario
 
-    return load_scenario(arguments.scenario, overrides=arguments.set, seed=arguments.seed, checks=(_check_places,))
+    return load_scenario(arguments.scenario, overrides=arguments.set, seed=arguments.seed, checks=(check_places,))
 
 
-def _check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+    """Return what is wrong with the room of a scenario and with the places in it."""
     from gslcosim.environment.placement import problems_of_places
 
     return problems_of_places(scenario, scenario_dir=directory)

@@ -1,0 +1,121 @@
+"""`gslcosim generate`: environments from a layout, one or many."""
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.scenarios import check_places
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+
+if TYPE_CHECKING:
+    from gslcosim.generation import Outcome
+
+EXAMPLES = """  gslcosim generate warehouse_complex --out hall
+  gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
+  gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json"""
+
+EXIT_NONE_MADE, EXIT_SOME_FAILED = 2, 3
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        metavar="SCENARIO_OR_LAYOUT",
+        help="a scenario, a YAML file with the keys layout and wind, or a kind of layout (gslcosim list layouts)",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="the environment's folder, or that of all"
+    )
+    parser.add_argument("--count", type=_at_least_one, default=1, metavar="N", help="how many, each with the next seed")
+    parser.add_argument("--jobs", type=_at_least_one, default=1, metavar="N", help="how many at the same time")
+    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the layout's seed, that of the first")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="replace one value of a scenario, as often as needed, for example wind.cell_m=0.1",
+    )
+    add_json_option(parser)
+
+
+def _at_least_one(text: str) -> int:
+    number = whole_number(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, was '{text}'")
+    return number
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.generation import generate_many, orders_of
+    from gslcosim.scenario.recipes import load_recipe
+
+    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,))
+    orders = orders_of(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
+    with _progress_bar(is_quiet=arguments.json) as report:
+        outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
+    if arguments.json:
+        write_json([_as_fields(outcome) for outcome in outcomes])
+    else:
+        _write_table([outcome for outcome in outcomes if outcome.error is None])
+    for outcome in outcomes:
+        if outcome.error is not None:
+            write_note(f"{outcome.order.folder}: {outcome.error}")
+    n_failed = sum(outcome.error is not None for outcome in outcomes)
+    return 0 if not n_failed else EXIT_NONE_MADE if n_failed == len(outcomes) else EXIT_SOME_FAILED
+
+
+def _write_table(outcomes: "list[Outcome]") -> None:
+    if outcomes:
+        rows = [
+            [
+                str(o.order.layout.seed),
+                str(o.n_air_cells),
+                str(o.n_solid_cells),
+                f"{o.duration_s:.1f}",
+                str(o.order.folder),
+            ]
+            for o in outcomes
+        ]
+        write(table(["seed", "air cells", "solid cells", "seconds", "folder"], rows))
+
+
+def _as_fields(outcome: "Outcome") -> dict[str, Any]:
+    return {
+        "folder": str(outcome.order.folder),
+        "kind": outcome.order.layout.kind,
+        "seed": outcome.order.layout.seed,
+        "duration_s": round(outcome.duration_s, 3),
+        "n_air_cells": outcome.n_air_cells,
+        "n_solid_cells": outcome.n_solid_cells,
+        "content_hash": outcome.content_hash,
+        "random_source_m": outcome.random_source_m,
+        "error": outcome.error,
+    }
+
+
+# A bar on a terminal, nothing in a pipe: the table says it all.
+@contextlib.contextmanager
+def _progress_bar(*, is_quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    if is_quiet or not sys.stderr.isatty():
+        yield lambda _text, _fraction: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task("", total=1.0)
+        yield lambda text, fraction: bars.update(bar, description=text, completed=fraction)
+
+
+COMMAND = Command(
+    name="generate",
+    summary="make environments from a layout: geometry, occupancy, wind, scene and a picture from above",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

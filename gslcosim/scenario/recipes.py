@@ -1,0 +1,121 @@
+"""What an environment is generated from: a scenario, a file with a layout alone, or the name of a kind of layout."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.scenario.bundled import bundled_scenarios
+from gslcosim.scenario.explain import problems_of
+from gslcosim.scenario.loading import Check, load_scenario
+from gslcosim.scenario.models import SCHEMA, Layout, Scenario, WindSpec
+from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.schema_walk import kinds_of, slot_at
+from gslcosim.scenario.spec import Vec3
+from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.scenario.yaml_tree import read_yaml
+
+LAYOUT_KEYS = ("layout", "wind")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """A layout and the wind in it; `sources_m` are the scenario's, where there is one."""
+
+    name: str
+    layout: Layout
+    wind: WindSpec
+    sources_m: tuple[Vec3, ...] = ()
+
+
+def load_recipe(source: str, *, overrides: Sequence[str] = (), checks: Sequence[Check] = ()) -> Recipe:
+    """Read what to generate.
+
+    Args:
+        source: A scenario's file or name, a YAML file with the keys `layout` and, if wanted, `wind`, or a kind of
+            layout, which is then generated with all its defaults.
+        overrides: Values of a scenario to replace, such as `wind.cell_m=0.1`.
+        checks: Further rules for scenarios.
+
+    Raises:
+        ScenarioError: there is nothing of that name, or it has problems.
+        UsageError: values of something else than a scenario are to be replaced.
+    """
+    path, kinds = Path(source), kinds_of(slot_at(("environment", "layout")).annotation)
+    is_layout_file = path.is_file() and _is_layout_file(path)
+    if not is_layout_file and (path.exists() or source in bundled_scenarios() or source not in kinds):
+        if not path.exists() and path.suffix == "" and len(path.parts) == 1 and source not in bundled_scenarios():
+            names = list(dict.fromkeys([*bundled_scenarios(), *kinds]))
+            raise ScenarioError(
+                f"{source}: expected a file, a bundled scenario or a kind of layout ({', '.join(names)}), "
+                f"found none of them. {did_you_mean(source, names)}".rstrip()
+            )
+        return _from_scenario(source, overrides, checks)
+    if overrides:
+        raise UsageError(f"{source}: expected --set with a scenario only, was with a layout. Change the layout's file.")
+    return _from_layout_file(path) if is_layout_file else _from_values({"layout": {"kind": source}}, source)
+
+
+def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check]) -> Recipe:
+    scenario = load_scenario(source, overrides=overrides, checks=checks).scenario
+    if scenario.environment.layout is None:
+        raise ScenarioError(
+            f"{source}: environment: expected a layout to generate, was path: {scenario.environment.path}."
+        )
+    return Recipe(
+        name=scenario.name,
+        layout=scenario.environment.layout,
+        wind=scenario.wind,
+        sources_m=tuple(each.position_m for each in scenario.gas.sources),
+    )
+
+
+def _is_layout_file(path: Path) -> bool:
+    try:
+        values = read_yaml(path.read_text(encoding="utf-8-sig"), source=str(path)).block
+    except (OSError, UnicodeDecodeError):
+        return False
+    return values is not None and "layout" in values and "schema" not in values
+
+
+def _from_layout_file(path: Path) -> Recipe:
+    tree = read_yaml(path.read_text(encoding="utf-8-sig"), source=str(path))
+    values = cast("dict[str, Any]", tree.block)
+    problems = [
+        Problem(path=key, expected=f"one of the keys {', '.join(LAYOUT_KEYS)}", found="an unknown key")
+        for key in values
+        if key not in LAYOUT_KEYS
+    ]
+    try:
+        recipe = _from_values(values, path.stem)
+    except ValidationError as error:
+        problems += [replace(each, path=each.path.removeprefix("environment.")) for each in problems_of(error)]
+        recipe = None
+    if recipe is None or problems or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=str(path))
+    return recipe
+
+
+# Read as a part of a scenario whose other parts are well, so that problems are told in the same words.
+def _from_values(values: dict[str, Any], name: str) -> Recipe:
+    rest: dict[str, Any] = {
+        "schema": SCHEMA,
+        "name": "layout",
+        "gas": {"sources": [{"position_m": [0, 0, 0]}]},
+        "agents": [
+            {
+                "name": "none",
+                "start": {"attach": True},
+                "vehicle": {"start_m": [0, 0, 0]},
+                "sensors": [{"model": "tgs2600", "name": "none"}],
+            }
+        ],
+    }
+    whole = {**rest, "environment": {"layout": values["layout"]}, "wind": values.get("wind", {})}
+    scenario = Scenario.model_validate_json(json.dumps(whole), strict=True)
+    assert scenario.environment.layout is not None
+    return Recipe(name=name, layout=scenario.environment.layout, wind=scenario.wind)
