@@ -20,7 +20,7 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ModelError
-from gslcosim.fields.assembly import gas_field_of
+from gslcosim.fields.assembly import gas_field_of, gas_seed
 from gslcosim.fields.gas_field import GasField, PointGrid
 from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
@@ -74,7 +74,7 @@ class FieldsCore:
 
     def reset(self, episode: Episode) -> Outbox:
         """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
-        self._gas.reset(episode.seed)
+        self._gas.reset(gas_seed(self._scenario, episode.seed))
         self._gas.advance(self._timing.warm_up_steps)
         return {}
 

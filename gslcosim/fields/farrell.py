@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.fields.farrell_kernels import blow_inplace, set_edges_inplace, wind_in_cells
+from gslcosim.fields.filaments import FilamentPlume, Filaments
 from gslcosim.rng import stream
 
 # The wind's own clock: its statistics depend neither on the gas's step nor on the tick.
@@ -125,6 +126,38 @@ class FarrellWind:
             self._n_clock += n_due
             self._in_cells = wind_in_cells(self._wind_m_s, *self._cells)
         return self._in_cells
+
+
+class OpenFieldPlume:
+    """Filaments in Farrell's wind, which begins anew with them; see `FilamentSource`."""
+
+    def __init__(self, plume: FilamentPlume, wind: FarrellWind) -> None:
+        self._plume = plume
+        self._wind = wind
+
+    @property
+    def step(self) -> int:
+        """Number of steps made."""
+        return self._plume.step
+
+    @property
+    def time_s(self) -> float:
+        """Time since the sources opened [s]."""
+        return self._plume.time_s
+
+    @property
+    def filaments(self) -> Filaments:
+        """The filaments now."""
+        return self._plume.filaments
+
+    def reset(self, seed: int) -> None:
+        """Return to time 0."""
+        self._wind.reset(seed)
+        self._plume.reset(seed)
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Go on by steps."""
+        self._plume.advance(n_steps)
 
 
 def open_field(environment: Environment) -> Environment:

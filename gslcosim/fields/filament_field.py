@@ -1,6 +1,5 @@
 """Gas made of filaments, from whatever moves them, as the sensors see it."""
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -10,13 +9,11 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.fields.concentration import checked_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim.fields.filament_index import FilamentIndex
-from gslcosim.fields.filaments import Filaments
+from gslcosim.fields.filaments import Filaments, WindAt
 from gslcosim.fields.gas_field import PointGrid, Sight
 
 # From so many readings of one instant on, sorting the filaments first costs less than looking at all of them.
 READINGS_WORTH_AN_INDEX = 4
-
-WindAt = Callable[[float], NDArray[np.float32]]
 
 
 class FilamentSource(Protocol):

@@ -1,6 +1,7 @@
 """The filament model: a plume of growing Gaussian puffs that wind and eddies carry through a room."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from gslcosim.fields.release import ReleasePlan
 from gslcosim.fields.source_shapes import POINT, SourceShape
 from gslcosim.fields.trace_kernels import trace_displacement
 from gslcosim.rng import stream
+
+WindAt = Callable[[float], NDArray[np.float32]]
 
 FIRST_CAPACITY = 1024
 # Filament ids leave this many numbers to each source, so that one source never changes the draws of another.
@@ -105,6 +108,7 @@ class FilamentPlume:
         diffusivity_m2_s: float,
         seed: int,
         noise_std_m: float | None = None,
+        wind_at: WindAt | None = None,
     ) -> None:
         """Build a plume without filaments at time 0.
 
@@ -116,13 +120,16 @@ class FilamentPlume:
             diffusivity_m2_s: Eddy diffusivity D per axis [m2/s].
             seed: The run's seed.
             noise_std_m: Random displacement of a step per axis [m] in place of sqrt(2 D step_s), for compatibility.
+            wind_at: The wind at a time [s] in place of the environment's, (nx, ny, n, 3) float32, n = nz or 1.
 
         Raises:
             ScenarioError: a source outside the air.
             ModelError: wind frames that do not fit the grid.
         """
         _check_sources(environment, sources)
-        _check_wind(environment)
+        if wind_at is None:
+            _check_wind(environment)
+        self._wind_at = self._wind_of_room if wind_at is None else wind_at
         self._environment = environment
         self._sources = sources
         self._step_s = step_s
@@ -196,7 +203,6 @@ class FilamentPlume:
         for i in range(len(self._sources)):
             self._release(i, start_s)
         grid = self._environment.grid
-        i_frame = self._environment.wind.frame_at(start_s)
         n_left = move_filaments_inplace(
             self._position_m,
             self._sigma_m,
@@ -207,7 +213,7 @@ class FilamentPlume:
             self._sigma0_m,
             self._buoyancy,
             self._buoyancy_power,
-            self._wind_m_s[i_frame],
+            self._wind_at(start_s),
             self._occupancy,
             self._is_open,
             grid.origin_m,
@@ -221,6 +227,9 @@ class FilamentPlume:
         if n_left == NOT_FINITE:
             raise ModelError(f"fields: a filament's movement is not finite in gas step {self._step}.")
         self._n = n_left
+
+    def _wind_of_room(self, time_s: float) -> NDArray[np.float32]:
+        return self._wind_m_s[self._environment.wind.frame_at(time_s)]
 
     def _release(self, i_source: int, start_s: float) -> None:
         source = self._sources[i_source]

@@ -23,7 +23,8 @@ class GasFrame:
 
     Either `filaments` or `mixing_ratio_ppm` (nx, ny, nz) at the cell centres of `grid` is there. Amounts are converted
     to this project's reference air (298 K, 1 atm), so that readings are those of the writer's own air. `gas` and
-    `source_position_m` are absent where the format does not tell. `version` is the format's.
+    `source_position_m` are absent where the format does not tell. `version` is the format's. A grid of one layer
+    `is_plane` when it holds at all heights.
     """
 
     version: str
@@ -33,6 +34,7 @@ class GasFrame:
     wind_index: int
     filaments: Filaments | None
     mixing_ratio_ppm: NDArray[np.float32] | None = None
+    is_plane: bool = False
 
 
 def grid_of_frame(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, shape: tuple[int, int, int]) -> Grid:
@@ -109,7 +111,7 @@ def gas_of_code(path: Path, code: int) -> str:
     Raises:
         EnvironmentDataError: there is no such gas.
     """
-    names = {gas.gaden_code: name for name, gas in GASES.items()}
+    names = {gas.gaden_code: name for name, gas in GASES.items() if gas.gaden_code is not None}
     if code not in names:
         raise EnvironmentDataError(f"gas frame: expected a gas code from 0 to {max(names)}, was {code}. File: {path}")
     return names[code]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from gslcosim.errors import ScenarioError
+from gslcosim.scenario.gas_models import GasDefinition
 
 # GADEN's 82.057338 cm3 atm/(mol K), so that amounts compare to the last digit (the exact constant is 3e-7 larger).
 GAS_CONSTANT_J_MOL_K = 82.057338e-6 * 101325.0
@@ -14,11 +15,12 @@ REFERENCE_PRESSURE_PA = 101325.0
 class Gas:
     """A gas as GADEN numbers it; `specific_gravity` is the density relative to air at equal temperature [1].
 
-    The figures are those of GADEN's player. Some are of mixtures: pure ethanol vapour is about 1.59.
+    The figures are those of GADEN's player. Some are of mixtures: pure ethanol vapour is about 1.59. Gases that a
+    scenario defines have no number.
     """
 
     name: str
-    gaden_code: int
+    gaden_code: int | None
     specific_gravity: float
 
 
@@ -45,19 +47,29 @@ GASES = {
 }
 
 
-def gas_named(name: str, *, place: str = "gas.gas") -> Gas:
+def gases_of(definitions: tuple[GasDefinition, ...]) -> dict[str, Gas]:
+    """Return all gases by name: those of the table, and those that a scenario defines."""
+    defined = {
+        gas.name: Gas(name=gas.name, gaden_code=None, specific_gravity=gas.specific_gravity) for gas in definitions
+    }
+    return {**GASES, **defined}
+
+
+def gas_named(name: str, *, place: str = "gas.gas", definitions: tuple[GasDefinition, ...] = ()) -> Gas:
     """Return the gas of that name.
 
     Args:
-        name: One of the keys of `GASES`.
+        name: Of the table, or of one that the scenario defines.
         place: Where in the scenario the name stands, for the error.
+        definitions: The gases that the scenario defines.
 
     Raises:
         ScenarioError: there is no such gas.
     """
-    if name not in GASES:
-        raise ScenarioError(f"{place}: expected one of {', '.join(GASES)}, was {name!r}.")
-    return GASES[name]
+    known = gases_of(definitions)
+    if name not in known:
+        raise ScenarioError(f"{place}: expected one of {', '.join(known)}, was {name!r}.")
+    return known[name]
 
 
 def air_density_mol_m3(

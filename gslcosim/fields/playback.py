@@ -12,6 +12,9 @@ from gslcosim.fields.frame import GasFrame
 from gslcosim.fields.gaden_frames import read_gaden_frame
 from gslcosim.fields.gsl_bench_frames import read_gsl_bench_frame
 
+GSL_BENCH_PERIOD_S = 1.0
+GADEN_PERIOD_S = 0.5
+
 _GADEN_NAME = re.compile(r"iteration_(\d+)")
 _GSL_BENCH_NAME = re.compile(r"iteration_(\d+)_fil\.npy")
 
@@ -28,7 +31,7 @@ class GasPlayback:
 
         Args:
             folder: Holds `iteration_i` or `iteration_i_fil.npy` and `iteration_i_head.npy`.
-            period_s: Time between frame i and frame i + 1 [s]; GSL-Bench stores one a second, GADEN two by default.
+            period_s: Time between frame i and frame i + 1 [s]; see `usual_period_s`.
             is_looping: Whether time begins anew after the last frame.
 
         Raises:
@@ -72,6 +75,11 @@ class GasPlayback:
             self._current = (number, reader(path))
         return self._current[1]
 
+    def frame_at(self, time_s: float) -> GasFrame | None:
+        """Return the frame that holds at a time [s]; none before the first."""
+        number = self.number_at(time_s)
+        return None if number is None else self.frame(number)
+
     def mixing_ratio_ppm_at(
         self,
         points_world_m: NDArray[np.float64],
@@ -85,10 +93,9 @@ class GasPlayback:
         Stored grids give the value of the cell that holds a point, and 0 outside; walls do not matter to them.
         """
         points = checked_points(points_world_m)
-        number = self.number_at(time_s)
-        if number is None:
+        frame = self.frame_at(time_s)
+        if frame is None:
             return np.zeros(len(points))
-        frame = self.frame(number)
         if frame.filaments is not None:
             return mixing_ratio_ppm_at(points, frame.filaments, walls=walls, cutoff_sigma=cutoff_sigma)[:, 0]
         return values_in_cells(frame, points)
@@ -98,10 +105,17 @@ def values_in_cells(frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.
     """Return the (m,) values of the cells of a stored grid that hold (m, 3) points, world frame [m]; 0 outside."""
     values = np.zeros(len(points))
     cells = frame.grid.cell_of(points)
+    if frame.is_plane:
+        cells[:, 2] = 0
     is_inside = frame.grid.contains_cell(cells)
     if frame.mixing_ratio_ppm is not None:
         values[is_inside] = frame.mixing_ratio_ppm[tuple(cells[is_inside].T)]
     return values
+
+
+def usual_period_s(folder: Path) -> float:
+    """Return the time between frames that such a folder usually has [s]: 1 for GSL-Bench, 0.5 for GADEN."""
+    return GSL_BENCH_PERIOD_S if any(folder.glob("iteration_*_fil.npy")) else GADEN_PERIOD_S
 
 
 def _frames_in(folder: Path) -> dict[int, Path]:

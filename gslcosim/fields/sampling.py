@@ -18,19 +18,17 @@ from gslcosim.environment.gsl_bench import load_gsl_bench_room
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import EnvironmentDataError, UsageError
-from gslcosim.fields.assembly import gas_field_of
+from gslcosim.fields.assembly import gas_field_of, gas_seed
 from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls, checked_points, mixing_ratio_ppm_on_grid
 from gslcosim.fields.filament_index import FilamentIndex
 from gslcosim.fields.frame import GasFrame
 from gslcosim.fields.gaden_folder import find_occupancy, read_walls, read_wind
 from gslcosim.fields.gas_field import GasField, PointGrid, Sight
-from gslcosim.fields.playback import GasPlayback, values_in_cells
+from gslcosim.fields.playback import GasPlayback, usual_period_s, values_in_cells
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
-GSL_BENCH_PERIOD_S = 1.0
-GADEN_PERIOD_S = 0.5
 GAS_DATA = "gas_data"
 # So many points at a time keep the working memory of readings small.
 CHUNK = 65536
@@ -222,7 +220,7 @@ class RoomFields:
         is_default = view.has_line_of_sight and view.cutoff_sigma is None
         field = gas_field_of(scenario, self._environment, sight=None if is_default else sight)
         timing = gas_timing(scenario)
-        field.reset(scenario.seed)
+        field.reset(gas_seed(scenario, scenario.seed))
         field.advance(timing.warm_up_steps + int(self._time_s(instant) / timing.step_s + 1e-9))
         return field, self._index_of_gas(field.gases)
 
@@ -248,8 +246,7 @@ def stored_fields_in(folder: Path, *, period_s: float | None = None) -> StoredFi
     if gas_folder is None:
         return None
     is_gsl_bench = any(gas_folder.glob("iteration_*_fil.npy"))
-    default_s = GSL_BENCH_PERIOD_S if is_gsl_bench else GADEN_PERIOD_S
-    playback = GasPlayback(gas_folder, period_s=default_s if period_s is None else period_s)
+    playback = GasPlayback(gas_folder, period_s=usual_period_s(gas_folder) if period_s is None else period_s)
     if is_gsl_bench:
         room_folder = gas_folder.resolve().parent.parent if gas_folder.parent.name == GAS_DATA else gas_folder
         return StoredFields(
