@@ -11,6 +11,8 @@ from gslcosim.errors import ContractError
 MAX_COMMAND_BYTES = 1024 * 1024
 MAX_EARLY = 16
 MAX_FAULTS = 50
+# How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
+GONE = "the agent is gone"
 
 
 def door_name(agent: str) -> str:
@@ -156,7 +158,7 @@ class Door:
         tick = self._oldest()
         self._pending.clear()
         self.is_closed = True
-        return [Command(tick=tick, kind="failed", reason=str(self._gone)[:500])]
+        return [Command(tick=tick, kind="failed", reason=GONE)]
 
     def _oldest(self) -> int:
         return next(iter(self._pending))

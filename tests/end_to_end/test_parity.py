@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import TINY_ROOM, fly
+from flights import AGENTS, TINY_ROOM, fly
 
 
 def digest_of(ended):
@@ -48,3 +48,12 @@ def test_runs_at_the_same_time_never_meet(tmp_path):
     flights = [start(TINY_ROOM, tmp_path / str(i)) for i in range(2)]
     first, second = (digest_of(flight.end()) for flight in flights)
     assert first == second
+
+
+def test_an_agent_that_fails_at_a_decision_has_one_digest_too(tmp_path):
+    """How a process ended is told in the faults; the run's digest does not depend on it."""
+    change = ("--set", f"agents[0].start={{python: {AGENTS / 'giving_up.py'}}}")
+    multi = fly(TINY_ROOM, tmp_path / "multi", *change)
+    single = fly(TINY_ROOM, tmp_path / "single", *change, "--in-process")
+    assert multi.result["end_reason"] == single.result["end_reason"] == "agent_failed"
+    assert digest_of(multi) == digest_of(single)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.runtime.door import MAX_COMMAND_BYTES, MAX_EARLY, MAX_FAULTS, Door
+from gslcosim.runtime.door import GONE, MAX_COMMAND_BYTES, MAX_EARLY, MAX_FAULTS, Door
 
 
 def observation(tick, *, awaiting=True):
@@ -103,7 +103,7 @@ def test_an_agent_that_is_gone_fails_where_it_owes_an_answer():
     door = Door("beetle")
     assert door.lost("was killed") == []
     (command,) = door.observed(observation(5))
-    assert (command.tick, command.kind, command.reason) == (5, "failed", "was killed")
+    assert (command.tick, command.kind, command.reason) == (5, "failed", GONE)
     assert door.observed(observation(6)) == []
     assert door.received(codec.encode(waypoint(6))) == []
     door = Door("beetle")

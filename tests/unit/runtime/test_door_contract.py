@@ -43,8 +43,8 @@ def test_an_agent_of_another_major_version_is_gone_with_a_reason():
     door = asked_door()
     (command,) = door.received(answer(0, "2.0"))
     assert command.kind == "failed"
-    assert "expected major version 1" in command.reason
-    assert [fault.text for fault in door.faults] == [command.reason]
+    (fault,) = door.faults
+    assert "expected major version 1" in fault.text
     assert door.is_closed
 
 
@@ -52,7 +52,7 @@ def test_the_contract_is_named_even_where_the_command_makes_no_sense_here():
     door = asked_door()
     (command,) = door.received(msgpack.packb({"tick": 0, "go": "left", "contract": "2.0"}))
     assert command.kind == "failed"
-    assert "was 2.0" in command.reason
+    assert "was 2.0" in door.faults[0].text
 
 
 def test_another_hash_is_a_fault_once_and_the_flight_goes_on():
