@@ -1,7 +1,10 @@
-"""`gslcosim view`: a run's recording in the viewer, or as a picture."""
+"""`gslcosim view`: a run's recording, or an environment, in the viewer or as a picture."""
 
 import argparse
+import contextlib
 import re
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from gslcosim.cli.parsing import Command
@@ -10,12 +13,19 @@ from gslcosim.cli.terminal import write
 
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
+  gslcosim view hall                              the environment in the folder hall
   gslcosim view --screenshot run.png --window-size 1600x1000"""
+
+
+ENVIRONMENT_HEADER = "environment.yaml"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "run", nargs="?", metavar="RUN", help="a run's folder, its recording, or its id (default: the newest run)"
+        "run",
+        nargs="?",
+        metavar="RUN",
+        help="a run's folder, its recording, or its id; or an environment's folder (default: the newest run)",
     )
     parser.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
     parser.add_argument(
@@ -34,18 +44,33 @@ def _size(text: str) -> tuple[int, int]:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.recording.viewer import open_viewer, screenshot
 
-    recording = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING)
-    if arguments.screenshot:
-        screenshot(recording, arguments.screenshot, window_size=arguments.window_size)
-        write(str(arguments.screenshot))
-    else:
-        open_viewer(recording)
+    with _recording(arguments) as recording:
+        if arguments.screenshot:
+            screenshot(recording, arguments.screenshot, window_size=arguments.window_size)
+            write(str(arguments.screenshot))
+        else:
+            open_viewer(recording)
     return 0
+
+
+# An environment's recording is made to be looked at, and is gone afterwards.
+@contextlib.contextmanager
+def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
+    if arguments.run is None or not (Path(arguments.run) / ENVIRONMENT_HEADER).is_file():
+        yield find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING)
+        return
+    from gslcosim.environment.store import load_environment
+    from gslcosim.recording.environment_view import record_environment
+
+    with tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
+        path = Path(folder) / RECORDING
+        record_environment(load_environment(Path(arguments.run)), path)
+        yield path
 
 
 COMMAND = Command(
     name="view",
-    summary="open the recording of a run in the viewer, or save a picture of it",
+    summary="open the recording of a run, or an environment, in the viewer, or save a picture of it",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -77,7 +77,7 @@ def _log_view(origin: str, name: str) -> rrb.TextLogView:
 
 
 def _room_view(scenario: Scenario, environment: Environment, agents: Iterable[AgentEntities]) -> rrb.Spatial3DView:
-    eye_m, target_m = _eye_on_room(environment)
+    eye_m, target_m = eye_on_room(environment)
     return rrb.Spatial3DView(
         origin="/",
         name=f"{title(scenario)} (floor grid {floor_grid_m(environment):g} m)",
@@ -149,7 +149,7 @@ def _plots(scenario: Scenario) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def _eye_on_room(environment: Environment) -> tuple[Vec3, Vec3]:
+def eye_on_room(environment: Environment) -> tuple[Vec3, Vec3]:
     """Return eye and target [m] of the nearest eye that has all corners of the room in view.
 
     For a corner c seen along the fixed directions right, up and backward, |c.up - t_up| <= h (d - c.backward) must hold

@@ -48,3 +48,16 @@ def test_a_picture_is_written_in_the_wanted_size(viewer, recording, tmp_path, ca
 def test_without_a_run_there_is_a_remedy(viewer, tmp_path, capsys):
     assert main(["view", "--runs-dir", str(tmp_path)]) == 2
     assert "Fly one: gslcosim up warehouse_empty" in capsys.readouterr().err
+
+
+def test_the_folder_of_an_environment_is_shown_without_a_run(viewer, tmp_path, monkeypatch):
+    """Its recording is there while it is looked at, and gone afterwards."""
+    assert main(["generate", "tiny_room", "--out", str(tmp_path / "room")]) == 0
+    sizes = []
+    monkeypatch.setattr(
+        sys.modules["gslcosim.recording.viewer"], "open_viewer", lambda path: sizes.append((path, path.stat().st_size))
+    )
+    assert main(["view", str(tmp_path / "room")]) == 0
+    ((path, size),) = sizes
+    assert size > 10_000
+    assert not path.exists()

@@ -124,7 +124,7 @@ def test_arrows_are_in_proportion_up_to_a_limit_and_still_air_has_none(make_room
 def test_the_eye_sees_every_corner_of_the_room_and_fills_its_view(make_room):
     """The camera's equations, independent of how its place was found: all corners inside, at least two at the rim."""
     room = make_room()
-    eye_m, target_m = (np.array(point) for point in blueprint._eye_on_room(room))
+    eye_m, target_m = (np.array(point) for point in blueprint.eye_on_room(room))
     forward = (target_m - eye_m) / np.linalg.norm(target_m - eye_m)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
