@@ -13,7 +13,9 @@ from languages import language_agents
 # A page that compiles a large library from nothing is for `make soak`.
 PAGES = ("c", "cpp", "go", "java", "octave", pytest.param("rust", marks=pytest.mark.soak), "shell", "typescript")
 LIMIT_S = {"rust": 900}
-USUAL_LIMIT_S = 110
+USUAL_LIMIT_S = 300  # on a new machine packages are fetched first
+
+pytestmark = pytest.mark.timeout(max(LIMIT_S.values()) + 60)
 SAVED = re.compile(r"Save this as `([^`]+)`[^\n]*\n\n```\w+\n(.*?)```", re.DOTALL)
 COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 
