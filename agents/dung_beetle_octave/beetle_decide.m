@@ -11,7 +11,8 @@ function [beetle, goal_m] = beetle_decide(beetle, seen)
   elseif ~has_more_gas
     beetle.side = -beetle.side;
   end
-  [beetle, xy_m] = next_waypoint(beetle, seen.position_world_m(1:2)', upwind_rad, ~isempty(seen.notice));
+  is_blocked = isfield(seen, 'notice') && ~isempty(seen.notice);
+  [beetle, xy_m] = next_waypoint(beetle, seen.position_world_m(1:2)', upwind_rad, is_blocked);
   goal_m = [xy_m, beetle.height_m];
 end
 

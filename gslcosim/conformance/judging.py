@@ -136,12 +136,9 @@ def _in_order(transcript: Transcript, limits: Limits) -> Iterator[Failure]:
 # Over stdio an agent has joined as soon as it is started. One that is gone without a word has never really come.
 def _died_unheard(transcript: Transcript) -> bool:
     is_over = transcript.exited_at_s is not None and transcript.end_told_at_s is None
-    return (
-        transcript.joins_by_start
-        and is_over
-        and not transcript.n_arrivals
-        and not transcript.told_ticks - {0, 1, 2, 3, 4}
-    )
+    is_first = transcript.joins_by_start and transcript.script.variation == "plain"
+    is_mute = not transcript.n_arrivals and len(transcript.questions) <= 1
+    return is_first and is_over and is_mute
 
 
 def _absence(transcript: Transcript, limits: Limits) -> Failure:

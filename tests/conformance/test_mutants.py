@@ -1,6 +1,7 @@
 """Agents with one fault each: the rule meant for it finds it, and only rules that follow from it fail beside it."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from gslcosim.conformance import Limits, Wiring, check_agent
 
 MUTANT = Path(__file__).parent / "agents" / "mutant.py"
-LIMITS = Limits(join_s=20, answer_s=1.0, exit_s=2.0, settle_s=0.15)
+LIMITS = Limits(join_s=20, answer_s=1.2, exit_s=2.0, settle_s=0.15)
 
 # Name, what fails (first the rule meant for it, then what follows from it), and words that lead to the fix.
 OVER_PIPES = {
@@ -83,39 +84,46 @@ OVER_ZENOH = {
 }
 
 
+CASES = {
+    **{(name, "stdio", "msgpack"): OVER_PIPES[name] for name in OVER_PIPES},
+    **{(name, "stdio", "json"): IN_JSON[name] for name in IN_JSON},
+    **{(name, "zenoh", "msgpack"): OVER_ZENOH[name] for name in OVER_ZENOH},
+}
+RIGHT = [("right", "stdio", "msgpack"), ("right", "stdio", "json"), ("right", "zenoh", "msgpack")]
+# A check mostly waits: for processes, deadlines and exits.
+N_AT_ONCE = 5
+
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
+
+
 def check(name, door, frame_format, folder):
     command = (sys.executable, str(MUTANT), name, door, frame_format)
     return check_agent(Wiring(command=command, door=door, format=frame_format, directory=folder), LIMITS)
 
 
-def assert_caught(report, rules, words):
+@pytest.fixture(scope="module")
+def reports(request, tmp_path_factory):
+    """The reports of all cases that are to be tested, made several at a time."""
+    chosen = [item.callspec.params["case"] for item in request.session.items if item.path == Path(__file__)]
+    with ThreadPoolExecutor(N_AT_ONCE) as pool:
+        yield {case: pool.submit(check, *case, tmp_path_factory.mktemp(case[0])) for case in chosen}
+
+
+def named(cases):
+    return [pytest.param(case, id="-".join(case)) for case in cases]
+
+
+@pytest.mark.parametrize("case", named(CASES))
+def test_a_wrong_agent_is_caught_by_the_rule_meant_for_it(case, reports):
+    report = reports[case].result()
+    rules, words = CASES[case]
     assert set(report.failed_rules) == set(rules), report.as_text()
     failure = report.finding(rules[0]).failure
     assert words in f"{failure.sent} {failure.got}", report.as_text()
     assert not report.has_passed
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OVER_PIPES)
-def test_a_wrong_agent_over_pipes_is_caught(name, tmp_path):
-    assert_caught(check(name, "stdio", "msgpack", tmp_path), *OVER_PIPES[name])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", IN_JSON)
-def test_a_wrong_agent_in_json_is_caught(name, tmp_path):
-    assert_caught(check(name, "stdio", "json", tmp_path), *IN_JSON[name])
-
-
-@pytest.mark.slow
-@pytest.mark.end_to_end
-@pytest.mark.parametrize("name", OVER_ZENOH)
-def test_a_wrong_agent_over_zenoh_is_caught(name, tmp_path):
-    assert_caught(check(name, "zenoh", "msgpack", tmp_path), *OVER_ZENOH[name])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("door", "frame_format"), [("stdio", "msgpack"), ("stdio", "json"), ("zenoh", "msgpack")])
-def test_the_agent_without_a_fault_breaks_no_rule(door, frame_format, tmp_path):
-    report = check("right", door, frame_format, tmp_path)
+@pytest.mark.parametrize("case", named(RIGHT))
+def test_the_agent_without_a_fault_breaks_no_rule(case, reports):
+    report = reports[case].result()
     assert report.has_passed, report.as_text()

@@ -193,7 +193,7 @@ class lock_file(RightAgent):
 @mutant
 class late(RightAgent):
     def decide(self, fields):
-        time.sleep(1.5)
+        time.sleep(1.8)
         return super().decide(fields)
 
 
