@@ -31,6 +31,7 @@ from gslcosim.fields.release import (
     VariableRelease,
 )
 from gslcosim.fields.source_shapes import SourceShape
+from gslcosim.fields.tape import MOST_SOURCES, TapedPlume
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.gas_models import GasSpec, PlaybackSpec, SourceSpec
@@ -79,12 +80,26 @@ def gas_field_of(
         return _formula_field(scenario, environment)
     model = gas_model_of(scenario, environment)
     return FilamentField(
-        model.plume,
+        _taped(scenario, environment) if scenario.gas.tape else model.plume,
         model.gases,
         environment.grid,
         sight=sight or Sight(walls=Walls.of(environment), cutoff_sigma=model.cutoff_sigma),
         n_readings_per_step=n_readings_per_step,
     )
+
+
+def _taped(scenario: Scenario, environment: Environment) -> TapedPlume:
+    if len(scenario.gas.sources) > MOST_SOURCES:
+        raise ScenarioError(
+            f"gas.sources: expected at most {MOST_SOURCES} with tape: true, was {len(scenario.gas.sources)}."
+        )
+
+    def plume_of(seed: int) -> FilamentPlume:
+        plume = gas_model_of(scenario, environment).plume
+        plume.reset(seed)
+        return plume
+
+    return TapedPlume(plume_of, scenario, environment)
 
 
 def gas_seed(scenario: Scenario, seed: int) -> int:

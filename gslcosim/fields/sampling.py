@@ -161,7 +161,10 @@ class RoomFields:
 
     def __init__(self, environment: Environment, scenario: Scenario | None = None, *, gas: str | None = None) -> None:
         self._environment = environment
-        self._scenario = scenario
+        # Any instant may be asked for, on tape are those that a run looks at.
+        self._scenario = scenario and scenario.model_copy(
+            update={"gas": scenario.gas.model_copy(update={"tape": False})}
+        )
         self._gas = gas
 
     def grid(self, instant: Instant) -> Grid:

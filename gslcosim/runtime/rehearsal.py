@@ -15,7 +15,7 @@ def rehearse(core: Core, scenario: Scenario) -> None:
     Compiling takes seconds on a machine's first run and loading a tenth of a second on every other; both would
     otherwise happen in the first ticks.
     """
-    core.reset(Episode(seed=0))
+    core.reset(Episode(seed=scenario.seed))
     reads_bodies = any(read.port == keys.BODIES for read in core.spec.reads)
     for tick in range(N_TICKS):
         core.step(tick, {keys.BODIES: _at_start(scenario, tick)} if reads_bodies else {})

@@ -41,3 +41,10 @@ def test_the_resolved_scenario_of_a_run_flies_the_same_run_again(fly, tmp_path, 
 def test_an_agent_that_does_not_find_the_source_returns_1(fly):
     exit_code, result = fly("--set", "referee.stop.time_limit_s=2")
     assert (exit_code, result["end_reason"], result["valid"]) == (1, "time_limit", True)
+
+
+def test_a_run_from_tape_has_the_digest_of_a_live_one(fly, tmp_path, monkeypatch):
+    monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
+    digests = {fly("--set", f"gas.tape={tape}")[1]["digest"] for tape in ("false", "true", "true")}
+    assert len(digests) == 1
+    assert len(list((tmp_path / "cache" / "tapes").iterdir())) == 1
