@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what the agents in other languages need from Debian, where that is possible: as root, with apt-get.
+# Installs what the tests need from Debian, where that is possible: as root, with apt-get.
 # What is there already is left alone. Elsewhere it says what is missing; the tests of those languages are then skipped.
 set -euo pipefail
 
@@ -9,6 +9,8 @@ packages=(
     nlohmann-json3-dev   # agents/dung_beetle_cpp
     octave               # agents/dung_beetle_octave
     jq                   # agents/dung_beetle_shell
+    mesa-vulkan-drivers  # pictures of recordings without a GPU
+    iproute2 openssl     # two hosts in network namespaces, and their certificate
 )
 
 command -v dpkg-query >/dev/null || exit 0

@@ -1,5 +1,6 @@
 """The agents in other languages as tests see them: what they need, how they are built, what they answer."""
 
+import hashlib
 import json
 import os
 import shutil
@@ -53,7 +54,10 @@ class LanguageAgent:
         base = os.environ.get("GSLCOSIM_CACHE") or (
             Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "gslcosim"
         )
-        return Path(base) / "agents" / self.folder.name
+        # One for each checkout: tests of two checkouts at the same time must not build into each other's. What takes
+        # minutes to build is shared; its build tool locks it.
+        own = "" if self.is_slow_to_build else f"-{hashlib.sha256(str(self.folder).encode()).hexdigest()[:8]}"
+        return Path(base) / "agents" / f"{self.folder.name}{own}"
 
     @property
     def is_for_soak_only(self) -> bool:
