@@ -183,7 +183,9 @@ def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
         try:
             beside.rename(folder)
         except OSError as error:
-            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR, errno.EACCES) or not folder.exists():
+            # Something stood there; another process may have taken it away by now.
+            was_taken = error.errno in (errno.ENOTEMPTY, errno.EEXIST)
+            if not was_taken and not (error.errno in (errno.ENOTDIR, errno.EACCES) and folder.exists()):
                 raise
         else:
             return
