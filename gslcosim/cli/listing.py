@@ -50,11 +50,11 @@ def _agents() -> list[Row]:
 
 
 def _sensors() -> list[Row]:
-    from gslcosim.sensing import SENSOR_MODELS
+    from gslcosim.sensing.models import sensor_kind, sensor_names
 
     return [
-        {"name": name, "quantity": model.quantity, "unit": model.unit, "description": model.description}
-        for name, model in SENSOR_MODELS.items()
+        {"name": kind.name, "quantity": kind.quantity, "unit": kind.unit, "description": kind.description}
+        for kind in map(sensor_kind, sensor_names())
     ]
 
 

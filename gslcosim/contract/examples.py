@@ -86,7 +86,7 @@ EXAMPLES: dict[str, Message] = {
                 gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=3.1415926535),),
                 wind_world_m_s=(0.5, -0.25, 0.0),
             ),
-            MountSample(agent="beetle", sensor="wind", gases=(), wind_world_m_s=(1e-300, 1e300, -1.0)),
+            MountSample(agent="beetle", sensor="wind", gases=(), wind_world_m_s=(1e-300, 1e300, -1.0), beam_m=4.5),
         ),
     ),
     "filaments_none": FilamentCloud(
@@ -172,7 +172,7 @@ EXAMPLES: dict[str, Message] = {
         awaiting_command=True,
         readings=(
             Reading(sensor="nose", quantity="resistance", unit="ohm", values=(48_211.5,), is_saturated=True),
-            Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.25, 3.0)),
+            Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.25, 3.0), is_warming_up=True),
         ),
         notice="Ω outside the room",
         incoming=(RadioReception(sender="second", channel="radio", text="here", sent_tick=64, to="beetle"),),

@@ -90,12 +90,17 @@ class GasAmount(Record):
 
 
 class MountSample(Record):
-    """True gas and wind at the mount of one sensor; the wind is that of the air, not relative to the vehicle."""
+    """True gas and wind at the mount of one sensor; the wind is that of the air, not relative to the vehicle.
+
+    For an instrument with a beam (since 1.1) `gases` are means along it, and `beam_m` is its length up to what reflects
+    it, 0 where nothing does within its range; absent: the gas is that at the mount.
+    """
 
     agent: Name
     sensor: Name
     gases: tuple[GasAmount, ...]
     wind_world_m_s: Vec3
+    beam_m: float | None = None
 
 
 class FieldSamples(Message):
@@ -248,7 +253,8 @@ class Briefing(Message):
 class Reading(Record):
     """What one instrument reports: one or several numbers in `unit` (see the sensor's description).
 
-    `is_saturated` says that the instrument is at the end of its range.
+    `is_saturated` says that the instrument is at the end of its range; `is_warming_up` (since 1.1) that it does not
+    measure yet, and that its values mean nothing.
     """
 
     sensor: Name
@@ -256,6 +262,7 @@ class Reading(Record):
     unit: str
     values: tuple[float, ...]
     is_saturated: bool = False
+    is_warming_up: bool = False
 
 
 class Observation(Message):

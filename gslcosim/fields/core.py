@@ -21,6 +21,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ModelError
 from gslcosim.fields.assembly import gas_field_of, gas_seed
+from gslcosim.fields.beams import Beams
 from gslcosim.fields.gas_field import GasField, PointGrid
 from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
@@ -56,6 +57,7 @@ class FieldsCore:
         self._mounts = MountPlaces(scenario)
         n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
         self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step)
+        self._beams = Beams(scenario, environment)
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
@@ -98,7 +100,7 @@ class FieldsCore:
             tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, ppm, strict=True))
             for ppm in gas_ppm
         ]
-        samples = tuple(
+        samples = [
             MountSample(
                 agent=mount.agent,
                 sensor=mount.sensor,
@@ -106,8 +108,21 @@ class FieldsCore:
                 wind_world_m_s=tuple(wind_m_s[mount.i_place]),
             )
             for mount in self._mounts.mounts
+        ]
+        return FieldSamples(tick=tick, samples=tuple(self._with_beams(samples, bodies) if self._beams else samples))
+
+    # An instrument with a beam sees the mean along it instead of the gas at its mount.
+    def _with_beams(self, samples: list[MountSample], bodies: BodyPoses) -> list[MountSample]:
+        beams = self._beams.points_of(bodies)
+        return [self._with_beam(s, *beams[s.agent, s.sensor]) if (s.agent, s.sensor) in beams else s for s in samples]
+
+    def _with_beam(self, sample: MountSample, beam_m: float, points_m: NDArray[np.float64]) -> MountSample:
+        n_gases = len(self._gas.gases)
+        means = self._gas.mixing_ratio_ppm_at(points_m).mean(axis=0) if len(points_m) else np.zeros(n_gases)
+        amounts = (
+            GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, means.tolist(), strict=True)
         )
-        return FieldSamples(tick=tick, samples=samples)
+        return sample.model_copy(update={"gases": tuple(amounts), "beam_m": beam_m})
 
     def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
         own_m_s = self._gas.wind_m_s_at(places_m)

@@ -189,6 +189,20 @@ def _unknown_sensors(values: dict[str, Any]) -> Iterator[Problem]:
             model = sensor.get("model")
             if isinstance(model, str) and model not in sensor_names():
                 yield _unknown_name(f"agents[{i}].sensors[{j}].model", model, sensor_names())
+        yield from _taken_by_estimates(i, _blocks(agent, "sensors"))
+
+
+# What is estimated from a MOX sensor's reading is told under the sensor's name with an ending.
+def _taken_by_estimates(i_agent: int, sensors: list[tuple[int, dict[str, Any]]]) -> Iterator[Problem]:
+    taken = {f"{sensor.get('name')}_ppm" for _, sensor in sensors if str(sensor.get("model")).startswith("tgs")}
+    for j, sensor in sensors:
+        if sensor.get("name") in taken:
+            yield Problem(
+                path=f"agents[{i_agent}].sensors[{j}].name",
+                expected="a name that no estimate of a MOX sensor has",
+                found=f"'{sensor.get('name')}'",
+                remedy="For example true_gas.",
+            )
 
 
 def _unknown_name(path: str, name: str, known: Sequence[str]) -> Problem:

@@ -12,7 +12,7 @@ from gslcosim.scenario.spec import Name, NonNegative, Positive, Spec, Vec3, show
 # The sensors that there are; the table with their models is in gslcosim.sensing.
 SENSORS = (
     "tgs2600", "tgs2602", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "pid", "threshold", "binary", "hit_counter",
-    "averaging", "second_order", "anemometer", "anemometer_3d",
+    "averaging", "second_order", "tdlas", "anemometer", "anemometer_3d",
 )  # fmt: skip
 # Third parties add theirs under this name; each entry point is a `gslcosim.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"

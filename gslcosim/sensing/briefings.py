@@ -1,12 +1,12 @@
 """What each agent is told before its first observation."""
 
-from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, ChannelDescription, SensorDescription
+from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, ChannelDescription
 from gslcosim.contract.schema import contract_hash
 from gslcosim.environment.model import Environment
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
-from gslcosim.sensing.models import SENSOR_MODELS
+from gslcosim.sensing.table import descriptions_of
 
 
 def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, *, seed: int) -> Briefing:
@@ -33,16 +33,7 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
         search_height_m=agent.vehicle.search_height_m,
         hold_s=agent.vehicle.hold_s,
         time_limit_s=scenario.referee.stop.time_limit_s,
-        sensors=tuple(
-            SensorDescription(
-                name=sensor.name,
-                model=sensor.model,
-                quantity=SENSOR_MODELS[sensor.model].quantity,
-                unit=SENSOR_MODELS[sensor.model].unit,
-                mount_body_m=sensor.mount_m,
-            )
-            for sensor in agent.sensors
-        ),
+        sensors=descriptions_of(agent, scenario),
         contract_hash=contract_hash(),
         channels=_channels_of(agent, scenario),
     )

@@ -23,8 +23,10 @@ from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.briefings import briefing_of
-from gslcosim.sensing.models import SENSOR_MODELS, SensorModel, build_sensor
+from gslcosim.sensing.models import SensorModel, build_sensor, sensor_names
+from gslcosim.sensing.models.base import Estimator
 from gslcosim.sensing.ports import sensing_spec
+from gslcosim.sensing.table import kind_in
 from gslcosim.ticks import seconds_from_ticks
 
 Vec3 = tuple[float, float, float]
@@ -34,6 +36,7 @@ Vec3 = tuple[float, float, float]
 class _Instrument:
     spec: SensorSpec
     model: SensorModel
+    estimate: Estimator | None
 
 
 class SensingCore:
@@ -41,6 +44,9 @@ class SensingCore:
 
     Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio` of the same tick. Writes a
     briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact.
+
+    After the readings of all sensors come the estimates: what a MOX sensor's resistance suggests as mixing ratio of the
+    gas that is searched for, under the sensor's name with `_ppm` behind.
 
     State: the instruments, new at each reset; each draws from its own stream `sensing.<agent>.<sensor>`.
     Raises ModelError when a pose or sample is missing; the runtime then ends the run as invalid.
@@ -82,7 +88,12 @@ class SensingCore:
             if agent not in bodies:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
             readings = tuple(self._read(instrument, bodies[agent], samples, tick) for instrument in instruments)
-            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings, traffic)
+            estimates = tuple(
+                instrument.estimate(reading)
+                for instrument, reading in zip(instruments, readings, strict=True)
+                if instrument.estimate
+            )
+            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings + estimates, traffic)
         return outbox
 
     def _new_instruments(self, seed: int) -> dict[str, tuple[_Instrument, ...]]:
@@ -93,8 +104,10 @@ class SensingCore:
 
     def _instrument(self, agent: str, sensor: SensorSpec, seed: int) -> _Instrument:
         rng = stream(seed, f"sensing.{agent}.{sensor.name}")
-        model = build_sensor(SENSOR_MODELS[sensor.model], sensor, self._scenario.tick_ns, rng)
-        return _Instrument(spec=sensor, model=model)
+        kind = kind_in(self._scenario, sensor.model)
+        model = build_sensor(kind, sensor, self._scenario.tick_ns, rng)
+        estimate = kind.estimator(self._scenario.gas.gas) if kind.estimator else None
+        return _Instrument(spec=sensor, model=model, estimate=estimate)
 
     def _read(
         self, instrument: _Instrument, body: BodyState, samples: dict[tuple[str, str], MountSample], tick: int
@@ -145,11 +158,12 @@ def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
 
 
 def _check_models(scenario: Scenario) -> None:
+    known = sensor_names()
     problems = [
-        f"agents[{i}].sensors[{j}].model: expected one of {', '.join(SENSOR_MODELS)}, was {sensor.model!r}."
+        f"agents[{i}].sensors[{j}].model: expected one of {', '.join(known)}, was {sensor.model!r}."
         for i, agent in enumerate(scenario.agents)
         for j, sensor in enumerate(agent.sensors)
-        if sensor.model not in SENSOR_MODELS
+        if sensor.model not in known
     ]
     if problems:
         raise ScenarioError("\n".join(problems))

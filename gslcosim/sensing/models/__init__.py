@@ -1,15 +1,53 @@
-"""All sensor models by name, with quantity, unit and what they stand for."""
+"""All sensor models by name, with quantity, unit and what they stand for; those of installed packages included."""
 
+from importlib.metadata import entry_points
+
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario.sensor_models import SENSOR_ENTRY_POINTS
 from gslcosim.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
 from gslcosim.sensing.models.base import SensorKind, SensorModel
 from gslcosim.sensing.models.imperfect import build_sensor
 from gslcosim.sensing.models.mox import MOX_PARAMETERS, mox_kind
 from gslcosim.sensing.models.ppm_sensors import PPM_KINDS
+from gslcosim.sensing.models.tdlas import TDLAS
 
 _MOX_KINDS = tuple(mox_kind(parameters) for parameters in MOX_PARAMETERS.values())
 
 SENSOR_MODELS: dict[str, SensorKind] = {
-    kind.name: kind for kind in (*_MOX_KINDS, *PPM_KINDS, ANEMOMETER, ANEMOMETER_3D)
+    kind.name: kind for kind in (*_MOX_KINDS, *PPM_KINDS, TDLAS, ANEMOMETER, ANEMOMETER_3D)
 }
 
-__all__ = ["SENSOR_MODELS", "SensorKind", "SensorModel", "build_sensor"]
+
+def sensor_kind(name: str) -> SensorKind:
+    """Return the sensor model of a name: one of `SENSOR_MODELS`, or one that an installed package offers.
+
+    A package offers a `SensorKind` by an entry point of the group `gslcosim.sensors`; it is imported here, when a
+    scenario names it, and not before.
+
+    Raises:
+        ScenarioError: there is none, or what the package offers is something else.
+    """
+    if name in SENSOR_MODELS:
+        return SENSOR_MODELS[name]
+    points = entry_points(group=SENSOR_ENTRY_POINTS)
+    if name not in points.names:
+        raise ScenarioError(f"model: expected one of {', '.join(sensor_names())}, was {name!r}.")
+    try:
+        kind = points[name].load()
+    # A package of somebody else may raise anything when it is imported.
+    except Exception as error:
+        raise ScenarioError(
+            f"model: expected {points[name].value} to be imported for {name!r}, was {error!r}."
+        ) from error
+    if not isinstance(kind, SensorKind) or kind.name != name:
+        raise ScenarioError(f"model: expected {points[name].value} to be the SensorKind {name!r}, was {kind!r}.")
+    return kind
+
+
+def sensor_names() -> tuple[str, ...]:
+    """Return the names of all sensor models: gslcosim's, then those of installed packages."""
+    offered = entry_points(group=SENSOR_ENTRY_POINTS).names
+    return (*SENSOR_MODELS, *sorted(offered - SENSOR_MODELS.keys()))
+
+
+__all__ = ["SENSOR_MODELS", "SensorKind", "SensorModel", "build_sensor", "sensor_kind", "sensor_names"]

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.scenario.gas_models import GasDefinition
 from gslcosim.scenario.models import SensorSpec
 
 Vec3 = tuple[float, float, float]
@@ -25,6 +26,17 @@ class SensorModel(Protocol):
         ...
 
 
+Estimator = Callable[[Reading], Reading]
+
+ESTIMATE_ENDING = "_ppm"
+_LONGEST_NAME = 40
+
+
+def estimate_name(sensor: str) -> str:
+    """Return the name of the second reading of a sensor, with the mixing ratio that the first one suggests."""
+    return sensor[: _LONGEST_NAME - len(ESTIMATE_ENDING)] + ESTIMATE_ENDING
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensorKind:
     """One row of the table of sensor models.
@@ -32,6 +44,11 @@ class SensorKind:
     `build(spec, tick_s, rng)` returns a new instrument; `rng` is its own random stream. `quantity` and `unit` are
     those of its readings, `description` says what it stands for and what the reading's values are. `has_own_noise`
     says that the model itself applies the scenario's `noise_std`.
+
+    `for_gases(definitions)` returns the row for a scenario that defines gases of its own, where that matters.
+    `estimator(gas)` returns how to turn a reading into a second one that tells the mixing ratio [ppm] of a gas, as the
+    maker's sheet would have it; nothing where the sheet does not know the gas. The second reading is named after the
+    sensor with `_ppm` behind.
     """
 
     name: str
@@ -40,3 +57,5 @@ class SensorKind:
     description: str
     build: Callable[[SensorSpec, float, np.random.Generator], SensorModel]
     has_own_noise: bool = False
+    for_gases: "Callable[[tuple[GasDefinition, ...]], SensorKind] | None" = None
+    estimator: Callable[[str], Estimator | None] | None = None

@@ -16,7 +16,8 @@ class ImperfectSensor:
 
     In this order: the model sees the sample of `delay_s` ago (the first one until then); each value v becomes
     v + bias + drift_per_s t + N(0, noise_std), t the time since the start; values are kept from exceeding `max_value`,
-    and `is_saturated` says so; between readings, `period_s` apart, the last one is repeated. Units are the reading's.
+    and `is_saturated` says so; between readings, `period_s` apart, the last one is repeated. Until `warm_up_s` after
+    the start a reading `is_warming_up`: its values are those of the first one. Units are the reading's.
 
     State: samples within the delay, the last reading, the number of the tick. Draws one number for each value at each
     reading, from the sensor's own stream, after the model's own draws; none where `noise_std` is 0 or is the model's.
@@ -34,8 +35,10 @@ class ImperfectSensor:
         self._period_ticks = _ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
         delay_ticks = _ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
         self._seen: deque[tuple[MountSample, Vec3]] = deque(maxlen=delay_ticks + 1)
+        self._warm_up_ticks = _ticks(spec.warm_up_s or None, tick_ns, f"sensor {spec.name}: warm_up_s")
         self._tick = -1
         self._last: Reading | None = None
+        self._cold: Reading | None = None
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the reading that holds at the end of the tick; see `SensorModel.read`."""
@@ -44,7 +47,10 @@ class ImperfectSensor:
         reading = self._model.read(*self._seen[0])
         if self._last is None or self._tick % self._period_ticks == 0:
             self._last = self._with_errors(reading)
-        return self._last
+        if self._tick >= self._warm_up_ticks:
+            return self._last
+        self._cold = self._cold or self._last.model_copy(update={"is_warming_up": True})
+        return self._cold
 
     def _with_errors(self, reading: Reading) -> Reading:
         offset = self._spec.bias + self._spec.drift_per_s * self._tick * self._tick_s
@@ -71,7 +77,9 @@ def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.rando
     model = kind.build(spec, tick_ns / NS_PER_S, rng)
     has_own_noise = kind.has_own_noise
     is_perfect = (
-        not (spec.bias or spec.drift_per_s or spec.delay_s) and spec.period_s is None and spec.max_value is None
+        not (spec.bias or spec.drift_per_s or spec.delay_s or spec.warm_up_s)
+        and spec.period_s is None
+        and spec.max_value is None
     )
     if is_perfect and (spec.noise_std == 0.0 or has_own_noise):
         return model

@@ -1,17 +1,20 @@
 """Metal-oxide gas sensors of Figaro's TGS26xx family: resistance falls with gas, quickly up and slowly back."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gslcosim.contract.messages import GasAmount, MountSample, Reading
+from gslcosim.scenario.gas_models import GasDefinition
 from gslcosim.scenario.models import SensorSpec
-from gslcosim.sensing.models.base import SensorKind, Vec3
+from gslcosim.sensing.models.base import Estimator, SensorKind, Vec3, estimate_name
 
 LEAST_RATIO = 0.01
 QUANTITY = "resistance"
 UNIT = "ohm"
+ESTIMATE_QUANTITY = "estimated_mixing_ratio"
+ESTIMATE_UNIT = "ppm"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,6 +166,53 @@ class MoxSensor:
         )
 
 
+def estimated_ppm(parameters: MoxParameters, gas: str, resistance_ohm: float) -> float:
+    """Return the mixing ratio of one gas alone at which a sensor settles to a resistance [ppm by volume].
+
+    c = (Rs/R0 / A)^(1 / B) below the ratio of clean air, and 0 from there on; infinity becomes the largest double.
+
+    What somebody with the maker's sheet would conclude: the sensor's lag, its other gases and its errors are in it, and
+    just below clean air it jumps to the floor, below which the gas has no effect.
+
+    Args:
+        parameters: The sensor's; it must have figures of the gas.
+        gas: Which gas.
+        resistance_ohm: The sensor's resistance [ohm].
+
+    Held by:
+        tests/unit/sensing/test_mox.py (inverts the steady response)
+    """
+    a, b = parameters.power_law[gas]
+    ratio = max(resistance_ohm / parameters.r0_ohm, 1e-12)
+    if ratio >= parameters.air_ratio * (1.0 - 1e-9):
+        return 0.0
+    exponent = math.log(ratio / a) / b
+    return math.exp(min(exponent, 700.0))
+
+
+def _estimator(parameters: MoxParameters, gas: str) -> Estimator | None:
+    if parameters.power_law.get(gas, (1.0, 0.0))[1] == 0.0:
+        return None
+
+    def estimate(reading: Reading) -> Reading:
+        return Reading(
+            sensor=estimate_name(reading.sensor),
+            quantity=ESTIMATE_QUANTITY,
+            unit=ESTIMATE_UNIT,
+            values=(estimated_ppm(parameters, gas, reading.values[0]),),
+            is_saturated=reading.is_saturated,
+            is_warming_up=reading.is_warming_up,
+        )
+
+    return estimate
+
+
+def with_gases(parameters: MoxParameters, definitions: tuple[GasDefinition, ...]) -> MoxParameters:
+    """Return a sensor's figures with those that a scenario gives for gases of its own."""
+    laws = {gas.name: (law.a, law.b) for gas in definitions for law in gas.mox if law.sensor == parameters.model}
+    return replace(parameters, power_law={**parameters.power_law, **laws})
+
+
 def mox_kind(parameters: MoxParameters) -> SensorKind:
     """Return the row of the table of sensor models for one MOX sensor."""
 
@@ -177,4 +227,6 @@ def mox_kind(parameters: MoxParameters) -> SensorKind:
         description=f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "
         f"{parameters.r0_ohm * parameters.air_ratio:g} ohm in clean air.",
         build=build,
+        for_gases=lambda definitions: mox_kind(with_gases(parameters, definitions)),
+        estimator=lambda gas: _estimator(parameters, gas),
     )

@@ -9,6 +9,7 @@ from collections import deque
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.scenario.gas_models import GasDefinition
 from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
 
@@ -30,13 +31,15 @@ class PidSensor:
     Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec) -> None:
+    def __init__(self, spec: SensorSpec, correction: dict[str, float]) -> None:
         self._sensor = spec.name
+        self._correction = correction
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the reading [ppm]; see `SensorModel.read`."""
         del mount_velocity_world_m_s
-        seen = (g.mixing_ratio_ppm / PID_CORRECTION[g.gas] for g in sample.gases if g.gas in PID_CORRECTION)
+        correction = self._correction
+        seen = (g.mixing_ratio_ppm / correction[g.gas] for g in sample.gases if g.gas in correction)
         return _ppm_reading(self._sensor, math.fsum(seen))
 
 
@@ -159,9 +162,22 @@ def _ppm_reading(sensor: str, ppm: float) -> Reading:
     return Reading(sensor=sensor, quantity="mixing_ratio", unit="ppm", values=(ppm,))
 
 
-def _build_pid(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-    del tick_s, rng
-    return PidSensor(spec)
+def _pid_kind(definitions: tuple[GasDefinition, ...]) -> SensorKind:
+    defined = {gas.name: gas.pid_correction for gas in definitions if gas.pid_correction is not None}
+    correction = {**PID_CORRECTION, **defined}
+
+    def build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+        del tick_s, rng
+        return PidSensor(spec, correction)
+
+    return SensorKind(
+        name="pid",
+        quantity="mixing_ratio",
+        unit="ppm",
+        description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor; no lag.",
+        build=build,
+        for_gases=_pid_kind,
+    )
 
 
 def _build_threshold(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
@@ -185,13 +201,7 @@ def _build_second_order(spec: SensorSpec, tick_s: float, rng: np.random.Generato
 
 
 PPM_KINDS = (
-    SensorKind(
-        name="pid",
-        quantity="mixing_ratio",
-        unit="ppm",
-        description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor; no lag.",
-        build=_build_pid,
-    ),
+    _pid_kind(()),
     SensorKind(
         name="threshold",
         quantity="mixing_ratio",

@@ -184,6 +184,9 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
         ("name: nose}", "name: nose, warm_up_s: 1.01}",
          "hall.yaml:13: agents[0].sensors[0].warm_up_s: expected a whole number of 100 ms ticks, was 1.01 s. Nearest: "
          "1 or 1.1."),
+        ("name: nose}", "name: nose}\n      - {model: pid, name: nose_ppm}",
+         "hall.yaml:14: agents[0].sensors[1].name: expected a name that no estimate of a MOX sensor has, was "
+         "'nose_ppm'. For example true_gas."),
         ("gas:", "gas:\n  define: [{name: ethanol, specific_gravity: 2}]",
          "hall.yaml:6: gas.define[0].name: expected a name that no other gas has, was 'ethanol'. For example "
          "my_ethanol."),

@@ -79,3 +79,19 @@ def test_a_threshold_sensor_keeps_its_noise_to_itself():
 def test_a_time_that_is_no_whole_number_of_ticks_is_refused(key):
     with pytest.raises(ScenarioError, match=rf"sensor s: {key}: expected a whole number of 100 ms ticks, was 0\.25"):
         read([1.0], **{key: 0.25})
+
+
+def test_until_it_is_warm_a_sensor_shows_its_first_reading_and_says_so():
+    readings = read([1.0, 2.0, 3.0, 4.0, 5.0], warm_up_s=0.3)
+    assert [r.values[0] for r in readings] == [1.0, 1.0, 1.0, 4.0, 5.0]
+    assert [r.is_warming_up for r in readings] == [True, True, True, False, False]
+
+
+def test_a_warm_up_does_not_change_the_noise_after_it():
+    plain = values([5.0] * 6, noise_std=1.0)
+    assert values([5.0] * 6, noise_std=1.0, warm_up_s=0.3)[3:] == plain[3:]
+
+
+def test_a_warm_up_that_is_no_whole_number_of_ticks_is_refused():
+    with pytest.raises(ScenarioError, match="warm_up_s: expected a whole number of 100 ms ticks"):
+        read([1.0], warm_up_s=0.25)

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.sensing.models.mox import LEAST_RATIO, MOX_PARAMETERS, MoxSensor, steady_ratio
+from gslcosim.sensing.models.mox import LEAST_RATIO, MOX_PARAMETERS, MoxSensor, estimated_ppm, mox_kind, steady_ratio
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -89,3 +89,29 @@ def test_saturation_is_told():
     assert not readings[0].is_saturated
     assert readings[-1].is_saturated
     assert readings[-1].values[0] == pytest.approx(500.0)
+
+
+@pytest.mark.parametrize("model", sorted(MOX_PARAMETERS))
+@pytest.mark.parametrize("gas", ["ethanol", "methane", "hydrogen"])
+def test_the_estimate_inverts_the_steady_response(model, gas):
+    parameters = MOX_PARAMETERS[model]
+    floor_ppm = parameters.floor_ppm(gas)
+    if math.isinf(floor_ppm):
+        assert mox_kind(parameters).estimator(gas) is None
+        return
+    for ppm in (1.01 * floor_ppm, 10.0 * floor_ppm):
+        assert estimated_ppm(parameters, gas, steady_ohm(model, **{gas: ppm})) == pytest.approx(ppm, rel=1e-9)
+    for clean_ohm in (steady_ohm(model), 1.2 * steady_ohm(model)):
+        assert estimated_ppm(parameters, gas, clean_ohm) == 0.0
+
+
+def test_an_impossible_resistance_has_an_estimate_that_is_finite():
+    for ohm in (0.0, -5.0, 1e-300):
+        assert math.isfinite(estimated_ppm(MOX_PARAMETERS["tgs2612"], "ethanol", ohm))
+
+
+def test_the_tgs2602_falls_as_on_its_sheet():
+    """About 0.75, 0.3 and 0.17 of clean air at 1, 10 and 30 ppm of ethanol, read off the sheet by eye."""
+    found = [steady_ohm("tgs2602", ethanol=ppm) / steady_ohm("tgs2602") for ppm in (1.0, 10.0, 30.0)]
+    assert found == pytest.approx([0.75, 0.3, 0.17], rel=0.06)
+    assert steady_ohm("tgs2602", methane=1e4) == steady_ohm("tgs2602")

@@ -92,6 +92,7 @@ def test_each_agent_is_briefed_once(core, scenario):
     assert [(s.name, s.model, s.quantity, s.unit) for s in briefing.sensors] == [
         ("nose", "tgs2600", "resistance", "ohm"),
         ("wind", "anemometer", "apparent_wind", "m/s, rad"),
+        ("nose_ppm", "tgs2600", "estimated_mixing_ratio", "ppm"),
     ]
     assert briefing.sensors[0].mount_body_m == (0.2, 0.0, 0.0)
     assert {w.port for w in core.spec.writes if w.announced_in == "once"} == set(briefings)
@@ -129,7 +130,7 @@ def test_an_observation_tells_pose_state_and_readings(core):
     assert observation.position_world_m == (1.0, 2.0, 3.0)
     assert observation.yaw_rad == pytest.approx(math.pi / 2)
     assert (observation.status, observation.awaiting_command, observation.notice) == ("holding", True, "too far")
-    assert [r.sensor for r in observation.readings] == ["nose", "wind"]
+    assert [r.sensor for r in observation.readings] == ["nose", "wind", "nose_ppm"]
     assert observation.reading("nose").values[0] < 50000.0
     assert observation.reading("wind").values == pytest.approx((1.5, 0.0))
 
@@ -212,3 +213,41 @@ def test_each_agent_hears_what_comes_to_it_and_is_told_of_its_refusals(scenario,
 def test_without_channels_nobody_is_told_of_any(core):
     assert core.reset(Episode(seed=1))[keys.briefing("moth")].channels == ()
     assert core.step(0, inbox(0))[keys.observation("moth")].incoming == ()
+
+
+def test_the_estimate_follows_the_reported_resistance_to_the_true_mixing_ratio(core):
+    """Errors and lag of the sensor are in it; after long the lag is over."""
+    core.reset(Episode(seed=3))
+    estimates = []
+    for tick in range(1500):
+        observation = core.step(tick, inbox(tick))[keys.observation("beetle")]
+        estimates.append(observation.reading("nose_ppm").values[0])
+    assert estimates[0] == 0.0
+    assert estimates == sorted(estimates)
+    assert estimates[-1] == pytest.approx(5.0, rel=1e-6)
+
+
+def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
+    plain = scenario.model_dump(by_alias=True)
+    plain["gas"] |= {
+        "gas": "freon",
+        "define": [
+            {"name": "freon", "specific_gravity": 3.0, "pid_correction": 2.5,
+             "mox": [{"sensor": "tgs2600", "a": 1.0, "b": -0.5}]}
+        ],
+    }  # fmt: skip
+    nose = plain["agents"][0]["sensors"][0]
+    plain["agents"][0]["sensors"] = [nose, {"model": "pid", "name": "wind"}]
+    core = SensingCore(Scenario.model_validate(plain), make_room())
+    core.reset(Episode(seed=3))
+    for tick in range(1500):
+        box = inbox(tick)
+        samples = tuple(
+            s.model_copy(update={"gases": (GasAmount(gas="freon", mixing_ratio_ppm=4.0),)})
+            for s in box[keys.SAMPLES].samples
+        )
+        box[keys.SAMPLES] = FieldSamples(tick=tick, samples=samples)
+        observation = core.step(tick, box)[keys.observation("beetle")]
+    assert observation.reading("nose").values[0] == pytest.approx(25000.0, rel=1e-6)
+    assert observation.reading("nose_ppm").values[0] == pytest.approx(4.0, rel=1e-5)
+    assert observation.reading("wind").values == (1.6,)

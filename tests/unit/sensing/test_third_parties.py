@@ -1,0 +1,72 @@
+"""Sensor models of installed packages."""
+
+import importlib
+import sys
+import types
+from dataclasses import replace
+
+import pytest
+
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.sensor_models import SENSOR_ENTRY_POINTS
+from gslcosim.scenario.sensor_models import sensor_names as names_in_scenarios
+from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.sensing.core import SensingCore
+from gslcosim.sensing.models import sensor_kind, sensor_names
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install a package that offers things under names of sensors."""
+
+    def install(**offers):
+        module = types.ModuleType("somebodys_sensors")
+        vars(module).update(offers)
+        monkeypatch.setitem(sys.modules, "somebodys_sensors", module)
+        folder = tmp_path / "somebodys_sensors-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-sensors\nVersion: 1.0\n")
+        lines = [f"{name} = somebodys_sensors:{name}" for name in offers]
+        lines.append("broken = somebodys_missing_module:broken")
+        (folder / "entry_points.txt").write_text("\n".join([f"[{SENSOR_ENTRY_POINTS}]", *lines]) + "\n")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        importlib.invalidate_caches()
+        names_in_scenarios.cache_clear()
+
+    yield install
+    monkeypatch.undo()
+    importlib.invalidate_caches()
+    names_in_scenarios.cache_clear()
+
+
+OWN = replace(SENSOR_MODELS["pid"], name="sniffer", description="Somebody's own.")
+
+
+def test_a_scenario_may_name_the_sensor_of_a_package(package, make_room):
+    package(sniffer=OWN)
+    assert sensor_names()[-2:] == ("broken", "sniffer")
+    assert sensor_kind("sniffer") is OWN
+    scenario = load_scenario("tiny_room", overrides=["agents[0].sensors[0].model=sniffer"]).scenario
+    assert SensingCore(scenario, make_room()).spec.name == "sensing"
+
+
+def test_without_the_package_the_name_is_unknown():
+    with pytest.raises(ScenarioError, match=r"expected one of tgs2600, .*anemometer_3d, was 'sniffer'"):
+        sensor_kind("sniffer")
+
+
+def test_a_package_that_offers_something_else_is_refused(package):
+    package(sniffer=42, misnamed=OWN)
+    with pytest.raises(
+        ScenarioError, match="expected somebodys_sensors:sniffer to be the SensorKind 'sniffer', was 42"
+    ):
+        sensor_kind("sniffer")
+    with pytest.raises(ScenarioError, match="to be the SensorKind 'misnamed'"):
+        sensor_kind("misnamed")
+
+
+def test_a_package_that_cannot_be_imported_is_named(package):
+    package(sniffer=OWN)
+    with pytest.raises(ScenarioError, match="somebodys_missing_module:broken to be imported for 'broken'"):
+        sensor_kind("broken")
