@@ -139,15 +139,19 @@ def _byte_order_problem(fields: dict[str, Any]) -> Problem | None:
     return Problem(rule="byte-order", expected="numbers of a size that a search can have", got=got)
 
 
-def _reals(value: object, place: str = "") -> Iterator[tuple[str, float]]:
-    if isinstance(value, float):
-        yield place, value
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            yield from _reals(item, f"{place}.{key}" if place else str(key))
-    elif isinstance(value, list):
-        for i, item in enumerate(value):
-            yield from _reals(item, f"{place}.{i}")
+# Without recursion: what an agent nests is not limited by what Python can call.
+def _reals(fields: dict[str, Any]) -> Iterator[tuple[str, float]]:
+    waiting: list[tuple[str, object]] = [("", fields)]
+    while waiting:
+        place, value = waiting.pop()
+        inside: list[tuple[str, object]] = []
+        if isinstance(value, float):
+            yield place, value
+        elif isinstance(value, dict):
+            inside = [(f"{place}.{key}" if place else str(key), item) for key, item in value.items()]
+        elif isinstance(value, list):
+            inside = [(f"{place}.{i}", item) for i, item in enumerate(value)]
+        waiting += reversed(inside)
 
 
 def _is_sane(number: float) -> bool:

@@ -134,5 +134,8 @@ def _problems_text(error: ValidationError) -> str:
 
 
 def _short(value: object) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except RecursionError:  # what msgpack and pydantic still read may be too deep to be shown
+        return f"a deeply nested {type(value).__name__}"
     return text if len(text) <= 80 else f"{text[:77]}..."

@@ -1,0 +1,30 @@
+"""However deep an agent nests, it is told what was expected."""
+
+import msgpack
+import pytest
+
+from gslcosim.conformance.answers import read_answer
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Command
+from gslcosim.errors import ContractError
+from gslcosim.runtime.door import Door
+
+DEPTHS = (10, 100, 300, 500, 700, 900, 1000, 1020, 1100, 5000, 200_000)
+
+
+def nested(depth):
+    """Return a command whose position is a list in a list in a list."""
+    start = msgpack.packb({"tick": 5, "kind": "waypoint", "position_world_m": 0})[:-1]
+    return start + b"\x91" * depth + b"\x00"
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+def test_a_nested_value_is_refused_with_a_reason(depth):
+    with pytest.raises(ContractError, match="Command: "):
+        codec.decode(Command, nested(depth))
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+def test_the_door_and_the_kit_outlive_it(depth):
+    assert Door("agent").received(nested(depth)) == []
+    assert read_answer(nested(depth)).problem is not None
