@@ -22,6 +22,8 @@ from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ModelError
 from gslcosim.fields.assembly import gas_field_of, gas_seed
 from gslcosim.fields.beams import Beams
+from gslcosim.fields.downwash import Downwash
+from gslcosim.fields.filament_field import FilamentField
 from gslcosim.fields.gas_field import GasField, PointGrid
 from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
@@ -58,6 +60,7 @@ class FieldsCore:
         n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
         self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step)
         self._beams = Beams(scenario, environment)
+        self._downwash = Downwash(scenario)
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
@@ -82,13 +85,22 @@ class FieldsCore:
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Bring the gas to the end of the tick and sample it there."""
-        self._gas.advance(self._timing.steps_at(tick))
-        outbox: dict[str, FieldSamples | FilamentCloud] = {
-            keys.SAMPLES: self._samples(tick, cast(BodyPoses, inbox[keys.BODIES]))
-        }
+        bodies = cast(BodyPoses, inbox[keys.BODIES])
+        self._advance(self._timing.steps_at(tick), bodies)
+        outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
         if tick % self._snapshot_ticks == 0:
             outbox[keys.FILAMENTS] = self._cloud(tick)
         return outbox
+
+    # Jets are those of the tick's end; a filament is first carried by the room's air, then by them.
+    def _advance(self, n_steps: int, bodies: BodyPoses) -> None:
+        if not (self._downwash.is_on and isinstance(self._gas, FilamentField)):
+            self._gas.advance(n_steps)
+            return
+        jets = self._downwash.jets_of(bodies)
+        for _ in range(n_steps):
+            self._gas.advance(1)
+            self._gas.blow(jets)
 
     def _samples(self, tick: int, bodies: BodyPoses) -> FieldSamples:
         places_m = self._mounts.positions_world_m(bodies)

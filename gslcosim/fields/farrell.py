@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.model import Cell, Environment
+from gslcosim.fields.downwash import Jets
 from gslcosim.fields.farrell_kernels import blow_inplace, set_edges_inplace, wind_in_cells
 from gslcosim.fields.filaments import FilamentPlume, Filaments
 from gslcosim.rng import stream
@@ -158,6 +159,10 @@ class OpenFieldPlume:
     def advance(self, n_steps: int = 1) -> None:
         """Go on by steps."""
         self._plume.advance(n_steps)
+
+    def blow(self, jets: Jets) -> None:
+        """Carry filaments down in the jets of vehicles for one step."""
+        self._plume.blow(jets)
 
 
 def open_field(environment: Environment) -> Environment:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.fields.concentration import checked_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
+from gslcosim.fields.downwash import Jets
 from gslcosim.fields.filament_index import FilamentIndex
 from gslcosim.fields.filaments import Filaments, WindAt
 from gslcosim.fields.gas_field import PointGrid, Sight
@@ -40,6 +41,10 @@ class FilamentSource(Protocol):
 
     def advance(self, n_steps: int = 1) -> None:
         """Go on by steps."""
+        ...
+
+    def blow(self, jets: Jets) -> None:
+        """Carry filaments down in the jets of vehicles for one step."""
         ...
 
 
@@ -118,6 +123,11 @@ class FilamentField:
         if n_steps > 0:
             self._source.advance(n_steps)
             self._seen = None
+
+    def blow(self, jets: Jets) -> None:
+        """Carry filaments down in the jets of vehicles for one step."""
+        self._source.blow(jets)
+        self._seen = None
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""

@@ -11,6 +11,8 @@ from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.fields.buoyancy import NEUTRAL, Buoyancy
+from gslcosim.fields.downwash import Jets
+from gslcosim.fields.downwash_kernels import blow_filaments_inplace
 from gslcosim.fields.filament_kernels import NOT_FINITE, move_filaments_inplace
 from gslcosim.fields.gases import air_density_mol_m3
 from gslcosim.fields.normal_kernels import uniforms
@@ -196,6 +198,21 @@ class FilamentPlume:
         """
         for _ in range(n_steps):
             self._advance_one()
+
+    def blow(self, jets: Jets) -> None:
+        """Carry filaments down in the jets of vehicles for one step."""
+        grid = self._environment.grid
+        blow_filaments_inplace(
+            self._position_m,
+            self._n,
+            jets.centre_world_m,
+            jets.motor_distance_m,
+            jets.outflow_m_s,
+            self._occupancy,
+            grid.origin_m,
+            grid.cell_m,
+            self._step_s,
+        )
 
     def _advance_one(self) -> None:
         start_s = self._step * self._step_s

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from gslcosim._kernel_cache import PACKAGE_DIR, cache_root
 from gslcosim.environment.model import Environment
 from gslcosim.errors import EnvironmentDataError, ModelError
+from gslcosim.fields.downwash import Jets
 from gslcosim.fields.filaments import FilamentPlume, Filaments
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
@@ -211,6 +212,15 @@ class TapedPlume:
     def advance(self, n_steps: int = 1) -> None:
         """Go on by steps."""
         self._step += n_steps
+
+    def blow(self, jets: Jets) -> None:
+        """Refuse to move what is on tape.
+
+        Raises:
+            ModelError: always; a scenario with both is refused before.
+        """
+        del jets
+        raise ModelError("gas tape: expected gas that no vehicle moves, was to be blown away.")
 
     def _open(self, seed: int) -> GasTape:
         folder = self._tapes_dir / tape_hash(self._scenario, self._environment, seed)
