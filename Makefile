@@ -22,6 +22,9 @@ bench: .venv/ready-dev      # how fast it is on this machine
 bench-agents: .venv/ready-dev  # decisions per second and round trip, for each language and door
 	$(BIN)/python tests/benchmarks/bench_agents.py
 
+bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
+	$(BIN)/python tests/benchmarks/bench_gas.py
+
 soak: .venv/ready-dev       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -m soak --timeout 3600
