@@ -1,0 +1,202 @@
+"""How patchy a plume is along its axis, and what a MOX sensor makes of it.
+
+Run with `python docs/studies/plume_statistics.py [--seconds 1200] [--seed 1] [--plot FILE.png]`; plots need the extra
+`report`. Filaments in Farrell's open field are looked at ten times a second at places down the mean wind. For each
+place the table has, of the true mixing ratio and of what a TGS2600's resistance suggests:
+
+    present       share of the time with more than 0.1 ppm: one minus the intermittency
+    peak/mean     99.9th percentile over the mean
+    std/mean      relative fluctuation
+    bursts/min    how often the mixing ratio rises above the threshold
+
+The sensor hardly notices less than its floor of 0.3 ppm, and its slow decay fills the pauses: what it suggests is
+hardly ever absent.
+
+Jones 1983 (J. Hazard. Mater. 7, 87-112) measured such plumes outdoors: gas comes in short bursts with long pauses,
+peaks exceed the mean many times, and a slow instrument hides both.
+"""
+
+import argparse
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.fields.assembly import gas_field_of
+from gslcosim.rng import stream
+from gslcosim.scenario.models import Scenario, SensorSpec
+from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.sensing.models.mox import MOX_PARAMETERS, estimated_ppm
+
+STEP_S = 0.1
+THRESHOLD_PPM = 0.1
+SOURCE_M = (3.0, 15.0, 2.0)
+DISTANCES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+# The field is as old as its slowest filament needs to leave it.
+WARM_UP_S = 120.0
+SENSOR = "tgs2600"
+GAS = "ethanol"
+HEADINGS = "   mean  present  peak/mean  std/mean  bursts/min"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statistics:
+    """Figures of one time series; see the module."""
+
+    mean_ppm: float
+    present_frac: float
+    peak_to_mean: float
+    relative_std: float
+    bursts_per_min: float
+
+
+def statistics_of(ppm: NDArray[np.float64], *, step_s: float = STEP_S) -> Statistics:
+    """Return the figures of (n,) mixing ratios [ppm], `step_s` apart [s]; ratios of a series without gas are 0."""
+    mean_ppm, is_present = float(ppm.mean()), ppm > THRESHOLD_PPM
+    n_bursts = int((is_present[1:] & ~is_present[:-1]).sum())
+    return Statistics(
+        mean_ppm=mean_ppm,
+        present_frac=float(is_present.mean()),
+        peak_to_mean=float(np.percentile(ppm, 99.9)) / mean_ppm if mean_ppm > 0 else 0.0,
+        relative_std=float(ppm.std()) / mean_ppm if mean_ppm > 0 else 0.0,
+        bursts_per_min=n_bursts / (len(ppm) * step_s) * 60.0,
+    )
+
+
+def true_series(*, seconds: float, seed: int) -> NDArray[np.float64]:
+    """Return (n, n_places) true mixing ratios [ppm] over time at the places down the mean wind."""
+    field = gas_field_of(_scenario(seed), _open_field())
+    places_m = np.array([(SOURCE_M[0] + distance_m, *SOURCE_M[1:]) for distance_m in DISTANCES_M])
+    field.advance(round(WARM_UP_S / STEP_S))
+    series = []
+    for _ in range(round(seconds / STEP_S)):
+        field.advance(1)
+        series.append(field.mixing_ratio_ppm_at(places_m)[:, 0])
+    return np.array(series)
+
+
+def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64]:
+    """Return the (n,) mixing ratios [ppm] that a MOX sensor's resistance suggests in (n,) true ones."""
+    sensor = SENSOR_MODELS[SENSOR].build(SensorSpec(model=SENSOR, name="nose"), STEP_S, stream(seed, "study.nose"))
+    parameters, found = MOX_PARAMETERS[SENSOR], []
+    for value in ppm.tolist():
+        sample = MountSample(
+            agent="study",
+            sensor="nose",
+            gases=(GasAmount(gas=GAS, mixing_ratio_ppm=value),),
+            wind_world_m_s=(0.0, 0.0, 0.0),
+        )
+        found.append(estimated_ppm(parameters, GAS, sensor.read(sample, (0.0, 0.0, 0.0)).values[0]))
+    return np.array(found)
+
+
+def table(truth: NDArray[np.float64], sensed: NDArray[np.float64]) -> str:
+    """Return the table of both (n, n_places) series."""
+    lines = [
+        f"{'':10}{'true mixing ratio':<52}{'as a TGS2600 suggests'}",
+        f"distance  {HEADINGS}    {HEADINGS}",
+    ]
+    for i, distance_m in enumerate(DISTANCES_M):
+        cells = "    ".join(_row(statistics_of(series[:, i])) for series in (truth, sensed))
+        lines.append(f"{distance_m:6.0f} m  {cells}")
+    return "\n".join(lines)
+
+
+def _row(found: Statistics) -> str:
+    return (
+        f"{found.mean_ppm:7.3f}  {found.present_frac:7.1%}  {found.peak_to_mean:9.1f}  {found.relative_std:8.2f}  "
+        f"{found.bursts_per_min:10.2f}"
+    )
+
+
+def plot(truth: NDArray[np.float64], sensed: NDArray[np.float64], path: str) -> None:
+    """Draw a minute at each place, and the figures over the distance."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(len(DISTANCES_M), 2, figsize=(12, 2 * len(DISTANCES_M)), width_ratios=(2, 1))
+    n = min(len(truth), round(60.0 / STEP_S))
+    time_s = np.arange(n) * STEP_S
+    for i, distance_m in enumerate(DISTANCES_M):
+        axes[i, 0].plot(time_s, truth[:n, i], lw=0.8, label="true")
+        axes[i, 0].plot(time_s, sensed[:n, i], lw=0.8, label=f"{SENSOR.upper()} suggests")
+        axes[i, 0].set_ylabel(f"{distance_m:g} m: ppm")
+    axes[0, 0].legend(loc="upper right")
+    axes[-1, 0].set_xlabel("time [s]")
+    names = {"present_frac": "present", "peak_to_mean": "peak / mean", "relative_std": "std / mean",
+             "bursts_per_min": "bursts / min"}  # fmt: skip
+    for row, (name, label) in enumerate(names.items()):
+        for series, what in ((truth, "true"), (sensed, SENSOR.upper())):
+            values = [getattr(statistics_of(series[:, i]), name) for i in range(len(DISTANCES_M))]
+            axes[row, 1].semilogx(DISTANCES_M, values, "o-", label=what)
+        axes[row, 1].set_ylabel(label)
+    axes[len(names) - 1, 1].set_xlabel("distance [m]")
+    for row in range(len(names), len(DISTANCES_M)):
+        axes[row, 1].axis("off")
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _scenario(seed: int) -> Scenario:
+    return Scenario.model_validate(
+        {
+            "schema": "gslcosim/scenario/1",
+            "name": "plume_statistics",
+            "seed": seed,
+            "environment": {"layout": {}},
+            "gas": {
+                "model": "farrell",
+                "gas": GAS,
+                "sources": [{"position_m": SOURCE_M, "filaments_per_s": 10, "release": {"kind": "poisson"}}],
+                "step_s": STEP_S,
+                "eddy_diffusivity_m2_s": 0.005,
+                "farrell": {"wind_m_s": (1.0, 0.0, 0.0), "gust_std_m_s": 0.3, "gust_period_s": 30.0},
+            },
+            "agents": [
+                {
+                    "name": "nobody",
+                    "start": {"attach": True},
+                    "vehicle": {"start_m": (1, 1, 0.2)},
+                    "sensors": [{"model": SENSOR, "name": "nose"}],
+                }
+            ],
+        }
+    )
+
+
+def _open_field() -> Environment:
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(84, 60, 12))
+    return Environment(
+        name="field",
+        grid=grid,
+        occupancy=np.zeros(grid.shape, np.uint8),
+        wind=WindFrames(velocity_m_s=np.zeros((1, *grid.shape, 3), np.float32)),
+        boxes=(),
+        openings=(),
+        content_hash="field",
+    )
+
+
+def main() -> None:
+    """Print the table and draw the plots."""
+    parser = argparse.ArgumentParser(description="How patchy a plume is, and what a MOX sensor makes of it.")
+    parser.add_argument("--seconds", type=float, default=1200.0, help="time to look at (default: 1200)")
+    parser.add_argument("--seed", type=int, default=1, help="seed (default: 1)")
+    parser.add_argument("--plot", metavar="FILE", help="also draw into this file; needs the extra `report`")
+    arguments = parser.parse_args()
+    truth = true_series(seconds=arguments.seconds, seed=arguments.seed)
+    sensed = np.stack([through_sensor(truth[:, i], seed=arguments.seed) for i in range(len(DISTANCES_M))], axis=1)
+    sys.stdout.write(table(truth, sensed) + "\n")
+    if arguments.plot:
+        plot(truth, sensed, arguments.plot)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""Patchy plumes as measured outdoors, qualitatively (Jones 1983), from the script of docs/studies."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCRIPT = Path(__file__).parents[2] / "docs" / "studies" / "plume_statistics.py"
+
+
+@pytest.fixture(scope="module")
+def study():
+    """The script as a module."""
+    spec = importlib.util.spec_from_file_location("plume_statistics", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["plume_statistics"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_figures_of_a_series_that_is_known(study):
+    """A minute with two bursts of six seconds of 5 ppm."""
+    ppm = np.zeros(600)
+    ppm[100:160] = ppm[300:360] = 5.0
+    found = study.statistics_of(ppm)
+    assert found.mean_ppm == pytest.approx(1.0)
+    assert found.present_frac == pytest.approx(0.2)
+    assert found.peak_to_mean == pytest.approx(5.0)
+    assert found.relative_std == pytest.approx(2.0)
+    assert found.bursts_per_min == pytest.approx(2.0)
+
+
+def test_a_series_without_gas_has_no_ratios(study):
+    found = study.statistics_of(np.zeros(100))
+    assert (found.peak_to_mean, found.relative_std, found.present_frac) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_gas_comes_in_bursts_that_a_mox_sensor_hides(study):
+    """Peaks exceed the mean many times, gas is rarer far away, and a slow sensor hides peaks and pauses."""
+    truth = study.true_series(seconds=400.0, seed=1)
+    near, far = (study.statistics_of(truth[:, i]) for i in (0, 3))
+    assert near.mean_ppm > 5 * far.mean_ppm
+    assert near.present_frac > 0.7 > 0.5 > far.present_frac > 0.1
+    assert far.peak_to_mean > 8.0
+    for i in range(truth.shape[1]):
+        true, sensed = (study.statistics_of(s) for s in (truth[:, i], study.through_sensor(truth[:, i], seed=1)))
+        assert sensed.peak_to_mean < 0.7 * true.peak_to_mean
+        assert sensed.relative_std < 0.7 * true.relative_std
+        assert sensed.present_frac >= true.present_frac
+        assert sensed.bursts_per_min < true.bursts_per_min
+
+
+@pytest.mark.slow
+def test_the_script_prints_its_table():
+    run = subprocess.run(
+        [sys.executable, str(SCRIPT), "--seconds", "20"], capture_output=True, text=True, check=True, timeout=100
+    )
+    assert run.stdout.count(" m ") == 6
+
+
+@pytest.mark.slow
+def test_the_plots_are_drawn(study, tmp_path):
+    pytest.importorskip("matplotlib", reason="plots need the extra `report`")
+    truth = np.abs(np.random.default_rng(1).standard_normal((700, 6)))
+    study.plot(truth, 0.5 * truth, str(tmp_path / "plot.png"))
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
