@@ -10,6 +10,7 @@ from gslcosim.errors import ContractError
 
 MAX_COMMAND_BYTES = 1024 * 1024
 MAX_EARLY = 16
+EARLY_TICKS = 64
 MAX_FAULTS = 50
 # How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
 GONE = "the agent is gone"
@@ -50,6 +51,7 @@ class Door:
     _pending: dict[int, Observation] = field(default_factory=dict[int, Observation])
     _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
     _gone: str | None = None
+    _refused_early: tuple[int, str] | None = None
     _told_contract: str | None = None
 
     @property
@@ -66,6 +68,8 @@ class Door:
             self._pending[observation.tick] = observation
         if self._gone is not None:
             return self._fail()
+        if observation.awaiting_command and (refused := self._take_refused_early(observation.tick)):
+            return refused
         early, self._early = self._early, []
         return [command for tick, payload in early for command in self._judge(tick, payload)]
 
@@ -96,7 +100,9 @@ class Door:
         if tick is not None and tick > self.latest_tick:
             return self._keep_early(tick, payload)
         if not self._pending:
-            if tick is None or not self._is_repeat(tick):
+            if tick is None:
+                return self._refuse(_unreadable_text(payload))
+            if not self._is_repeat(tick):
                 self._note("expected no command now (no observation awaits one), one came.")
             return []
         try:
@@ -116,6 +122,14 @@ class Door:
         del self._pending[command.tick]
         # Who answers the same must leave the same trail, whether it says what it speaks or not.
         return [command.model_copy(update={"contract": None})]
+
+    # An answer that cannot be read may have overtaken its observation too; the question must not wait for another.
+    def _take_refused_early(self, tick: int) -> list[Command]:
+        refused, self._refused_early = self._refused_early, None
+        if refused is None or tick - refused[0] > EARLY_TICKS or tick not in self._pending:
+            return []
+        del self._pending[tick]
+        return [Command(tick=tick, kind="hold", reason=f"refused: {refused[1]}"[:500])]
 
     # Before the rest is judged: what is wrong with it may well be that it is of another contract.
     def _check_contract(self, told: str | None) -> None:
@@ -147,6 +161,7 @@ class Door:
     def _refuse(self, text: str) -> list[Command]:
         self._note(text)
         if not self._pending:
+            self._refused_early = (self.latest_tick, text)
             return []
         tick = self._oldest()
         del self._pending[tick]
@@ -175,6 +190,14 @@ def _tick_of(payload: bytes) -> int | None:
         return codec.peek_tick(payload)
     except ContractError:
         return None
+
+
+def _unreadable_text(payload: bytes) -> str:
+    try:
+        codec.decode(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+    except ContractError as error:
+        return str(error)
+    return "expected no command now (no observation awaits one), one came."
 
 
 def faults_of(doors: Iterable[Door]) -> list[AgentFault]:

@@ -79,6 +79,7 @@ class Supervisor:
         self._told_at = 0.0
         self._started_at = 0.0
         self._suspects: dict[str, float] = {}
+        self._departed: dict[str, float] = {}
         self._is_dismissing = False
 
     def fly(self) -> Outcome:
@@ -293,7 +294,7 @@ class Supervisor:
         elif kind == "exit":
             self._on_exit(bus, name, int(payload))
         elif kind.endswith("vanished"):
-            self._on_vanished(bus, kind.split()[0], name)
+            self._on_vanished(kind.split()[0], name)
 
     def _on_described(self, description: control.Description) -> None:
         if description.contract_hash != contract_hash():
@@ -384,14 +385,14 @@ class Supervisor:
             if door_name(seat.spec.process) == name:
                 self._lose(bus, seat, f"the agent's process {exit_text(code)} before the end of the run.")
 
-    def _on_vanished(self, bus: ZenohBus, kind: str, name: str) -> None:
+    def _on_vanished(self, kind: str, name: str) -> None:
         if self._is_dismissing:
             return
+        # Its process may have ended too; that says more, and comes within a moment.
         if kind == "service" and name in self._progress:
-            # Its process may have ended too; that says more, and comes within a moment.
             self._suspects.setdefault(name, time.monotonic())
         elif name in self._seats:
-            self._lose(bus, self._seats[name], "the agent left the run before its end.")
+            self._departed.setdefault(name, time.monotonic())
 
     def _lose(self, bus: ZenohBus, seat: Seat, reason: str) -> None:
         tail = self._setup.run_dir.last_words(door_name(seat.spec.process))
@@ -402,6 +403,10 @@ class Supervisor:
         for name, since in self._suspects.items():
             if now - since > LOST_CONTACT_GRACE_S:
                 raise _EndedError(self._fault(name, "contact was lost: it hangs, or its link is down."))
+        for name, since in list(self._departed.items()):
+            if now - since > LOST_CONTACT_GRACE_S:
+                del self._departed[name]
+                self._lose(bus, self._seats[name], "the agent left the run before its end.")
         for seat in self._seats.values():
             if seat.asked_at is None:
                 continue

@@ -139,3 +139,17 @@ def test_one_command_for_each_question(events):
     ticks = [command.tick for command in passed]
     assert ticks == sorted(set(ticks))
     assert all(t % 2 == 0 and t < tick for t in ticks)
+
+
+@pytest.mark.parametrize("name", ["garbage", "too large"])
+def test_an_unreadable_answer_that_overtakes_its_observation_is_one_too(name):
+    """The question is answered with a hold; waiting for a second answer would be waiting for ever."""
+    payload, expected = BAD_ANSWERS[name]
+    door = Door("beetle")
+    door.observed(observation(1, awaiting=False))
+    assert door.received(payload) == []
+    assert door.observed(observation(2, awaiting=False)) == []
+    (command,) = door.observed(observation(5))
+    assert (command.tick, command.kind) == (5, "hold")
+    assert [expected in fault.text for fault in door.faults] == [True]
+    assert door.pending == ()
