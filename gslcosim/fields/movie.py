@@ -85,11 +85,14 @@ def _load(path: Path) -> dict[str, NDArray]:
         raise EnvironmentDataError(
             f"gas movie: expected arrays {', '.join(_ARRAYS)}, was without {', '.join(missing)}. File: {path}"
         )
+    wrong = [f"{name} of {array.dtype}" for name, array in arrays.items() if array.dtype.kind not in "fiu"]
+    if wrong:
+        raise EnvironmentDataError(f"gas movie: expected arrays of numbers, was {', '.join(wrong)}. File: {path}")
     return arrays
 
 
 def _problem_of(times_s: NDArray, ppm: NDArray, origin_m: NDArray, cell_m: NDArray) -> str | None:
-    if ppm.ndim != 4 or not ppm.size or ppm.dtype.kind not in "fiu":
+    if ppm.ndim != 4 or not ppm.size:
         return f"mixing ratios of shape (t, nx, ny) or (t, nx, ny, nz), was {ppm.dtype} {ppm.shape}"
     if times_s.shape != ppm.shape[:1] or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0.0).any():
         return f"one ascending time for each of {len(ppm)} pictures, was {times_s.shape}, or not ascending"
