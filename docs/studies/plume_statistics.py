@@ -12,8 +12,8 @@ place the table has, of the true mixing ratio and of what a TGS2600's resistance
 The sensor hardly notices less than its floor of 0.3 ppm, and its slow decay fills the pauses: what it suggests is
 hardly ever absent.
 
-Jones 1983 (Journal of Hazardous Materials 7, 87-112) measured such plumes outdoors: gas comes in short bursts with long pauses,
-peaks exceed the mean many times, and a slow instrument hides both.
+Jones 1983 (Journal of Hazardous Materials 7, 87-112) measured such plumes outdoors: gas comes in short bursts
+with long pauses, peaks exceed the mean many times, and a slow instrument hides both.
 """
 
 import argparse
