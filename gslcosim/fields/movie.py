@@ -85,7 +85,9 @@ def _load(path: Path) -> dict[str, NDArray]:
         raise EnvironmentDataError(
             f"gas movie: expected arrays {', '.join(_ARRAYS)}, was without {', '.join(missing)}. File: {path}"
         )
-    wrong = [f"{name} of {array.dtype}" for name, array in arrays.items() if array.dtype.kind not in "fiu"]
+    # A member without an array's head comes back as its bytes.
+    kinds = {name: getattr(array, "dtype", np.dtype(bytes)) for name, array in arrays.items()}
+    wrong = [f"{name} of {kind}" for name, kind in kinds.items() if kind.kind not in "fiu"]
     if wrong:
         raise EnvironmentDataError(f"gas movie: expected arrays of numbers, was {', '.join(wrong)}. File: {path}")
     return arrays
