@@ -1,7 +1,7 @@
 """Files of gas that were damaged: a clear error or a correct read, never a crash or a silent wrong number.
 
-Where a format has a checksum (zlib, zip), what is read from damaged bytes must be what was written. Where it has none, what
-is read must be possible: finite, inside the room, not negative.
+Where a format has a checksum (zlib, zip), what is read from damaged bytes must be what was written. Where it has none,
+what is read must be possible: finite, inside the room, not negative.
 """
 
 import struct
