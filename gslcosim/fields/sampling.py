@@ -265,8 +265,9 @@ def stored_fields_in(folder: Path, *, period_s: float | None = None) -> StoredFi
 
 
 def _gas_folder(folder: Path) -> Path | None:
-    if (folder / GAS_DATA).is_dir():
-        candidates = sorted(path for path in (folder / GAS_DATA).iterdir() if path.is_dir())
+    gas_data = folder if folder.resolve().name == GAS_DATA else folder / GAS_DATA
+    if gas_data.is_dir():
+        candidates = sorted(path for path in gas_data.iterdir() if path.is_dir())
     else:
         candidates = [folder / name for name in ("", "result", "results") if (folder / name).is_dir()]
     with_frames = [path for path in candidates if any(path.glob("iteration_*"))]

@@ -1,5 +1,7 @@
 """Gas and wind of one instant, from folders and from rooms."""
 
+import shutil
+
 import gaden_writers as gaden
 import numpy as np
 import pytest
@@ -50,6 +52,18 @@ def test_the_folder_above_the_results_will_do(results):
     for folder in (results, results.parent):
         fields = stored_fields_in(folder)
         assert fields.gas_ppm(PLACES, Instant(frame=1), THROUGH_WALLS)[0] == pytest.approx(10.0, rel=0.2)
+
+
+def test_gas_data_is_found_from_the_environment_down(results, tmp_path):
+    """GSL-Bench's folders: the environment, its gas_data, and the one set of frames in it."""
+    environment = tmp_path / "001"
+    (environment / "gas_data").mkdir(parents=True)
+    frames = results.rename(environment / "gas_data" / "wh_empty_001")
+    for folder in (environment, environment / "gas_data", frames):
+        assert stored_fields_in(folder).grid(Instant(frame=0)).shape == gaden.CELLS
+    shutil.copytree(frames, environment / "gas_data" / "another")
+    with pytest.raises(EnvironmentDataError, match=r"expected one folder of them, was .*another.*wh_empty_001"):
+        stored_fields_in(environment)
 
 
 def test_a_folder_of_another_kind_is_none(tmp_path):
