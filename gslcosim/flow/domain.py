@@ -10,47 +10,14 @@ from gslcosim.errors import FlowError
 from gslcosim.flow.domain_kernels import flood
 from gslcosim.flow.ghosts import GhostFaces, find_ghosts
 from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch
+from gslcosim.flow.placement import PlacedPatch, check_kinds, check_overlap, place
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 
-AXES = "xyz"
 MAX_CELLS = 200_000_000
 BYTES_PER_CELL = 130  # of the solver's arrays, padding and multigrid levels included; measured by the benchmark
 
 Bool = NDArray[np.bool_]
-F64 = NDArray[np.float64]
-Slices = tuple[slice | int, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlacedPatch:
-    """A patch on the grid: the side of the box it lies on and the boundary cells it covers.
-
-    `cells` selects, in a padded cell array, the layer of cells inside the box; `rows` is the pair of index ranges
-    along the two other axes (unpadded).
-    """
-
-    patch: Patch
-    axis: int
-    is_high: bool
-    rows: tuple[slice, slice]
-    n_cells: int
-
-    def layer(self, index: int | slice, *, face_axis: int | None = None) -> Slices:
-        """Return a padded-array index: `index` along the patch's axis, the covered range along the others.
-
-        With `face_axis` one of the other axes, the range is that of the faces on it: one more.
-        """
-        selection: list[slice | int] = []
-        others = iter(self.rows)
-        for axis in range(3):
-            if axis == self.axis:
-                selection.append(index)
-                continue
-            row = next(others)
-            extra = 1 if axis == face_axis else 0
-            selection.append(slice(row.start + LOW, row.stop + LOW + extra))
-        return tuple(selection)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,9 +63,8 @@ class Domain:
     @property
     def reference_speed_m_s(self) -> float:
         """Return the largest prescribed speed on the boundary [m/s], or 0."""
-        speeds = [
-            float(np.linalg.norm(p.patch.velocity_m_s)) for p in self.placed if isinstance(p.patch, (Inlet, MovingWall))
-        ]
+        speeds = [placed.inflow.largest_speed_m_s for placed in self.inlets if placed.inflow]
+        speeds += [float(np.linalg.norm(p.patch.velocity_m_s)) for p in self.placed if isinstance(p.patch, MovingWall)]
         return max(speeds, default=0.0)
 
 
@@ -118,9 +84,9 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
     """
     check_grid(free, cell_m)
     shape: tuple[int, int, int] = free.shape  # pyright: ignore[reportAssignmentType]
-    placed = tuple(_place(patch, free, cell_m) for patch in patches)
-    _check_kinds(placed, needs_openings=needs_openings)
-    _check_overlap(placed, shape)
+    placed = tuple(place(patch, free, cell_m) for patch in patches)
+    check_kinds(placed, needs_openings=needs_openings)
+    check_overlap(placed, shape)
     is_closed = not any(isinstance(p.patch, Outlet) for p in placed)
     padded_air = np.zeros(padded_shape(shape), np.bool_)
     padded_air[tuple(slice(LOW, LOW + n) for n in shape)] = free
@@ -162,86 +128,6 @@ def check_grid(free: Bool, cell_m: float) -> None:
         raise FlowError(f"free: expected booleans (True is air), was {free.dtype}.")
     if not free.any():
         raise FlowError("free: expected some air, was solid everywhere.")
-
-
-# A patch's side of the box and cells.
-def _place(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
-    name = f"{type(patch).__name__}(min_m={patch.min_m}, max_m={patch.max_m})"
-    low, high = np.asarray(patch.min_m, float), np.asarray(patch.max_m, float)
-    if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(low).all() and np.isfinite(high).all()):
-        raise FlowError(f"{name}: expected two corners of three finite coordinates [m].")
-    if (high < low).any():
-        raise FlowError(f"{name}: expected min_m <= max_m on every axis.")
-    box = np.asarray(free.shape) * cell_m
-    axis, is_high = _side(name, low, high, box, cell_m)
-    a, b = (other for other in range(3) if other != axis)
-    rows = (_covered(low[a], high[a], free.shape[a], cell_m), _covered(low[b], high[b], free.shape[b], cell_m))
-    covered = np.take(free, free.shape[axis] - 1 if is_high else 0, axis=axis)[rows]
-    if covered.size == 0:
-        raise FlowError(
-            f"{name}: covers no cell; expected it to hold at least one centre of a {cell_m} m boundary cell."
-        )
-    if isinstance(patch, (Inlet, Outlet)) and not covered.any():
-        raise FlowError(f"{name}: lies inside a solid; expected at least one air cell behind it.")
-    if isinstance(patch, MovingWall) and patch.velocity_m_s[axis] != 0:
-        raise FlowError(f"{name}: moves along {AXES[axis]}, through its own plane; use an Inlet for that.")
-    if isinstance(patch, (Inlet, MovingWall)) and not np.isfinite(patch.velocity_m_s).all():
-        raise FlowError(f"{name}: velocity_m_s: expected finite numbers, was {patch.velocity_m_s}.")
-    return PlacedPatch(patch=patch, axis=axis, is_high=is_high, rows=rows, n_cells=int(np.count_nonzero(covered)))
-
-
-# The axis a patch is flat on and whether it is at the high end of the box.
-def _side(name: str, low: F64, high: F64, box: F64, cell_m: float) -> tuple[int, bool]:
-    near = 0.5 * cell_m
-    candidates = [
-        (axis, is_high)
-        for axis in range(3)
-        for is_high in (False, True)
-        if high[axis] - low[axis] < near and abs(0.5 * (low[axis] + high[axis]) - (box[axis] if is_high else 0)) <= near
-    ]
-    if not candidates:
-        size = " x ".join(f"{length:g}" for length in box)
-        raise FlowError(
-            f"{name}: expected a flat box on the boundary of the grid (origin to {size} m, equal min and max on one "
-            f"axis); it is not on any side."
-        )
-    return min(candidates, key=lambda side: high[side[0]] - low[side[0]])
-
-
-# Cells along one axis whose centre lies in [low, high].
-def _covered(low_m: float, high_m: float, n: int, cell_m: float) -> slice:
-    slack = 1e-6
-    first = int(np.ceil(low_m / cell_m - 0.5 - slack))
-    last = int(np.floor(high_m / cell_m - 0.5 + slack))
-    return slice(max(first, 0), max(min(last, n - 1) + 1, 0))
-
-
-def _check_kinds(placed: Sequence[PlacedPatch], *, needs_openings: bool) -> None:
-    has_inlet = any(isinstance(p.patch, Inlet) for p in placed)
-    has_outlet = any(isinstance(p.patch, Outlet) for p in placed)
-    if has_outlet and has_inlet:
-        return
-    if not needs_openings and not has_inlet:
-        return
-    missing = [name for name, has in (("Inlet", has_inlet), ("Outlet", has_outlet)) if not has]
-    raise FlowError(
-        f"patches: expected at least one Inlet and one Outlet, found no {' and no '.join(missing)} "
-        f"among {len(placed)} patches. Air that enters must be able to leave."
-    )
-
-
-def _check_overlap(placed: Sequence[PlacedPatch], shape: tuple[int, int, int]) -> None:
-    for axis in range(3):
-        for is_high in (False, True):
-            owner = np.full([n for a, n in enumerate(shape) if a != axis], -1)
-            for index, patch in enumerate(placed):
-                if (patch.axis, patch.is_high) != (axis, is_high):
-                    continue
-                taken = owner[patch.rows]
-                if (taken >= 0).any():
-                    other = placed[int(taken.max())].patch
-                    raise FlowError(f"patches: {patch.patch} and {other} cover the same boundary cells.")
-                owner[patch.rows] = index
 
 
 # Index of the layer of cells inside the box at a patch.

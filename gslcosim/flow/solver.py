@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
 from gslcosim.flow import momentum_kernels, pressure_kernels, wall_kernels
-from gslcosim.flow.boundary import fill_padding, impose_inlets
+from gslcosim.flow.boundary import fill_padding, impose_inlets, impose_open_pressure
 from gslcosim.flow.domain import Domain
 from gslcosim.flow.pressure import F32, PressureSolver, SolveStats, padded
 from gslcosim.flow.pressure_kernels import HIGH, LOW
@@ -68,7 +68,7 @@ class FlowSolver:
         self.pressure = padded(domain.shape)
         self._projection = PressureSolver(domain.coefficients, is_closed=domain.is_closed)
         for state in (self.velocity, self._stage):
-            impose_inlets(domain, state)
+            impose_inlets(domain, state, 0.0)
         speed = domain.reference_speed_m_s
         if initial_velocity is not None:
             speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
@@ -93,15 +93,18 @@ class FlowSolver:
         """
         dt_s, speed, viscosity = self._time_step(until_s)
         self.model.update(self.velocity, dt_s, self._stage)
-        self._restore_stage()
-        self._advance(self.velocity, dt_s, 1.0, self._stage)
-        self._advance(self._stage, dt_s, 0.5, self.velocity)
+        is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
+        end_s = until_s if is_last else self.time_s + dt_s
+        # The turbulence model may have used the stage arrays as scratch: bring back their padding and fixed faces.
+        impose_inlets(self.domain, self._stage, self.time_s)
+        self._advance(self.velocity, self.time_s, dt_s, 1.0, self._stage)
+        self._advance(self._stage, end_s, dt_s, 0.5, self.velocity)
+        impose_inlets(self.domain, self.velocity, end_s)
         stats = self._projection.project(*self.velocity, tolerance_m_s=self._tolerance_m_s)
         factor = np.float32(self.domain.cell_m / dt_s)
         pressure_kernels.accumulate_scaled(self.pressure, self._projection.x, factor)
         self.n_steps += 1
-        is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
-        self.time_s = until_s if is_last else self.time_s + dt_s
+        self.time_s = end_s
         return StepRecord(
             time_s=self.time_s, dt_s=dt_s, max_speed_m_s=speed, max_viscosity_m2_s=viscosity, pressure=stats
         )
@@ -122,9 +125,10 @@ class FlowSolver:
         return float(largest)
 
     # One stage of Heun's method, boundary values and wall friction included.
-    def _advance(self, start: Velocity, dt_s: float, weight: float, out: Velocity) -> None:
+    def _advance(self, start: Velocity, time_s: float, dt_s: float, weight: float, out: Velocity) -> None:
         domain, model = self.domain, self.model
-        fill_padding(domain, start, model.nu)
+        fill_padding(domain, start, model.nu, time_s)
+        impose_open_pressure(domain, start, self.pressure)
         kernels = (momentum_kernels.advance_u, momentum_kernels.advance_v, momentum_kernels.advance_w)
         walls = domain.friction
         for axis, kernel in enumerate(kernels):
@@ -137,10 +141,6 @@ class FlowSolver:
                 start[axis].ravel(), out[axis].ravel(), walls.faces[axis], walls.owners[axis],
                 walls.wall_speed_m_s[axis], model.friction_m_s, dt_s, domain.cell_m, weight,
             )  # fmt: skip
-
-    # The turbulence model may use the stage arrays as scratch: bring back their padding and fixed faces.
-    def _restore_stage(self) -> None:
-        impose_inlets(self.domain, self._stage)
 
     # Time step [s] by Courant number and viscosity, and the largest speed and viscosity.
     def _time_step(self, until_s: float) -> tuple[float, float, float]:

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from gslcosim.flow import turbulence_kernels as kernels
 from gslcosim.flow import wall_kernels
-from gslcosim.flow.domain import Domain, PlacedPatch
+from gslcosim.flow.domain import Domain
 from gslcosim.flow.patches import Inlet
+from gslcosim.flow.placement import PlacedPatch
 from gslcosim.flow.pressure import F32, padded
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 
@@ -135,7 +136,8 @@ class KEpsilon:
 def _inlet_turbulence(placed: PlacedPatch, domain: Domain) -> tuple[float, float]:
     inlet = placed.patch
     assert isinstance(inlet, Inlet)
-    speed = float(np.linalg.norm(inlet.velocity_m_s))
+    assert placed.inflow is not None
+    speed = placed.inflow.typical_speed_m_s
     sides = [(row.stop - row.start) * domain.cell_m for row in placed.rows]
     length = 0.1 * min(sides)
     k = max(1.5 * (inlet.turbulence_intensity * speed) ** 2, 1e-8)

@@ -25,7 +25,7 @@ def filled(domain):
         component = rng.normal(size=coefficient.shape).astype(np.float32)
         component[coefficient == 0] = 0
         velocity.append(component)
-    fill_padding(domain, tuple(velocity), padded(SHAPE))
+    fill_padding(domain, tuple(velocity), padded(SHAPE), 0.0)
     return tuple(velocity)
 
 
