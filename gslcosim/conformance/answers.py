@@ -9,6 +9,7 @@ from typing import Any
 import msgpack
 
 from gslcosim.contract import codec
+from gslcosim.contract.commands import AGENT_KINDS
 from gslcosim.contract.compatibility import check_contract
 from gslcosim.contract.messages import Command
 from gslcosim.errors import ContractError
@@ -120,7 +121,7 @@ def _command(payload: bytes, fields: dict[str, Any]) -> tuple[Command | None, Pr
         hint = " A position is a list of three numbers, not an array of bytes." if is_raw else ""
         return None, Problem(rule="schema", expected="a valid Command", got=got + hint)
     if command.kind == "failed":
-        expected = "kind waypoint, hold, noop, declare_source or velocity"
+        expected = f"kind {', '.join(AGENT_KINDS[:-1])} or {AGENT_KINDS[-1]}"
         return None, Problem(rule="schema", expected=expected, got="kind 'failed', which only the runtime writes")
     if codec.decode(Command, codec.encode(command)) != command:
         got = f"{shown_command(command)}, which does not"

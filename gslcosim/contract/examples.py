@@ -9,6 +9,7 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
+    AttitudeSetpoint,
     BodyPoses,
     BodyState,
     Bounds,
@@ -17,6 +18,7 @@ from gslcosim.contract.messages import (
     Command,
     ConcentrationSlice,
     Declaration,
+    DriveSetpoint,
     Ending,
     FieldSamples,
     FilamentCloud,
@@ -29,11 +31,13 @@ from gslcosim.contract.messages import (
     RadioReception,
     RadioTraffic,
     RadioTransmission,
+    RateSetpoint,
     Reading,
     RefereeEvent,
     Score,
     SensorDescription,
     Verdict,
+    Waypoint,
 )
 
 _BODY = BodyState(
@@ -72,6 +76,7 @@ EXAMPLES: dict[str, Message] = {
                     "waypoint_world_m": (3.0, 4.0, 2.0),
                     "contacts": ("floor", "wall_x_min"),
                     "rejected_command": "the waypoint lies outside the room",
+                    "tracking_error_m": 0.015625,
                 }
             ),
             _BODY.model_copy(update={"agent": "second", "phase": "failed"}),
@@ -191,6 +196,32 @@ EXAMPLES: dict[str, Message] = {
         reason="the belief has converged",
     ),
     "command_velocity": Command(tick=66, kind="velocity", velocity_world_m_s=(0.5, -0.25, 0.0), hold_s=0.0),
+    "command_mission": Command(
+        tick=66,
+        kind="mission",
+        waypoints=(
+            Waypoint(position_world_m=(1.0, 2.0, 2.0), hold_s=0.5, yaw_rad=1.5),
+            Waypoint(
+                position_world_m=(3.0, 2.0, 2.0),
+                velocity_world_m_s=(0.0, 1.0, 0.0),
+                acceleration_world_m_s2=(-0.5, 0.0, 0.0),
+                after_s=2.5,
+            ),
+        ),
+    ),
+    "command_attitude": Command(
+        tick=66, kind="attitude", attitude=AttitudeSetpoint(roll_rad=0.125, pitch_rad=-0.25, yaw_rad=3.0, thrust_n=15.5)
+    ),
+    "command_attitude_climb": Command(tick=66, kind="attitude", attitude=AttitudeSetpoint(climb_m_s=0.25)),
+    "command_rates": Command(
+        tick=66, kind="rates", rates=RateSetpoint(rates_body_rad_s=(0.5, -0.5, 1.0), climb_m_s=-0.25), hold_s=0.5
+    ),
+    "command_rates_thrust": Command(
+        tick=66, kind="rates", rates=RateSetpoint(rates_body_rad_s=(0.0, 0.0, 0.0), thrust_n=0.0)
+    ),
+    "command_drive": Command(tick=66, kind="drive", drive=DriveSetpoint(speed_m_s=0.5, yaw_rate_rad_s=-0.5)),
+    "command_heading": Command(tick=66, kind="hold", yaw_rad=-1.5),
+    "command_faces_path": Command(tick=66, kind="velocity", velocity_world_m_s=(0.5, 0.0, 0.0), faces_path=True),
     "command_told_contract": Command(tick=0, kind="hold", hold_s=0.0, contract="1.1+00112233445566778899aabbccddeeff"),
     "command_noop": Command(tick=67, kind="noop"),
     "ending": Ending(tick=900, reason="success"),

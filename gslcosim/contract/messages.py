@@ -7,45 +7,24 @@ Frames: *world* is x east, y north, z up, right-handed, origin at the room's inn
 y left, z up. Quaternions are (w, x, y, z).
 """
 
-from typing import Annotated, Literal, Self
-
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, StringConstraints, model_validator
+from typing import Literal
 
 from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.commands import AttitudeSetpoint as AttitudeSetpoint
+from gslcosim.contract.commands import Command as Command
+from gslcosim.contract.commands import Declaration as Declaration
+from gslcosim.contract.commands import DriveSetpoint as DriveSetpoint
+from gslcosim.contract.commands import RadioMessage as RadioMessage
+from gslcosim.contract.commands import RateSetpoint as RateSetpoint
+from gslcosim.contract.commands import Waypoint as Waypoint
+from gslcosim.contract.record import Message as Message
+from gslcosim.contract.record import Name as Name
+from gslcosim.contract.record import Quaternion as Quaternion
+from gslcosim.contract.record import Record as Record
+from gslcosim.contract.record import Tick as Tick
+from gslcosim.contract.record import Vec3 as Vec3
 
 CONTRACT_VERSION = "1.1"
-
-Vec3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Tick = Annotated[int, Field(ge=0, le=2**53)]
-
-
-class Record(BaseModel):
-    """Base of all parts of messages: frozen, no conversion of types, unknown keys ignored, no NaN or infinity."""
-
-    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False, val_json_bytes="base64")
-
-
-class Message(Record):
-    """Base of all messages: a fact about one tick."""
-
-    tick: Tick
-
-    @property
-    def closes_port(self) -> bool:
-        """Whether no further message follows on this port."""
-        return False
-
-    @property
-    def is_question(self) -> bool:
-        """Whether somebody's answer to this message is waited for."""
-        return False
-
-    def announced_ports(self) -> frozenset[str]:
-        """Return the announced ports that carry a message for this tick because of this one."""
-        return frozenset()
-
 
 # ---------------------------------------------------------------- truth, never visible to agents
 
@@ -54,9 +33,10 @@ class BodyState(Record):
     """True state of one vehicle; part of `BodyPoses`.
 
     `position_world_m` is the origin of the body frame, `quaternion_wxyz` turns body into world vectors,
-    `contacts` names the things touched during the tick, `phase` is what the vehicle is doing,
+    `contacts` names the things touched during the tick, `phase` is what the vehicle is doing (`landing` since 1.1),
     `awaiting_command` asks the agent for its next command, `path_length_m` is the distance flown so far,
-    `waypoint_world_m` is where it is going (absent: nowhere).
+    `waypoint_world_m` is where it is going (absent: nowhere), `tracking_error_m` (since 1.1) is how far it is from
+    where its controller wants it now (absent: it follows no path).
     """
 
     agent: Name
@@ -64,12 +44,13 @@ class BodyState(Record):
     quaternion_wxyz: Quaternion
     velocity_world_m_s: Vec3
     angular_velocity_body_rad_s: Vec3
-    phase: Literal["on_ground", "taking_off", "flying", "holding", "failed"]
+    phase: Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing"]
     awaiting_command: bool
     path_length_m: float
     waypoint_world_m: Vec3 | None = None
     contacts: tuple[str, ...] = ()
     rejected_command: str | None = None
+    tracking_error_m: float | None = None
 
 
 class BodyPoses(Message):
@@ -132,18 +113,6 @@ class FilamentCloud(Message):
     sigma_m: NumericArray
     gas_index: NumericArray
     slices: tuple[ConcentrationSlice, ...] = ()
-
-
-class RadioMessage(Record):
-    """A text that an agent sends on a channel: to the agent named `to`, or to `all` other members of the channel.
-
-    How long it may be in UTF-8 is the channel's `max_bytes`; whether and when it is heard, the channel's business too.
-    Part of `Command`. Since contract 1.1.
-    """
-
-    channel: Name
-    text: Annotated[str, StringConstraints(max_length=65536)]
-    to: Name = "all"
 
 
 class RadioReception(Record):
@@ -301,69 +270,6 @@ class Observation(Message):
             if reading.sensor == sensor:
                 return reading
         raise KeyError(f"no sensor {sensor!r}; there are {[r.sensor for r in self.readings]}")
-
-
-class Declaration(Record):
-    """Where an agent believes the source to be, and how sure it is (0 to 1)."""
-
-    position_world_m: Vec3
-    confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
-
-
-# Which field a kind of command cannot do without.
-_NEEDED_BY_KIND = {
-    "waypoint": "position_world_m",
-    "velocity": "velocity_world_m_s",
-    "declare_source": "declaration",
-}
-
-
-# The same as JSON Schema, so that other languages' validators find it too.
-def _needed_by_kind() -> list[JsonValue]:
-    return [
-        {
-            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
-            "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
-        }
-        for kind, name in _NEEDED_BY_KIND.items()
-    ]
-
-
-class Command(Message):
-    """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
-
-    `waypoint` flies to `position_world_m` and holds there `hold_s` (absent: the briefing's);
-    `velocity` flies with `velocity_world_m_s` and does not stop for the next command, which is asked for after
-    `hold_s`; at the edge of the room the vehicle stops by itself;
-    `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
-    `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
-    `contract` (since 1.1) may say in the first command which contract the agent was made for, as `1.1` or `1.1+hash`;
-    the door reads it and does not pass it on. `outgoing` (since 1.1) are texts for other agents, sent with a command of
-    any kind.
-    """
-
-    model_config = ConfigDict(json_schema_extra={"allOf": _needed_by_kind()})
-
-    kind: Literal["waypoint", "hold", "noop", "declare_source", "velocity", "failed"]
-    position_world_m: Vec3 | None = None
-    hold_s: Annotated[float, Field(ge=0, le=3600)] | None = None
-    declaration: Declaration | None = None
-    reason: Annotated[str, StringConstraints(max_length=500)] = ""
-    velocity_world_m_s: Vec3 | None = None
-    contract: Annotated[str, StringConstraints(max_length=80)] | None = None
-    outgoing: Annotated[tuple[RadioMessage, ...], Field(max_length=16)] = ()
-
-    @model_validator(mode="after")
-    def _check_kind(self) -> Self:
-        needed = _NEEDED_BY_KIND.get(self.kind)
-        if needed is not None and getattr(self, needed) is None:
-            raise ValueError(f"a {self.kind} command needs {needed}")
-        return self
-
-    @property
-    def closes_port(self) -> bool:
-        """Whether no further message follows on this port."""
-        return self.kind == "failed"
 
 
 class Ending(Message):

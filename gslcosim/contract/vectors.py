@@ -175,7 +175,7 @@ _WAYPOINT = {"tick": 7, "kind": "waypoint"}
 _FAULTS_OF = {
     "Command": (
         _Fault(name="no_kind", reason="kind is missing", change={"kind": _DROP}),
-        _Fault(name="unknown_kind", reason="there is no such kind", change={"kind": "land"}),
+        _Fault(name="unknown_kind", reason="there is no such kind", change={"kind": "teleport"}),
         _Fault(name="kind_in_capitals", reason="text is compared as it is", change={"kind": "HOLD"}),
         _Fault(
             name="waypoint_without_position",
@@ -191,6 +191,35 @@ _FAULTS_OF = {
             name="declaration_without_declaration",
             reason="declare_source needs declaration",
             change={"kind": "declare_source", "declaration": None},
+        ),
+        _Fault(
+            name="mission_without_waypoints",
+            reason="a mission needs waypoints",
+            change={"kind": "mission", "waypoints": None},
+        ),
+        _Fault(name="mission_of_nothing", reason="a mission has a waypoint", change={"waypoints": []}),
+        _Fault(
+            name="attitude_without_attitude",
+            reason="an attitude command needs attitude",
+            change={"kind": "attitude", "attitude": None},
+        ),
+        _Fault(name="rates_without_rates", reason="a rates command needs rates", change={"kind": "rates"}),
+        _Fault(name="drive_without_drive", reason="a drive command needs drive", change={"kind": "drive"}),
+        _Fault(
+            name="thrust_below_0",
+            reason="rotors push upwards only",
+            change={"attitude": {"roll_rad": 0.0, "thrust_n": -1.0}},
+        ),
+        _Fault(
+            name="rate_beyond_50",
+            reason="rates are at most 50 rad/s",
+            change={"rates": {"rates_body_rad_s": [0.0, 51.0, 0.0]}},
+        ),
+        _Fault(
+            name="roll_is_nan",
+            reason="numbers are finite",
+            change={"attitude": {"roll_rad": _NAN}},
+            schema_refuses=False,
         ),
         _Fault(
             name="position_with_two_numbers",

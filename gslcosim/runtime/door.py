@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gslcosim.contract import codec
+from gslcosim.contract.commands import AGENT_KINDS
 from gslcosim.contract.compatibility import OtherContractError, check_contract
 from gslcosim.contract.messages import Command, Observation
 from gslcosim.errors import ContractError
@@ -117,8 +118,7 @@ class Door:
                 return []
             return self._refuse(f"Command: tick: expected {self._oldest()}, was {command.tick}.")
         if command.kind == "failed":
-            expected = "waypoint, hold, noop, declare_source or velocity"
-            return self._refuse(f"Command: kind: expected {expected}, was 'failed'.")
+            return self._refuse(f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'.")
         del self._pending[command.tick]
         # Who answers the same must leave the same trail, whether it says what it speaks or not.
         return [command.model_copy(update={"contract": None})]

@@ -59,7 +59,7 @@ BAD_ANSWERS = {
     "future tick": (codec.encode(waypoint(6)), "tick: expected 5, was 6"),
     "unknown kind": (msgpack.packb({"tick": 5, "kind": "teleport"}), "kind"),
     "no position": (msgpack.packb({"tick": 5, "kind": "waypoint"}), "needs position_world_m"),
-    "failed": (codec.encode(Command(tick=5, kind="failed")), "expected waypoint, hold"),
+    "failed": (codec.encode(Command(tick=5, kind="failed")), "expected one of waypoint, hold"),
     "too large": (bytes(MAX_COMMAND_BYTES + 1), f"expected at most {MAX_COMMAND_BYTES} bytes"),
 }
 
