@@ -23,7 +23,9 @@ def read_points(path: Path) -> NDArray[np.float64]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file, strict=True), 1) if any(row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except OSError as error:
+        raise _error(path, "a csv file that can be read", str(error.strerror)) from error
+    except (UnicodeDecodeError, csv.Error) as error:
         raise _error(path, "a csv file that can be read", str(error)) from error
     header = [name.strip() for name in rows[0][1]] if rows else []
     missing = [name for name in COORDINATES if header.count(name) != 1]

@@ -9,6 +9,8 @@ from gslcosim.fields.filaments import Filaments
 from gslcosim.fields.index_kernels import add_indexed_filaments_at_points_inplace, sort_into_blocks_inplace
 
 BLOCK_M = 0.8
+# Larger rooms have larger blocks: a table of more would cost more than it saves.
+MOST_BLOCKS = 4_000_000
 
 
 class FilamentIndex:
@@ -20,6 +22,7 @@ class FilamentIndex:
 
     def __init__(self, *, min_m: Vec3, max_m: Vec3, block_m: float = BLOCK_M) -> None:
         sides_m = np.subtract(max_m, min_m)
+        block_m *= max(1.0, float(np.prod(sides_m / block_m + 1.0) / MOST_BLOCKS) ** 0.5)
         n_x, n_y, n_z = (max(1, int(np.ceil(side_m / block_m - 1e-9))) for side_m in sides_m)
         self._n_blocks = (n_x, n_y, n_z)
         self._origin_m = float3(min_m)

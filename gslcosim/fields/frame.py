@@ -15,6 +15,11 @@ from gslcosim.fields.gases import GASES, air_density_mol_m3
 LEAST_SIGMA_M = 1e-4
 LARGEST_SIGMA_M = 100.0
 LARGEST_GRID_CELLS = 10**9
+LARGEST_ROOM_M = 1e5
+# Pure gas; a filament's centre cannot hold more, but for rounding.
+LARGEST_CENTRE_PPM = 1.001e6
+# Air from 3,000 m up to a pressure chamber, from frost to a furnace [mol/cm3]; at 298 K and 1 atm it is 4.09e-5.
+AIR_MOL_CM3 = (4e-6, 4e-4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,20 +48,44 @@ def grid_of_frame(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, shape:
     Raises:
         EnvironmentDataError: sizes are not finite or not positive, or the corners do not fit the cells.
     """
-    corners = np.array([*min_m, *max_m, cell_m])
-    is_sound = bool(np.isfinite(corners).all()) and cell_m > 0 and min(shape) > 0
+    # NaN is not below either.
+    is_sound = bool((abs(np.array([*min_m, *max_m, cell_m])) < LARGEST_ROOM_M).all()) and cell_m > 0 and min(shape) > 0
     if not is_sound or int(np.prod(np.array(shape, object))) > LARGEST_GRID_CELLS:
         raise EnvironmentDataError(
-            f"gas frame: expected a grid of finite, positive size, was {shape} cells of {cell_m} m. File: {path}"
+            f"gas frame: expected a grid of positive size within {LARGEST_ROOM_M:g} m, "
+            f"was {shape} cells of {cell_m} m from {min_m} to {max_m}. File: {path}"
         )
-    with np.errstate(over="ignore", invalid="ignore"):
-        sides_m = np.subtract(max_m, min_m)
-        fits = bool((abs(sides_m - np.multiply(shape, cell_m)) <= cell_m).all())
-    if not fits:
+    sides_m = np.subtract(max_m, min_m)
+    if not (abs(sides_m - np.multiply(shape, cell_m)) <= cell_m).all():
         raise EnvironmentDataError(
             f"gas frame: expected {shape} cells of {cell_m:g} m between its corners, was {sides_m} m. File: {path}"
         )
     return Grid(origin_m=min_m, cell_m=cell_m, shape=shape)
+
+
+def edge_of_cube(path: Path, cell_m: Vec3) -> float:
+    """Return the edge of cells [m] that a format describes by three.
+
+    Raises:
+        EnvironmentDataError: they are no cubes.
+    """
+    if not np.allclose(cell_m, cell_m[0], rtol=1e-6, atol=0.0):
+        raise EnvironmentDataError(f"gas frame: expected cubic cells, was {cell_m} m. File: {path}")
+    return cell_m[0]
+
+
+def place_of_source(path: Path, grid: Grid, position_m: Vec3) -> Vec3:
+    """Return where a frame's head says that the source is, world frame [m].
+
+    Raises:
+        EnvironmentDataError: it is outside the grid.
+    """
+    low, high = np.subtract(grid.origin_m, grid.cell_m), np.add(grid.max_m, grid.cell_m)
+    if not ((low <= position_m) & (position_m <= high)).all():
+        raise EnvironmentDataError(
+            f"gas frame: expected a source between {grid.origin_m} and {grid.max_m} m, was {position_m}. File: {path}"
+        )
+    return position_m
 
 
 def filaments_of_frame(
@@ -81,7 +110,7 @@ def filaments_of_frame(
     Raises:
         EnvironmentDataError: a value is not finite or out of its range.
     """
-    if not (0.0 < amount_mol < 1e3 and 1e-7 < air_mol_cm3 < 1e-2):
+    if not (0.0 < amount_mol < 1e3 and AIR_MOL_CM3[0] < air_mol_cm3 < AIR_MOL_CM3[1]):
         raise EnvironmentDataError(
             f"gas frame: expected moles in a filament and in a cm3 of air, was {amount_mol} and {air_mol_cm3}. "
             f"File: {path}"
@@ -96,6 +125,7 @@ def filaments_of_frame(
             f"gas frame: expected filaments inside the grid with a size, filament {i} is at {position_m[i]} m "
             f"with sigma {sigma_cm[i]} cm. File: {path}"
         )
+    _check_strength(path, sigma_cm, amount_mol, air_mol_cm3)
     return Filaments(
         position_world_m=np.ascontiguousarray(position_m, np.float64),
         sigma_m=np.ascontiguousarray(sigma_m, np.float64),
@@ -103,6 +133,16 @@ def filaments_of_frame(
         amount_mol=np.array([amount_mol * air_density_mol_m3() / (air_mol_cm3 * 1e6)]),
         gas_index=np.zeros(1, np.int32),
     )
+
+
+def _check_strength(path: Path, sigma_cm: NDArray[np.float64], amount_mol: float, air_mol_cm3: float) -> None:
+    least_cm = float(sigma_cm.min(initial=np.inf))
+    centre_ppm = 1e6 * amount_mol / (air_mol_cm3 * (2.0 * np.pi) ** 1.5 * least_cm**3)
+    if centre_ppm > LARGEST_CENTRE_PPM:
+        raise EnvironmentDataError(
+            f"gas frame: expected filaments of at most pure gas, 1e6 ppm, was {centre_ppm:.3g} ppm in one of "
+            f"{amount_mol} mol and sigma {least_cm} cm. File: {path}"
+        )
 
 
 def gas_of_code(path: Path, code: int) -> str:

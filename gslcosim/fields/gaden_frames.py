@@ -26,7 +26,15 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.filaments import Filaments
-from gslcosim.fields.frame import GasFrame, filaments_of_frame, gas_of_code, grid_of_frame
+from gslcosim.fields.frame import (
+    LARGEST_CENTRE_PPM,
+    GasFrame,
+    edge_of_cube,
+    filaments_of_frame,
+    gas_of_code,
+    grid_of_frame,
+    place_of_source,
+)
 
 LATE_HEADER = b"GADEN_RESULT\0"
 LARGEST_FRAME_BYTES = 1 << 30
@@ -58,6 +66,12 @@ class _Reader:
 
     def take_int(self) -> int:
         return int(self.take("i")[0])
+
+    def take_count(self) -> int:
+        value = self.take_int()
+        if value < 0:
+            raise _error(self.path, f"a number of 0 or more at {self.offset - 4}", f"{value}")
+        return value
 
     def take_vector(self, layout: str) -> Vec3:
         x, y, z = self.take(f"3{layout}")
@@ -101,17 +115,17 @@ def read_gaden_frame(path: Path) -> GasFrame:
 def _version_1(reader: _Reader) -> GasFrame:
     min_m, max_m = reader.take_vector("d"), reader.take_vector("d")
     cells = reader.take_vector("i")
-    cell_m = reader.take_vector("d")[0]
+    cell_m = edge_of_cube(reader.path, reader.take_vector("d"))
     source_m, gas_code = reader.take_vector("d"), reader.take_int()
     amount_mol, air_mol_cm3 = reader.take("2d")
-    wind_index = reader.take_int()
+    wind_index = reader.take_count()
     shape = (int(cells[0]), int(cells[1]), int(cells[2]))
     grid = grid_of_frame(reader.path, min_m=min_m, max_m=max_m, cell_m=cell_m, shape=shape)
     return GasFrame(
         version="1",
         grid=grid,
         gas=gas_of_code(reader.path, gas_code),
-        source_position_m=source_m,
+        source_position_m=place_of_source(reader.path, grid, source_m),
         wind_index=wind_index,
         filaments=_filaments(reader, grid, reader.take_records(_DOUBLE_RECORD), amount_mol, air_mol_cm3),
     )
@@ -120,12 +134,12 @@ def _version_1(reader: _Reader) -> GasFrame:
 def _version_2(reader: _Reader, minor: int, grid: Grid) -> GasFrame:
     source_m, gas_code = reader.take_vector("f"), reader.take_int()
     amount_mol, air_mol_cm3 = reader.take("2d")
-    wind_index = reader.take_int()
+    wind_index = reader.take_count()
     return GasFrame(
         version=f"2.{minor}",
         grid=grid,
         gas=gas_of_code(reader.path, gas_code),
-        source_position_m=source_m,
+        source_position_m=place_of_source(reader.path, grid, source_m),
         wind_index=wind_index,
         filaments=_filaments(reader, grid, reader.take_records(_DOUBLE_RECORD), amount_mol, air_mol_cm3),
     )
@@ -133,7 +147,7 @@ def _version_2(reader: _Reader, minor: int, grid: Grid) -> GasFrame:
 
 def _version_2_6(reader: _Reader, minor: int, grid: Grid) -> GasFrame:
     amount_mol, air_mol_cm3 = reader.take("2f")
-    wind_index = reader.take_int()
+    wind_index = reader.take_count()
     return GasFrame(
         version=f"2.{minor}",
         grid=grid,
@@ -151,7 +165,7 @@ def _version_3(reader: _Reader, minor: int, grid: Grid) -> GasFrame:
     reader.take(f"{_SHAPE_FLOATS[shape]}f")
     source_m, gas_code = reader.take_vector("f"), reader.take_int()
     amount_mol, air_mol_cm3 = reader.take("2f")
-    wind_index = reader.take_int()
+    wind_index = reader.take_count()
     mode = _mode(reader)
     filaments, mixing_ratio_ppm = None, None
     if mode == "concentrations":
@@ -165,7 +179,7 @@ def _version_3(reader: _Reader, minor: int, grid: Grid) -> GasFrame:
         version=f"3.{minor}",
         grid=grid,
         gas=gas_of_code(reader.path, gas_code),
-        source_position_m=source_m,
+        source_position_m=place_of_source(reader.path, grid, source_m),
         wind_index=wind_index,
         filaments=filaments,
         mixing_ratio_ppm=mixing_ratio_ppm,
@@ -208,8 +222,9 @@ def _mixing_ratios(reader: _Reader, grid: Grid) -> NDArray[np.float32]:
     values = reader.take_records(np.dtype("<f4"), n)
     if n != int(np.prod(grid.shape)):
         raise _error(reader.path, f"one mixing ratio for each of {grid.shape} cells", f"{n}")
-    if not np.isfinite(values).all() or values.min(initial=0.0) < 0.0:
-        raise _error(reader.path, "mixing ratios that are finite and not negative", "others among them")
+    # Overlapping filaments add up, so that close to a strong source there may be more than pure gas.
+    if not ((values >= 0.0) & (values <= 10.0 * LARGEST_CENTRE_PPM)).all():
+        raise _error(reader.path, "mixing ratios that are neither negative nor beyond pure gas", "others among them")
     nx, ny, nz = grid.shape
     return np.ascontiguousarray(values.reshape(nz, ny, nx).transpose(2, 1, 0))
 

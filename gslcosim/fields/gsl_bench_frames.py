@@ -6,15 +6,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.environment.grid import Vec3
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.fields.frame import GasFrame, filaments_of_frame, gas_of_code, grid_of_frame
+from gslcosim.fields.frame import (
+    GasFrame,
+    edge_of_cube,
+    filaments_of_frame,
+    gas_of_code,
+    grid_of_frame,
+    place_of_source,
+)
 
 _RECORD_KINDS = {"pose_x": "f", "pose_y": "f", "pose_z": "f", "sigma": "f"}
 _HEAD_KINDS = {
     **{f"env_{end}_{axis}": "f" for end in ("min", "max") for axis in "xyz"},
-    **{f"env_cells_{axis}": "u" for axis in "xyz"},
+    **{f"env_cells_{axis}": "iu" for axis in "xyz"},
     **{f"{name}_{axis}": "f" for name in ("cell_size", "gas_source_pos") for axis in "xyz"},
-    "gas_type": "u",
+    "gas_type": "iu",
     "filament_num_moles_of_gas": "f",
     "num_moles_all_gases_in_cm3": "f",
 }
@@ -34,16 +42,16 @@ def read_gsl_bench_frame(filaments_path: Path) -> GasFrame:
     records = _load(filaments_path, _RECORD_KINDS)
     grid = grid_of_frame(
         head_path,
-        min_m=(head["env_min_x"], head["env_min_y"], head["env_min_z"]),
-        max_m=(head["env_max_x"], head["env_max_y"], head["env_max_z"]),
-        cell_m=head["cell_size_x"],
+        min_m=_vector(head, "env_min"),
+        max_m=_vector(head, "env_max"),
+        cell_m=edge_of_cube(head_path, _vector(head, "cell_size")),
         shape=(head["env_cells_x"], head["env_cells_y"], head["env_cells_z"]),
     )
     return GasFrame(
         version="gsl_bench",
         grid=grid,
         gas=gas_of_code(head_path, head["gas_type"]),
-        source_position_m=(head["gas_source_pos_x"], head["gas_source_pos_y"], head["gas_source_pos_z"]),
+        source_position_m=place_of_source(head_path, grid, _vector(head, "gas_source_pos")),
         wind_index=0,
         filaments=filaments_of_frame(
             filaments_path,
@@ -56,6 +64,10 @@ def read_gsl_bench_frame(filaments_path: Path) -> GasFrame:
     )
 
 
+def _vector(head: dict[str, float], name: str) -> Vec3:
+    return (head[f"{name}_x"], head[f"{name}_y"], head[f"{name}_z"])
+
+
 # Mapped and not read: a head that promises more than the file holds is then refused before memory is asked for.
 def _load(path: Path, kinds: dict[str, str]) -> NDArray:
     try:
@@ -64,10 +76,13 @@ def _load(path: Path, kinds: dict[str, str]) -> NDArray:
     # The head is Python text, and a faulty one raises whatever the tokenizer, the parser or numpy's types do.
     except Exception as error:
         raise EnvironmentDataError(f"gas frame: cannot be read as an array ({error}). File: {path}") from error
+    n_bytes = path.stat().st_size - getattr(array, "offset", 0)
+    if n_bytes != array.nbytes:
+        raise EnvironmentDataError(f"gas frame: expected {array.nbytes} bytes of records, was {n_bytes}. File: {path}")
     fields = getattr(array, "dtype", np.dtype(float)).fields or {}
     found = {name: np.dtype(entry[0]).kind for name, entry in fields.items()}
-    if array.ndim != 1 or any(found.get(name) != kind for name, kind in kinds.items()):
+    if array.ndim > 1 or any(found.get(name, "missing") not in kind for name, kind in kinds.items()):
         raise EnvironmentDataError(
             f"gas frame: expected records with {', '.join(kinds)}, was {array.dtype} {array.shape}. File: {path}"
         )
-    return np.array(array)
+    return np.atleast_1d(np.array(array))

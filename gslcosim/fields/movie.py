@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.fields.frame import GasFrame
+from gslcosim.fields.frame import LARGEST_CENTRE_PPM, GasFrame
 
 MOVIE_SUFFIX = ".npz"
 _ARRAYS = ("time_s", "mixing_ratio_ppm", "origin_m", "cell_m")
@@ -98,8 +98,8 @@ def _problem_of(times_s: NDArray, ppm: NDArray, origin_m: NDArray, cell_m: NDArr
         return f"mixing ratios of shape (t, nx, ny) or (t, nx, ny, nz), was {ppm.dtype} {ppm.shape}"
     if times_s.shape != ppm.shape[:1] or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0.0).any():
         return f"one ascending time for each of {len(ppm)} pictures, was {times_s.shape}, or not ascending"
-    if not np.isfinite(ppm).all() or ppm.min() < 0:
-        return "mixing ratios that are finite and not negative, was others among them"
+    if not ((ppm >= 0) & (ppm <= LARGEST_CENTRE_PPM)).all():
+        return "mixing ratios from 0 to 1e6 ppm, was others among them"
     if origin_m.shape != (3,) or not np.isfinite(origin_m).all() or cell_m.shape != () or not 0 < float(cell_m) < 1e6:
         return f"origin_m of three numbers and cell_m greater than 0, was {origin_m} and {cell_m}"
     return None

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls, checked_points, mixing_ratio_ppm_at
 from gslcosim.fields.frame import GasFrame
@@ -42,6 +43,7 @@ class GasPlayback:
         self._period_s = period_s
         self._is_looping = is_looping
         self._current: tuple[int, GasFrame] | None = None
+        self._first: GasFrame | None = None
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -68,12 +70,26 @@ class GasPlayback:
             EnvironmentDataError: there is no such frame, or its file is faulty.
         """
         if number not in self._paths:
-            raise EnvironmentDataError(f"gas frames: expected a number among {_span(self._numbers)}, was {number}.")
+            raise EnvironmentDataError(
+                f"gas frames: expected a number among {_span(self._numbers)}, was {number}. "
+                f"Folder: {next(iter(self._paths.values())).parent}"
+            )
         if self._current is None or self._current[0] != number:
-            path = self._paths[number]
-            reader = read_gsl_bench_frame if path.suffix == ".npy" else read_gaden_frame
-            self._current = (number, reader(path))
+            self._current = (number, self._read(number))
         return self._current[1]
+
+    # What the formats repeat in every frame finds the damage that no checksum does.
+    def _read(self, number: int) -> GasFrame:
+        frame = _frame_in(self._paths[number])
+        if self._first is None:
+            self._first = _frame_in(self._paths[int(self._numbers[0])])
+        expected, found = _constants(self._first), _constants(frame)
+        if frame.version == self._first.version and found != expected:
+            raise EnvironmentDataError(
+                f"gas frames: expected grid, gas and moles of all filaments as in frame {self._numbers[0]}, "
+                f"{expected}, was {found}. File: {self._paths[number]}"
+            )
+        return frame
 
     def frame_at(self, time_s: float) -> GasFrame | None:
         """Return the frame that holds at a time [s]; none before the first."""
@@ -116,6 +132,15 @@ def values_in_cells(frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.
 def usual_period_s(folder: Path) -> float:
     """Return the time between frames that such a folder usually has [s]: 1 for GSL-Bench, 0.5 for GADEN."""
     return GSL_BENCH_PERIOD_S if any(folder.glob("iteration_*_fil.npy")) else GADEN_PERIOD_S
+
+
+def _frame_in(path: Path) -> GasFrame:
+    return read_gsl_bench_frame(path) if path.suffix == ".npy" else read_gaden_frame(path)
+
+
+def _constants(frame: GasFrame) -> tuple[Grid, str | None, float | None]:
+    amount_mol = None if frame.filaments is None else float(frame.filaments.amount_mol[0])
+    return (frame.grid, frame.gas, amount_mol)
 
 
 def _frames_in(folder: Path) -> dict[int, Path]:

@@ -109,7 +109,7 @@ class StoredFields:
             return values_in_cells(frame, points)
         index = FilamentIndex(min_m=frame.grid.origin_m, max_m=frame.grid.max_m)
         index.build(frame.filaments)
-        walls = self._walls() if view.has_line_of_sight else None
+        walls = _fitting(self._walls(), frame) if view.has_line_of_sight else None
         cutoff_sigma = CUTOFF_SIGMA if view.cutoff_sigma is None else view.cutoff_sigma
         return _in_chunks(
             lambda some: index.mixing_ratio_ppm_at(some, walls=walls, cutoff_sigma=cutoff_sigma)[:, 0], points
@@ -314,6 +314,20 @@ def _gaden_walls(gas_folder: Path) -> Walls:
 def _gaden_wind(gas_folder: Path, frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.float64]:
     wind = read_wind(gas_folder / "wind" / f"wind_iteration_{frame.wind_index}", frame.grid)
     return trilinear_wind_at_points(wind, frame.grid.origin_m, frame.grid.cell_m, points)
+
+
+# Walls of another room would hide the wrong gas.
+def _fitting(walls: Walls, frame: GasFrame) -> Walls:
+    grid = frame.grid
+    found, expected = [*walls.origin_m, walls.cell_m], [*grid.origin_m, grid.cell_m]
+    is_same_place = np.allclose(found, expected, rtol=0.0, atol=1e-3 * grid.cell_m)
+    if walls.occupancy.shape != grid.shape or not is_same_place:
+        raise EnvironmentDataError(
+            f"walls: expected those of the frames, {grid.shape} cells of {grid.cell_m:g} m from {grid.origin_m} m, was "
+            f"{walls.occupancy.shape} cells of {walls.cell_m:g} m from {tuple(map(float, walls.origin_m))} m. Let gas "
+            "be seen through walls with --no-line-of-sight, or put the room of the frames beside them."
+        )
+    return walls
 
 
 def _in_chunks(

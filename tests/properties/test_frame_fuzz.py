@@ -17,6 +17,7 @@ import pytest
 from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.concentration import mixing_ratio_ppm_at
+from gslcosim.fields.filament_index import FilamentIndex
 from gslcosim.fields.gaden_folder import read_walls, read_wind
 from gslcosim.fields.gaden_frames import read_gaden_frame
 from gslcosim.fields.gsl_bench_frames import read_gsl_bench_frame
@@ -77,7 +78,11 @@ def check_possible(frame):
         low = np.subtract(frame.grid.origin_m, frame.grid.cell_m)
         high = np.add(frame.grid.max_m, frame.grid.cell_m)
         assert ((places_m >= low) & (places_m <= high)).all()
-        assert np.isfinite(mixing_ratio_ppm_at(places_m[:3], frame.filaments)).all()
+        plain = mixing_ratio_ppm_at(places_m[:3], frame.filaments)
+        assert np.isfinite(plain).all()
+        index = FilamentIndex(min_m=frame.grid.origin_m, max_m=frame.grid.max_m)
+        index.build(frame.filaments)
+        np.testing.assert_allclose(index.mixing_ratio_ppm_at(places_m[:3]), plain, rtol=1e-9)
     else:
         assert frame.mixing_ratio_ppm.shape == frame.grid.shape
         assert np.isfinite(frame.mixing_ratio_ppm).all()

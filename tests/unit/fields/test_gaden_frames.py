@@ -1,4 +1,6 @@
 import contextlib
+import re
+import struct
 import zlib
 from pathlib import Path
 
@@ -107,11 +109,36 @@ def test_faulty_files_are_refused_with_what_was_expected(write, content, expecte
         ({"sigmas_cm": np.array([10.0, 0.0, 10.0])}, "filament 1 is at"),
         ({"sigmas_cm": np.array([10.0, 20.0, np.inf])}, "filament 2 is at"),
         ({"sigmas_cm": np.array([1e-200, 20.0, 30.0])}, "filament 0 is at"),
+        ({"sigmas_cm": np.array([0.2, 20.0, 30.0])}, r"at most pure gas, 1e6 ppm, was 1.25e\+06 ppm"),
     ],
 )
 def test_impossible_filaments_are_refused(write, changes, expected):
     with pytest.raises(EnvironmentDataError, match=expected):
         read_gaden_frame(write(gaden.compressed(gaden.version_1(**changes))))
+
+
+@pytest.mark.parametrize(
+    ("layout", "offset", "value", "expected"),
+    [
+        ("<d", 28, 1e7, "a grid of positive size within 100000 m"),
+        ("<d", 72, 0.25, "cubic cells, was (0.5, 0.25, 0.5)"),
+        ("<d", 88, np.nan, "a source between"),
+        ("<d", 88, 40.0, "a source between"),
+        ("<d", 124, 1e-9, "moles in a filament and in a cm3 of air"),
+        ("<i", 132, -1, "a number of 0 or more at 132, was -1"),
+    ],
+)
+def test_impossible_heads_are_refused(write, layout, offset, value, expected):
+    content = bytearray(gaden.version_1())
+    struct.pack_into(layout, content, offset, value)
+    with pytest.raises(EnvironmentDataError, match=re.escape(expected)):
+        read_gaden_frame(write(gaden.compressed(bytes(content))))
+
+
+def test_mixing_ratios_far_beyond_pure_gas_are_refused(write):
+    content = gaden.version_3_concentrations()[:-4] + struct.pack("<f", 1e30)
+    with pytest.raises(EnvironmentDataError, match="beyond pure gas"):
+        read_gaden_frame(write(gaden.compressed(content)))
 
 
 def test_a_missing_file_is_named(tmp_path):

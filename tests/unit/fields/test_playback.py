@@ -1,5 +1,6 @@
 import contextlib
 import os
+import shutil
 from pathlib import Path
 
 import gaden_writers as gaden
@@ -120,6 +121,32 @@ def test_arrays_of_another_kind_are_refused(gsl_bench_folder):
     np.save(path, np.zeros((3, 5)))
     with pytest.raises(EnvironmentDataError, match=r"expected records with pose_x, .* was float64 \(3, 5\)"):
         read_gsl_bench_frame(path)
+
+
+@pytest.mark.parametrize("name", ["iteration_0_fil.npy", "iteration_0_head.npy"])
+def test_bytes_behind_the_records_are_refused(gsl_bench_folder, name):
+    """Bytes that were doubled in the middle shift all that follow, and leave some over."""
+    path = gsl_bench_folder / name
+    path.write_bytes(path.read_bytes() + b"12345678")
+    with pytest.raises(EnvironmentDataError, match=r"expected \d+ bytes of records, was \d+"):
+        read_gsl_bench_frame(gsl_bench_folder / "iteration_0_fil.npy")
+
+
+def test_a_head_of_signed_numbers_or_without_its_length_is_read(gsl_bench_folder):
+    path = gsl_bench_folder / "iteration_0_head.npy"
+    signed = np.dtype([(name, "<i4" if kind == "<u4" else kind) for name, kind in HEAD.descr])
+    np.save(path, np.load(path).astype(signed)[0])
+    assert read_gsl_bench_frame(gsl_bench_folder / "iteration_0_fil.npy").gas == "methane"
+
+
+def test_frames_that_contradict_each_other_are_refused(gsl_bench_folder):
+    head = np.load(gsl_bench_folder / "iteration_0_head.npy")
+    head["filament_num_moles_of_gas"] *= 2
+    np.save(gsl_bench_folder / "iteration_1_head.npy", head)
+    shutil.copy(gsl_bench_folder / "iteration_0_fil.npy", gsl_bench_folder / "iteration_1_fil.npy")
+    with pytest.raises(EnvironmentDataError, match="moles of all filaments as in frame 0") as caught:
+        GasPlayback(gsl_bench_folder, period_s=1.0).frame(1)
+    assert str(caught.value).endswith("iteration_1_fil.npy")
 
 
 @settings(deadline=None, max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
