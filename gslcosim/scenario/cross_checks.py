@@ -232,7 +232,8 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     yield from _not_whole_ticks("referee.stop.time_limit_s", _number(stop, "time_limit_s", StopSpec), tick_ns)
     for i, agent in _blocks(values, "agents"):
         for j, sensor in _blocks(agent, "sensors"):
-            for key in ("period_s", "delay_s", "warm_up_s"):
+            own = ("averaging_s",) if sensor.get("model") == "averaging" else ()
+            for key in ("period_s", "delay_s", "warm_up_s", *own):
                 duration_s = _number(sensor, key, SensorSpec)
                 yield from _not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
     yield from _broken_gas_times(_number(gas, "step_s", GasSpec), _number(gas, "warm_up_s", GasSpec), tick_ns)

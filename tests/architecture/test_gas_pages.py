@@ -1,11 +1,15 @@
 """The pages on gas and sensors say what the code does: tables are current, and their pieces of scenarios are valid."""
 
+import json
+import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
+from gslcosim.cli.main import main
 from gslcosim.scenario.gas_models import GasSpec
 from gslcosim.scenario.loading import load_scenario
 from gslcosim.scenario.sensor_models import SENSORS, SensorSpec
@@ -13,6 +17,9 @@ from gslcosim.sensing.reference import with_tables
 
 ROOT = Path(__file__).parents[2]
 GAS, SENSORS_PAGE = ROOT / "docs" / "gas.md", ROOT / "docs" / "sensors.md"
+REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", ROOT.parent / "shared" / "reference"))
+GSL_BENCH = REFERENCE / "gsl-bench" / "environments" / "001" / "gas_data" / "wh_empty_001"
+FAILED_THE_TASK = 1
 PIECES = [
     (page.name, text)
     for page in (GAS, SENSORS_PAGE)
@@ -51,3 +58,34 @@ def test_pieces_of_scenarios_are_valid(page, piece, tmp_path):
     path = tmp_path / "scenario.yaml"
     path.write_text(yaml.safe_dump(values))
     assert load_scenario(path).scenario.gas.sources
+
+
+# What the pages name beside what their pieces show.
+VARIANTS = [
+    ("more", f"gas: {{{gas}, sources: [{{position_m: [1.5, 2, 1]}}], warm_up_s: 20}}")
+    for gas in ("model: gaussian_plume", "compatibility: gaden_3", "rotor_downwash: true", "buoyancy: none")
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "piece"), PIECES + VARIANTS, ids=lambda value: value[:30].replace("\n", " "))
+def test_pieces_of_scenarios_fly_and_have_gas(page, piece, tmp_path, monkeypatch):
+    """As a reader would try them: put into a small room, flown, and sampled."""
+    monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
+    values = yaml.safe_load((ROOT / "scenarios" / "tiny_room.yaml").read_text())
+    values |= yaml.safe_load(piece)
+    values["referee"]["stop"]["time_limit_s"] = 3
+    folder = values["gas"].get("playback", {}).get("folder")
+    if folder:
+        if not GSL_BENCH.is_dir():
+            pytest.skip(f"no GSL-Bench data under {REFERENCE} (set GSLCOSIM_REFERENCE)")
+        (tmp_path / folder).parent.mkdir(parents=True)
+        (tmp_path / folder).symlink_to(GSL_BENCH)
+    path = tmp_path / "scenario.yaml"
+    path.write_text(yaml.safe_dump(values))
+    assert main(["up", str(path), "--in-process", "--runs-dir", str(tmp_path / "runs")]) == FAILED_THE_TASK
+    (run,) = (tmp_path / "runs").iterdir()
+    assert json.loads((run / "result.json").read_text())["valid"]
+    out = tmp_path / "gas.npz"
+    assert main(["sample", str(run), "--time", "3", "--grid", "0.25", "--out", str(out)]) == 0
+    assert np.load(out)["mixing_ratio_ppm"].max() > 0.01

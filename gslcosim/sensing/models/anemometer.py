@@ -22,7 +22,8 @@ class Anemometer:
     a = wind - velocity of the mount, horizontal part [m/s].
 
     State: none. Draws in each tick: speed, then direction, from the sensor's own stream. Noise defaults are 0.01 m/s
-    and 0.1 rad (GADEN's, which takes a tenth of the latter for the speed). No lag.
+    and 0.1 rad (GADEN's, which takes a tenth of the latter for the speed). No lag. Bias, drift, `noise_std` and
+    `max_value` of the scenario are those of the speed.
 
     Source:
         GADEN, simulated_anemometer/src/fake_anemometer.cpp; GSL-Bench for the apparent wind.
@@ -100,6 +101,8 @@ ANEMOMETER = SensorKind(
     description="Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; direction is where it "
     "comes from, world frame, counter-clockwise from +x.",
     build=_build,
+    n_with_errors=1,
+    least_value=0.0,
 )
 
 

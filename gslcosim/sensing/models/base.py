@@ -1,5 +1,6 @@
 """What a sensor model is: true sample in, reading out."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -43,7 +44,9 @@ class SensorKind:
 
     `build(spec, tick_s, rng)` returns a new instrument; `rng` is its own random stream. `quantity` and `unit` are
     those of its readings, `description` says what it stands for and what the reading's values are. `has_own_noise`
-    says that the model itself applies the scenario's `noise_std`.
+    says that the model itself applies the scenario's `noise_std`. `n_with_errors` says how many of a reading's values,
+    from the first on, have the scenario's bias, drift, noise and limit (absent: all of them), `least_value` below which
+    they never are.
 
     `for_gases(definitions)` returns the row for a scenario that defines gases of its own, where that matters.
     `estimator(gas)` returns how to turn a reading into a second one that tells the mixing ratio [ppm] of a gas, as the
@@ -57,5 +60,7 @@ class SensorKind:
     description: str
     build: Callable[[SensorSpec, float, np.random.Generator], SensorModel]
     has_own_noise: bool = False
+    n_with_errors: int | None = None
+    least_value: float = -math.inf
     for_gases: "Callable[[tuple[GasDefinition, ...]], SensorKind] | None" = None
     estimator: Callable[[str], Estimator | None] | None = None

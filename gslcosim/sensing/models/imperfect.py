@@ -15,22 +15,25 @@ class ImperfectSensor:
     """A model behind a delay, with errors on its values, read at its own rate.
 
     In this order: the model sees the sample of `delay_s` ago (the first one until then); each value v becomes
-    v + bias + drift_per_s t + N(0, noise_std), t the time since the start; values are kept from exceeding `max_value`,
-    and `is_saturated` says so; between readings, `period_s` apart, the last one is repeated. Until `warm_up_s` after
-    the start a reading `is_warming_up`: its values are those of the first one. Units are the reading's.
+    v + bias + drift_per_s t + N(0, noise_std), t the time since the start; values are kept within +- `max_value`, and
+    `is_saturated` says so, and never fall below the kind's `least_value`; between readings, `period_s` apart, the last
+    one is repeated. Until `warm_up_s` after the start a reading `is_warming_up`: its values are those of the first one.
+    Units are the reading's.
 
     State: samples within the delay, the last reading, the number of the tick. Draws one number for each value at each
     reading, from the sensor's own stream, after the model's own draws; none where `noise_std` is 0 or is the model's.
+    Values past the kind's first `n_with_errors`, such as a direction behind a speed, stay as the model has them.
     Held by: tests/unit/sensing/test_imperfect.py
     """
 
     def __init__(
-        self, model: SensorModel, spec: SensorSpec, tick_ns: int, rng: np.random.Generator, *, has_own_noise: bool
+        self, model: SensorModel, kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator
     ) -> None:
         self._model = model
+        self._kind = kind
         self._spec = spec
         self._tick_s = tick_ns / NS_PER_S
-        self._noise_std = 0.0 if has_own_noise else spec.noise_std
+        self._noise_std = 0.0 if kind.has_own_noise else spec.noise_std
         self._rng = rng
         self._period_ticks = _ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
         delay_ticks = _ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
@@ -53,19 +56,24 @@ class ImperfectSensor:
         return self._cold
 
     def _with_errors(self, reading: Reading) -> Reading:
-        offset = self._spec.bias + self._spec.drift_per_s * self._tick * self._tick_s
-        values = [value + offset for value in reading.values]
-        if self._noise_std > 0.0:
-            draws = self._rng.standard_normal(len(values)).tolist()
-            values = [value + self._noise_std * draw for value, draw in zip(values, draws, strict=True)]
-        limit = self._spec.max_value
-        is_over = limit is not None and max(values) >= limit
+        n, limit = self._kind.n_with_errors, self._spec.max_value
+        values = [self._disturbed(value) for value in reading.values[:n]]
+        is_over = limit is not None and max(map(abs, values)) >= limit
+        if limit is not None:
+            values = [min(max(value, -limit), limit) for value in values]
+        values = [max(value, self._kind.least_value) for value in values]
         return reading.model_copy(
             update={
-                "values": tuple(values if limit is None else (min(value, limit) for value in values)),
+                "values": (*values, *reading.values[len(values) :]),
                 "is_saturated": reading.is_saturated or is_over,
             }
         )
+
+    def _disturbed(self, value: float) -> float:
+        offset = self._spec.bias + self._spec.drift_per_s * self._tick * self._tick_s
+        if self._noise_std == 0.0:
+            return value + offset
+        return value + offset + self._noise_std * float(self._rng.standard_normal())
 
 
 def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:
@@ -75,15 +83,14 @@ def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.rando
         ScenarioError: its rate or delay is not a whole number of ticks.
     """
     model = kind.build(spec, tick_ns / NS_PER_S, rng)
-    has_own_noise = kind.has_own_noise
     is_perfect = (
         not (spec.bias or spec.drift_per_s or spec.delay_s or spec.warm_up_s)
         and spec.period_s is None
         and spec.max_value is None
     )
-    if is_perfect and (spec.noise_std == 0.0 or has_own_noise):
+    if is_perfect and (spec.noise_std == 0.0 or kind.has_own_noise):
         return model
-    return ImperfectSensor(model, spec, tick_ns, rng, has_own_noise=has_own_noise)
+    return ImperfectSensor(model, kind, spec, tick_ns, rng)
 
 
 def _ticks(duration_s: float | None, tick_ns: int, name: str) -> int:

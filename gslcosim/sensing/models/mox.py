@@ -227,6 +227,7 @@ def mox_kind(parameters: MoxParameters) -> SensorKind:
         description=f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "
         f"{parameters.r0_ohm * parameters.air_ratio:g} ohm in clean air.",
         build=build,
+        least_value=LEAST_RATIO * parameters.r0_ohm,
         for_gases=lambda definitions: mox_kind(with_gases(parameters, definitions)),
         estimator=lambda gas: _estimator(parameters, gas),
     )

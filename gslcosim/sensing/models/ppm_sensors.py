@@ -63,18 +63,22 @@ class ThresholdSensor:
 
 
 class BinarySensor:
-    """Tells whether the mixing ratio exceeds a threshold: 1 or 0. State: none.
+    """Tells whether the mixing ratio, with noise, exceeds a threshold: 1 or 0.
 
-    Held by: tests/unit/sensing/test_ppm_sensors.py
+    hit = c + N(0, noise_std) > threshold      noise_std [ppm], so that there are misses and false alarms
+
+    State: none. Draws one number a tick. Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec) -> None:
+    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
         self._spec = spec
+        self._rng = rng
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return 1 for gas and 0 for none; see `SensorModel.read`."""
         del mount_velocity_world_m_s
-        is_hit = total_ppm(sample) > self._spec.threshold_ppm
+        noise_ppm = self._spec.noise_std * float(self._rng.standard_normal())
+        is_hit = total_ppm(sample) + noise_ppm > self._spec.threshold_ppm
         return Reading(sensor=self._spec.name, quantity="gas_detected", unit="1", values=(float(is_hit),))
 
 
@@ -83,20 +87,22 @@ class HitCounter:
 
     hits in a tick ~ Poisson(r c dt)      r hits per second and ppm, c mixing ratio [ppm], dt length of the tick [s]
 
-    State: none. Draws one number a tick.
+    A reading holds the hits of the last `period_s`, so that a slow counter loses none; without a period, of the tick.
+    State: the hits of each tick within the period. Draws one number a tick.
     Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         self._sensor = spec.name
         self._hits_per_ppm = spec.hits_per_s_per_ppm * tick_s
+        self._hits: deque[int] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
         self._rng = rng
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the hits of this tick; see `SensorModel.read`."""
+        """Return the hits of the last period; see `SensorModel.read`."""
         del mount_velocity_world_m_s
-        n_hits = int(self._rng.poisson(self._hits_per_ppm * max(0.0, total_ppm(sample))))
-        return Reading(sensor=self._sensor, quantity="hits", unit="1", values=(float(n_hits),))
+        self._hits.append(int(self._rng.poisson(self._hits_per_ppm * max(0.0, total_ppm(sample)))))
+        return Reading(sensor=self._sensor, quantity="hits", unit="1", values=(float(sum(self._hits)),))
 
 
 class AveragingSensor:
@@ -186,8 +192,8 @@ def _build_threshold(spec: SensorSpec, tick_s: float, rng: np.random.Generator) 
 
 
 def _build_binary(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-    del tick_s, rng
-    return BinarySensor(spec)
+    del tick_s
+    return BinarySensor(spec, rng)
 
 
 def _build_averaging(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
@@ -214,14 +220,16 @@ PPM_KINDS = (
         name="binary",
         quantity="gas_detected",
         unit="1",
-        description="Binary detector: values = (1 or 0,), whether the mixing ratio exceeds threshold_ppm.",
+        description="Binary detector: values = (1 or 0,), whether the mixing ratio, with noise, exceeds threshold_ppm.",
         build=_build_binary,
+        has_own_noise=True,
     ),
     SensorKind(
         name="hit_counter",
         quantity="hits",
         unit="1",
-        description="Hit counter of infotaxis: values = (hits in this tick,), Poisson with hits_per_s_per_ppm.",
+        description="Hit counter of infotaxis: values = (hits in the last period_s, or tick,), Poisson with "
+        "hits_per_s_per_ppm.",
         build=HitCounter,
     ),
     SensorKind(

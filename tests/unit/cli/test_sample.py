@@ -157,8 +157,9 @@ def test_wrong_calls_are_answered(room_folder, points_file, tmp_path, capsys, wo
     assert expected in capsys.readouterr().err
 
 
-def test_wind_outside_the_room_is_refused(room_folder, points_file, tmp_path, capsys):
+@pytest.mark.parametrize("quantity", [["--quantity", "wind"], ["--scenario", "tiny_room"]])
+def test_points_outside_the_room_are_refused(room_folder, points_file, tmp_path, capsys, quantity):
     points = points_file("x_m,y_m,z_m\n1,2,3\n20,2,3\n")
-    call = ["sample", room_folder, "--time", "0", "--quantity", "wind", "--out", str(tmp_path / "out.csv")]
+    call = ["sample", room_folder, "--time", "0", *quantity, "--out", str(tmp_path / "out.csv")]
     assert main([*call, "--points", points]) == 2
     assert "was (20.0, 2.0, 3.0) m as point 2" in capsys.readouterr().err

@@ -100,14 +100,24 @@ def test_without_an_occupancy_there_is_no_line_of_sight(results):
         stored_fields_in(results).gas_ppm(PLACES, Instant(frame=0), View())
 
 
-def test_walls_hide_stored_gas(results):
-    nx, ny, nz = gaden.CELLS
+def write_solid_occupancy(folder, cells):
+    nx, ny, nz = cells
     head = (
         f"#env_min(m) {' '.join(map(str, gaden.MIN_M))}\n#env_max(m) 9 9 9\n"
         f"#num_cells {nx} {ny} {nz}\n#cell_size(m) {gaden.CELL_M}\n"
     )
     solid = "\n".join(["\n".join([" ".join(["1"] * ny)] * nx) + "\n;"] * nz)
-    (results.parent / "OccupancyGrid3D.csv").write_text(head + solid)
+    (folder / "OccupancyGrid3D.csv").write_text(head + solid)
+
+
+def test_walls_of_another_room_are_refused(results):
+    write_solid_occupancy(results.parent, (7, 5, 5))
+    with pytest.raises(EnvironmentDataError, match=r"expected those of the frames, \(7, 5, 4\) cells of 0\.5 m"):
+        stored_fields_in(results).gas_ppm(PLACES, Instant(frame=0), View())
+
+
+def test_walls_hide_stored_gas(results):
+    write_solid_occupancy(results.parent, gaden.CELLS)
     fields = stored_fields_in(results)
     assert fields.gas_ppm(PLACES, Instant(frame=0), THROUGH_WALLS).min() > 0.0
     assert fields.gas_ppm(PLACES, Instant(frame=0), View()).max() == 0.0

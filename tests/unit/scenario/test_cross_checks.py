@@ -178,6 +178,9 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
         ("name: nose}", "name: nose, period_s: 0.25}",
          "hall.yaml:13: agents[0].sensors[0].period_s: expected a whole number of 100 ms ticks, was 0.25 s. Nearest: "
          "0.2 or 0.3."),
+        ("tgs2600, name: nose}", "averaging, name: nose, averaging_s: 0.25}",
+         "hall.yaml:13: agents[0].sensors[0].averaging_s: expected a whole number of 100 ms ticks, was 0.25 s. "
+         "Nearest: 0.2 or 0.3."),
         ("name: nose}", "name: nose, delay_s: 0.03}",
          "hall.yaml:13: agents[0].sensors[0].delay_s: expected a whole number of 100 ms ticks, was 0.03 s. Nearest: "
          "0.1."),

@@ -95,3 +95,28 @@ def test_a_warm_up_does_not_change_the_noise_after_it():
 def test_a_warm_up_that_is_no_whole_number_of_ticks_is_refused():
     with pytest.raises(ScenarioError, match="warm_up_s: expected a whole number of 100 ms ticks"):
         read([1.0], warm_up_s=0.25)
+
+
+def wind_values(wind, *, model, **more):
+    spec = SensorSpec(model=model, name="s", speed_noise_std_m_s=0.0, direction_noise_std_rad=0.0, **more)
+    reading = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(1, "test")).read(sample(0.0, wind), STILL)
+    return reading.values, reading.is_saturated
+
+
+def test_an_anemometers_errors_are_those_of_its_speed():
+    """A limit of 2 m/s says nothing about a direction of 2.36 rad."""
+    direction_rad = pytest.approx(0.75 * np.pi)
+    assert wind_values((0.5, -0.5, 0.0), model="anemometer", max_value=2.0)[0][1] == direction_rad
+    (speed_m_s, direction), is_saturated = wind_values((3.0, -3.0, 0.0), model="anemometer", max_value=2.0, bias=-0.5)
+    assert (speed_m_s, direction, is_saturated) == (2.0, direction_rad, True)
+    assert wind_values((0.5, -0.5, 0.0), model="anemometer", bias=-5.0)[0] == (0.0, direction_rad)
+
+
+def test_three_axes_saturate_on_both_sides():
+    assert wind_values((-9.0, 1.0, 7.0), model="anemometer_3d", max_value=5.0) == ((-5.0, 1.0, 5.0), True)
+
+
+def test_a_resistance_stays_positive():
+    spec = SensorSpec(model="tgs2600", name="s", bias=-1e6)
+    sensor = build_sensor(SENSOR_MODELS["tgs2600"], spec, TICK_NS, stream(1, "test"))
+    assert sensor.read(sample(0.0), STILL).values == (500.0,)

@@ -89,3 +89,18 @@ def test_a_second_order_sensor_recovers_slower_than_it_responds():
     down = values_of(sensor, [sample()] * 20)[-1]
     assert up > 9.0
     assert down > 0.8 * up
+
+
+def test_a_binary_sensors_noise_makes_misses_and_false_alarms():
+    """Noise is in the gas that is compared: half of all answers are wrong at the threshold, and all are 1 or 0."""
+    sensor = sensor_of("binary", threshold_ppm=1.0, noise_std=0.5)
+    hits = values_of(sensor, [sample(ethanol=1.0)] * 2000)
+    assert set(hits) == {0.0, 1.0}
+    assert hits.mean() == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_slow_hit_counter_loses_no_hits():
+    samples = [sample(ethanol=5.0)] * 40
+    every_tick = values_of(sensor_of("hit_counter", hits_per_s_per_ppm=4.0), samples)
+    slow = values_of(sensor_of("hit_counter", hits_per_s_per_ppm=4.0, period_s=0.5), samples)
+    np.testing.assert_array_equal(slow[4::5], every_tick.reshape(-1, 5).sum(axis=1))
