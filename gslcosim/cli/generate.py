@@ -51,10 +51,11 @@ def _at_least_one(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.environment.random_places import draw_places
     from gslcosim.generation import generate_many, orders_of
     from gslcosim.scenario.recipes import load_recipe
 
-    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,))
+    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_places)
     orders = orders_of(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
     with _progress_bar(is_quiet=arguments.json) as report:
         outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
@@ -73,7 +74,7 @@ def _write_table(outcomes: "list[Outcome]") -> None:
     if outcomes:
         rows = [
             [
-                str(o.order.layout.seed),
+                str(o.order.seed),
                 str(o.n_air_cells),
                 str(o.n_solid_cells),
                 f"{o.duration_s:.1f}",
@@ -87,8 +88,8 @@ def _write_table(outcomes: "list[Outcome]") -> None:
 def _as_fields(outcome: "Outcome") -> dict[str, Any]:
     return {
         "folder": str(outcome.order.folder),
-        "kind": outcome.order.layout.kind,
-        "seed": outcome.order.layout.seed,
+        "kind": outcome.order.kind,
+        "seed": outcome.order.seed,
         "duration_s": round(outcome.duration_s, 3),
         "n_air_cells": outcome.n_air_cells,
         "n_solid_cells": outcome.n_solid_cells,

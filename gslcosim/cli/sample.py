@@ -197,9 +197,10 @@ def _is_bundled(name: str) -> bool:
 
 
 def _scenario(source: str) -> "tuple[Scenario, Path]":
+    from gslcosim.environment.random_places import draw_places
     from gslcosim.scenario import load_scenario
 
-    loaded = load_scenario(source)
+    loaded = load_scenario(source, placer=draw_places)
     return loaded.scenario, loaded.directory
 
 

@@ -31,9 +31,16 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     Raises:
         ScenarioError: there is none, or it has problems.
     """
+    from gslcosim.environment.random_places import draw_places
     from gslcosim.scenario import load_scenario
 
-    return load_scenario(arguments.scenario, overrides=arguments.set, seed=arguments.seed, checks=(check_places,))
+    return load_scenario(
+        arguments.scenario,
+        overrides=arguments.set,
+        seed=arguments.seed,
+        checks=(check_places,),
+        placer=draw_places,
+    )
 
 
 def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":

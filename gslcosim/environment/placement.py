@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Vec3, point_text
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.room import Room, build_room, problems_of_room
-from gslcosim.environment.store import environment_folder, load_environment
+from gslcosim.environment.room import Room
+from gslcosim.environment.sources import folder_of, problems_of_source, room_of
+from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models import AgentSpec, Scenario, VehicleSpec
 from gslcosim.scenario.problems import Problem
@@ -32,11 +33,11 @@ def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) 
         All problems of the room; if it has none, all problems of the places; empty when all is well.
     """
     spec = scenario.environment
-    if spec.layout is not None:
-        problems = problems_of_room(spec.layout, scenario.wind)
-        return problems or problems_of_places_in(scenario, build_room(spec.layout, scenario.wind))
+    if spec.path is None:
+        problems = problems_of_source(spec, scenario.wind, scenario_dir=scenario_dir)
+        return problems or problems_of_places_in(scenario, room_of(spec, scenario.wind, scenario_dir=scenario_dir))
     try:
-        environment = load_environment(environment_folder(spec.path or "", scenario_dir))
+        environment = load_environment(folder_of(spec, scenario_dir))
     except EnvironmentDataError as error:
         return [
             Problem(
@@ -88,6 +89,12 @@ def random_free_point_m(
 
 def _is_between(values: NDArray[np.float64], limits: tuple[float, float]) -> NDArray[np.bool_]:
     return (values >= limits[0]) & (values <= limits[1])
+
+
+def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: Room | Environment) -> bool:
+    """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
+    is_free = _what_is_at(start_m, room) is None
+    return is_free and not _boxes_in_the_way(np.asarray([start_m]), vehicle, room)[0]
 
 
 # Air whose six neighbours are air too; the walls around the grid are solid.

@@ -146,12 +146,6 @@ def load_environment(folder: Path, *, check_hash: bool = False) -> Environment:
     return environment
 
 
-def environment_folder(path: str, scenario_dir: Path | None) -> Path:
-    """Return the folder that a scenario's `environment.path` means."""
-    folder = Path(path).expanduser()
-    return folder if folder.is_absolute() or scenario_dir is None else scenario_dir / folder
-
-
 def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, notices: Sequence[str]) -> str:
     header = {
         "format": FORMAT,

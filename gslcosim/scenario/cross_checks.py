@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.scenario.gas_models import GASES
-from gslcosim.scenario.models import GasSpec, RecordingSpec, Scenario, SensorSpec, Spec, StopSpec
+from gslcosim.scenario.models import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, SensorSpec, Spec, StopSpec
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
 from gslcosim.scenario.sensor_models import sensor_names
@@ -138,15 +138,15 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
 
 
 def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    path = _block(values, "environment").get("path")
-    if isinstance(path, str) and not (directory / path).is_dir():
-        folder = (directory / path).resolve()
-        yield Problem(
-            path="environment.path",
-            expected="the folder of an environment",
-            found=f"'{path}'",
-            remedy=f"There is no {'folder' if not folder.exists() else 'folder but a file'} {folder}.",
-        )
+    for key in FOLDER_KEYS:
+        path = _block(values, "environment").get(key)
+        if isinstance(path, str) and not (folder := directory / Path(path).expanduser()).is_dir():
+            yield Problem(
+                path=f"environment.{key}",
+                expected="the folder of an environment",
+                found=f"'{path}'",
+                remedy=f"There is no {'folder but a file' if folder.exists() else 'folder'} {folder.resolve()}.",
+            )
 
 
 def _missing_gas_frames(values: dict[str, Any], directory: Path) -> Iterator[Problem]:

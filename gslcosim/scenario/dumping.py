@@ -61,10 +61,14 @@ def _plain(value: Any) -> Any:
 
 def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:
     environment = scenario.environment
-    if environment.path is not None:
-        environment = environment.model_copy(update={"path": str((directory / environment.path).resolve())})
+    if (key := environment.folder_key) is not None:
+        environment = environment.model_copy(update={key: _absolute(getattr(environment, key), directory)})
     agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)
     return scenario.model_copy(update={"environment": environment, "agents": agents})
+
+
+def _absolute(path: str, directory: Path) -> str:
+    return str((directory / Path(path).expanduser()).resolve())
 
 
 def with_absolute_gas(scenario: Scenario, directory: Path) -> Scenario:

@@ -17,6 +17,7 @@ from gslcosim.scenario.models import Scenario
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.places import values_of_places
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
+from gslcosim.scenario.random_places import Placer, put_random_places
 from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
@@ -47,7 +48,12 @@ class LoadedScenario:
 
 
 def load_scenario(
-    source: str | Path, *, overrides: Sequence[str] = (), seed: int | None = None, checks: Sequence[Check] = ()
+    source: str | Path,
+    *,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    checks: Sequence[Check] = (),
+    placer: Placer | None = None,
 ) -> LoadedScenario:
     """Read, change and check a scenario.
 
@@ -57,6 +63,7 @@ def load_scenario(
         seed: Replaces the scenario's seed.
         checks: Further rules, for example about places in the room. Each is given the scenario and its folder, and is
             asked even when other parts of the file have problems, as long as the places are known.
+        placer: Draws the places that are `random`, for example `gslcosim.environment.random_places.draw_places`.
 
     Raises:
         ScenarioError: there is no such scenario, or it has problems: all of them in one error.
@@ -65,7 +72,8 @@ def load_scenario(
     text = _read_text(path)
     tree = apply_overrides(read_yaml(text, source=_shown_path(source, path)), overrides, seed=seed)
     directory = path.parent.resolve()
-    scenario, problems = _check(tree, directory)
+    unplaced = put_random_places(tree.block, directory, placer) if tree.block is not None else []
+    scenario, problems = _check(tree, directory, known=unplaced)
     problems += _check_places(tree, scenario, problems, directory, checks)
     if scenario is None or problems or tree.problems:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
@@ -114,13 +122,15 @@ def _shown_path(source: str | Path, path: Path) -> str:
     return str(source) if Path(source).is_file() else str(path)
 
 
-def _check(tree: YamlTree, directory: Path) -> tuple[Scenario | None, list[ProblemLike]]:
+def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[Scenario | None, list[ProblemLike]]:
     values = tree.block
     if values is None:
         expected = slot_at(()).describe()
         return None, [Problem(path="", expected=expected, found=shown(tree.values))]
-    scenario, problems = _validate(values)
+    scenario, found = _validate(values)
     scenario = scenario and with_absolute_gas(scenario, directory)
+    known_paths = {problem.path for problem in known}
+    problems: list[ProblemLike] = [*known, *(problem for problem in found if problem.path not in known_paths)]
     problems += problems_between_parts(values, directory=directory)
     spoilt = [located.problem.path for located in tree.problems]
     return scenario, [p for p in problems if not any(_is_inside(p.path, path) for path in spoilt)]

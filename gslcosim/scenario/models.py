@@ -14,49 +14,38 @@ from gslcosim.scenario.rules import broken_rule
 from gslcosim.scenario.sensor_models import SensorSpec as SensorSpec
 from gslcosim.scenario.spec import Name, NonNegative, Positive, Vec3
 from gslcosim.scenario.spec import Spec as Spec
+from gslcosim.scenario.wind_models import WindSpec as WindSpec
 
 SCHEMA = "gslcosim/scenario/1"
+# Keys of `environment` that name a folder.
+FOLDER_KEYS = ("path", "gsl_bench")
 
 
 class EnvironmentSpec(Spec):
-    """Where the run takes place: a layout to generate, or the folder of an environment made before."""
+    """Where the run takes place.
+
+    One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
+    AutoGDM+ as `gsl_bench`.
+    """
 
     layout: Layout | None = None
     path: str | None = None
+    gsl_bench: str | None = None
+
+    @property
+    def folder_key(self) -> str | None:
+        """The key that names a folder, if one does."""
+        return next((key for key in FOLDER_KEYS if getattr(self, key) is not None), None)
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        if (self.layout is None) == (self.path is None):
+        keys = list(type(self).model_fields)
+        given = [key for key in keys if getattr(self, key) is not None]
+        if len(given) != 1:
             raise broken_rule(
-                expected="exactly one of layout and path",
-                found="neither" if self.layout is None else "both",
+                expected=f"exactly one of {', '.join(keys[:-1])} and {keys[-1]}",
+                found=" and ".join(given) or "none",
                 remedy="layout generates a room, path takes the folder of one made before.",
-            )
-        return self
-
-
-class WindSpec(Spec):
-    """The air's motion. `uniform` is `inlet_velocity_m_s` everywhere; `built_in` solves the flow.
-
-    The solve runs from still air to `end_time_s`; with `average_from_s` the time mean from there on is the steady
-    wind, otherwise the last instant is.
-    """
-
-    solver: Literal["built_in", "uniform"] = "built_in"
-    inlet_velocity_m_s: Vec3 = (1.0, 0.0, 0.0)
-    cell_m: Positive = 0.2
-    end_time_s: Positive = 60.0
-    average_from_s: NonNegative | None = 30.0
-
-    @model_validator(mode="after")
-    def _check_times(self) -> Self:
-        if self.solver == "built_in" and self.average_from_s is not None and self.average_from_s >= self.end_time_s:
-            is_default = "average_from_s" not in self.model_fields_set
-            raise broken_rule(
-                key="average_from_s",
-                expected=f"less than end_time_s, {self.end_time_s:g}",
-                found=f"{self.average_from_s:g}{' (the default)' if is_default else ''}",
-                remedy=f"For example {self.end_time_s / 2:g}, or null for the wind at the end of the solve.",
             )
         return self
 

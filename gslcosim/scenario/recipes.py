@@ -12,8 +12,9 @@ from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.explain import problems_of
 from gslcosim.scenario.loading import Check, load_scenario
-from gslcosim.scenario.models import SCHEMA, Layout, Scenario, WindSpec
+from gslcosim.scenario.models import SCHEMA, EnvironmentSpec, Scenario, WindSpec
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.random_places import Placer
 from gslcosim.scenario.schema_walk import kinds_of, slot_at
 from gslcosim.scenario.spec import Vec3
 from gslcosim.scenario.suggestions import did_you_mean
@@ -24,15 +25,21 @@ LAYOUT_KEYS = ("layout", "wind")
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """A layout and the wind in it; `sources_m` are the scenario's, where there is one."""
+    """A room and the wind in it; `sources_m` are the scenario's, where there is one.
+
+    `directory` is where relative paths start.
+    """
 
     name: str
-    layout: Layout
+    environment: EnvironmentSpec
     wind: WindSpec
+    directory: Path | None = None
     sources_m: tuple[Vec3, ...] = ()
 
 
-def load_recipe(source: str, *, overrides: Sequence[str] = (), checks: Sequence[Check] = ()) -> Recipe:
+def load_recipe(
+    source: str, *, overrides: Sequence[str] = (), checks: Sequence[Check] = (), placer: Placer | None = None
+) -> Recipe:
     """Read what to generate.
 
     Args:
@@ -40,6 +47,7 @@ def load_recipe(source: str, *, overrides: Sequence[str] = (), checks: Sequence[
             layout, which is then generated with all its defaults.
         overrides: Values of a scenario to replace, such as `wind.cell_m=0.1`.
         checks: Further rules for scenarios.
+        placer: Draws the places of scenarios that are `random`.
 
     Raises:
         ScenarioError: there is nothing of that name, or it has problems.
@@ -54,22 +62,25 @@ def load_recipe(source: str, *, overrides: Sequence[str] = (), checks: Sequence[
                 f"{source}: expected a file, a bundled scenario or a kind of layout ({', '.join(names)}), "
                 f"found none of them. {did_you_mean(source, names)}".rstrip()
             )
-        return _from_scenario(source, overrides, checks)
+        return _from_scenario(source, overrides, checks, placer)
     if overrides:
         raise UsageError(f"{source}: expected --set with a scenario only, was with a layout. Change the layout's file.")
     return _from_layout_file(path) if is_layout_file else _from_values({"layout": {"kind": source}}, source)
 
 
-def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check]) -> Recipe:
-    scenario = load_scenario(source, overrides=overrides, checks=checks).scenario
-    if scenario.environment.layout is None:
+def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check], placer: Placer | None) -> Recipe:
+    loaded = load_scenario(source, overrides=overrides, checks=checks, placer=placer)
+    scenario = loaded.scenario
+    if scenario.environment.path is not None:
         raise ScenarioError(
-            f"{source}: environment: expected a layout to generate, was path: {scenario.environment.path}."
+            f"{source}: environment: expected something to make, was path: {scenario.environment.path}, "
+            f"which is made already."
         )
     return Recipe(
         name=scenario.name,
-        layout=scenario.environment.layout,
+        environment=scenario.environment,
         wind=scenario.wind,
+        directory=loaded.directory,
         sources_m=tuple(each.position_m for each in scenario.gas.sources),
     )
 
@@ -117,5 +128,4 @@ def _from_values(values: dict[str, Any], name: str) -> Recipe:
     }
     whole = {**rest, "environment": {"layout": values["layout"]}, "wind": values.get("wind", {})}
     scenario = Scenario.model_validate_json(json.dumps(whole), strict=True)
-    assert scenario.environment.layout is not None
-    return Recipe(name=name, layout=scenario.environment.layout, wind=scenario.wind)
+    return Recipe(name=name, environment=scenario.environment, wind=scenario.wind)

@@ -24,7 +24,7 @@ def main():
             # The first also compiles, or reads what was compiled before.
             for _ in range(N_RUNS + 1):
                 started_s = time.perf_counter()
-                generate_environment(scenario.environment.layout, scenario.wind, Path(folder) / name)
+                generate_environment(scenario.environment, scenario.wind, Path(folder) / name)
                 durations_s.append(time.perf_counter() - started_s)
             best_s, median_s = min(durations_s[1:]), statistics.median(durations_s[1:])
             sys.stdout.write(f"{name}: {best_s:.1f} s at best, {median_s:.1f} s median (to reach: {TO_REACH_S:g} s)\n")

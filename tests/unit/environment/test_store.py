@@ -10,7 +10,7 @@ import yaml
 
 from gslcosim.environment.model import WindFrames
 from gslcosim.environment.room import build_room, with_wind
-from gslcosim.environment.store import FORMAT, environment_folder, load_environment, save_environment
+from gslcosim.environment.store import FORMAT, load_environment, save_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models import BoxSpec, LayoutSpec, WindSpec
 
@@ -221,9 +221,3 @@ def test_a_folder_can_be_moved_and_copied(saved, tmp_path):
     shutil.move(saved, tmp_path / "moved")
     hashes = {load_environment(tmp_path / name, check_hash=True).content_hash for name in ("copy", "moved")}
     assert hashes == {make_environment().content_hash}
-
-
-def test_a_relative_path_is_relative_to_the_scenario(tmp_path):
-    assert environment_folder("rooms/a", tmp_path) == tmp_path / "rooms" / "a"
-    assert environment_folder(str(tmp_path / "b"), tmp_path / "elsewhere") == tmp_path / "b"
-    assert str(environment_folder("rooms/a", None)) == "rooms/a"

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim import generation
 from gslcosim.environment.model import Cell
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError, ScenarioError
 from gslcosim.generation import prepare_environment, recipe_hash
-from gslcosim.scenario.models import LayoutSpec, Scenario, WindSpec
+from gslcosim.generation.recipe_hash import sources
+from gslcosim.scenario.models import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
 
 SMALL = {"size_m": [4.0, 3.0, 2.0], "obstacles": [{"name": "box", "min_m": [1, 1, 0], "max_m": [2, 2, 1]}]}
 UNIFORM = {"solver": "uniform", "inlet_velocity_m_s": [0.5, -0.25, 0.0], "cell_m": 0.25}
@@ -78,29 +78,34 @@ def test_the_cache_is_the_one_of_the_package_unless_told_otherwise(tmp_path, mon
 
 def test_the_recipe_changes_with_everything_that_changes_the_result():
     layout, wind = LayoutSpec(), WindSpec()
+
+    def hash_of(layout, wind):
+        return recipe_hash(EnvironmentSpec(layout=layout), wind)
+
     recipes = {
-        recipe_hash(layout, wind),
-        recipe_hash(layout.model_copy(update={"size_m": (10.0, 15.0, 8.0)}), wind),
-        recipe_hash(layout.model_copy(update={"seed": 2}), wind),
-        recipe_hash(layout, wind.model_copy(update={"solver": "uniform"})),
-        recipe_hash(layout, wind.model_copy(update={"cell_m": 0.25})),
-        recipe_hash(layout, wind.model_copy(update={"end_time_s": 61.0})),
-        recipe_hash(layout, wind.model_copy(update={"average_from_s": None})),
-        recipe_hash(layout, wind.model_copy(update={"inlet_velocity_m_s": (1.5, 0.0, 0.0)})),
+        hash_of(layout, wind),
+        hash_of(layout.model_copy(update={"size_m": (10.0, 15.0, 8.0)}), wind),
+        hash_of(layout.model_copy(update={"seed": 2}), wind),
+        hash_of(layout, wind.model_copy(update={"solver": "uniform"})),
+        hash_of(layout, wind.model_copy(update={"cell_m": 0.25})),
+        hash_of(layout, wind.model_copy(update={"end_time_s": 61.0})),
+        hash_of(layout, wind.model_copy(update={"average_from_s": None})),
+        hash_of(layout, wind.model_copy(update={"inlet_velocity_m_s": (1.5, 0.0, 0.0)})),
     }
     assert len(recipes) == 8
 
 
 def test_the_recipe_of_uniform_wind_does_not_depend_on_the_solver():
     wind = WindSpec(solver="uniform")
-    assert recipe_hash(LayoutSpec(), wind) == recipe_hash(LayoutSpec(), wind.model_copy(update={"end_time_s": 5.0}))
+    spec = EnvironmentSpec(layout=LayoutSpec())
+    assert recipe_hash(spec, wind) == recipe_hash(spec, wind.model_copy(update={"end_time_s": 5.0}))
 
 
 def test_the_recipe_names_all_code_that_decides_the_result():
     for solver in ("uniform", "built_in"):
-        sources = generation._sources(WindSpec(solver=solver))
-        assert all(path.is_file() for path in sources)
-        assert any(path.parent.name == "flow" for path in sources) == (solver == "built_in")
+        paths = sources(WindSpec(solver=solver))
+        assert all(path.is_file() for path in paths)
+        assert any(path.parent.name == "flow" for path in paths) == (solver == "built_in")
 
 
 PREPARE = """

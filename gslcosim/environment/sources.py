@@ -1,0 +1,84 @@
+"""From what a scenario says of its environment to the room: a layout built, or a folder of some format read."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from gslcosim.environment.gsl_bench import load_gsl_bench_room
+from gslcosim.environment.openings import face_of, problems_of_inflow
+from gslcosim.environment.problems import raise_if_any
+from gslcosim.environment.room import Room, build_room, problems_of_room
+from gslcosim.errors import EnvironmentDataError
+from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.problems import Problem
+
+
+def folder_of(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
+    """Return the folder that a scenario's environment is read from.
+
+    Args:
+        spec: An environment whose `folder_key` names one.
+        scenario_dir: What a relative path is relative to; the working directory if absent.
+    """
+    assert spec.folder_key is not None, "a layout has no folder"
+    folder = Path(getattr(spec, spec.folder_key)).expanduser()
+    return folder if folder.is_absolute() or scenario_dir is None else scenario_dir / folder
+
+
+def room_of(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> Room:
+    """Return the room of an environment that has no wind yet; that is any but one with a `path`.
+
+    Args:
+        spec: What the scenario says of its environment.
+        wind: Gives a generated room its cells, and the inlets their velocity.
+        scenario_dir: What relative paths are relative to.
+
+    Raises:
+        ScenarioError: the layout is impossible; the text lists all reasons.
+        EnvironmentDataError: a folder is not what it should be.
+    """
+    raise_if_any(problems_of_source(spec, wind, scenario_dir=scenario_dir))
+    if spec.layout is not None:
+        return build_room(spec.layout, wind)
+    return with_inflow(_read_room(spec, scenario_dir), wind)
+
+
+def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> list[Problem]:
+    """Return all that keeps a room from being made or read, with the places in the scenario."""
+    if spec.layout is not None:
+        return problems_of_room(spec.layout, wind)
+    try:
+        room = _read_room(spec, scenario_dir)
+    except EnvironmentDataError as error:
+        key = spec.folder_key or ""
+        return [
+            Problem(
+                path=f"environment.{key}",
+                expected=f"the folder of a whole environment of {_MAKERS[key]}",
+                found=str(getattr(spec, key)),
+                remedy=str(error).replace("\n", " "),
+            )
+        ]
+    if not wind.solves:
+        return []
+    faces = [face_of(each, room.grid) for each in room.openings if each.kind == "inlet"]
+    return [problem for face in faces[:1] if face for problem in problems_of_inflow(wind.inlet_velocity_m_s, face)]
+
+
+def with_inflow(room: Room, wind: WindSpec) -> Room:
+    """Return a room whose inlets without a velocity of their own have that of the scenario's wind."""
+    openings = tuple(
+        replace(each, velocity_m_s=wind.inlet_velocity_m_s)
+        if each.kind == "inlet" and not any(each.velocity_m_s)
+        else each
+        for each in room.openings
+    )
+    return replace(room, openings=openings)
+
+
+_MAKERS = {"gsl_bench": "GSL-Bench or AutoGDM+"}
+_READERS = {"gsl_bench": load_gsl_bench_room}
+
+
+def _read_room(spec: EnvironmentSpec, scenario_dir: Path | None) -> Room:
+    assert spec.folder_key in _READERS, "an environment with a path has its wind already"
+    return _READERS[spec.folder_key](folder_of(spec, scenario_dir))

@@ -1,0 +1,153 @@
+"""Many environments made, several at a time if wanted, whatever becomes of each."""
+
+import multiprocessing
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+from gslcosim.environment.grid import Vec3
+from gslcosim.environment.model import Cell
+from gslcosim.environment.placement import random_free_point_m
+from gslcosim.errors import GslCosimError
+from gslcosim.generation.making import generate_environment
+from gslcosim.generation.winds import Progress, no_progress
+from gslcosim.rng import stream
+from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.recipes import Recipe
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """An environment to make: from what, and where to put it."""
+
+    spec: EnvironmentSpec
+    wind: WindSpec
+    folder: Path
+    scenario_dir: Path | None = None
+    sources_m: tuple[Vec3, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """What is made: a kind of layout, or the key of what is read."""
+        layout = self.spec.layout
+        return next(iter(self.spec.model_fields_set), "") if layout is None else layout.kind
+
+    @property
+    def seed(self) -> int:
+        """The layout's seed; 0 where nothing is drawn by lot."""
+        return 0 if self.spec.layout is None else self.spec.layout.seed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of an order: figures of the environment, or the reason why there is none.
+
+    `random_source_m` is a place in its free air, drawn with the layout's seed, for those who want a source anywhere.
+    """
+
+    order: Order
+    duration_s: float
+    n_air_cells: int | None = None
+    n_solid_cells: int | None = None
+    content_hash: str | None = None
+    random_source_m: Vec3 | None = None
+    error: str | None = None
+
+
+def orders_of(recipe: Recipe, folder: Path, *, n: int = 1, first_seed: int | None = None) -> tuple[Order, ...]:
+    """Return orders of n environments, each with the next seed, the folder itself or `kind_seed` in it for several."""
+    layout = recipe.environment.layout
+    if layout is None:
+        return (_order(recipe, recipe.environment, folder),)
+    first = layout.seed if first_seed is None else first_seed
+    return tuple(
+        _order(
+            recipe,
+            EnvironmentSpec(layout=layout.model_copy(update={"seed": seed})),
+            folder if n == 1 else folder / f"{layout.kind}_{seed}",
+        )
+        for seed in range(first, first + n)
+    )
+
+
+def _order(recipe: Recipe, spec: EnvironmentSpec, folder: Path) -> Order:
+    return Order(spec=spec, wind=recipe.wind, folder=folder, scenario_dir=recipe.directory, sources_m=recipe.sources_m)
+
+
+def generate_many(orders: Sequence[Order], *, jobs: int = 1, report: Progress | None = None) -> tuple[Outcome, ...]:
+    """Make environments, several at a time if wanted; one that fails does not keep the others from being made.
+
+    Args:
+        orders: What to make.
+        jobs: How many processes make them; with 1 it is this one.
+        report: Is told what is being done and how much of it all is over, from 0 to 1.
+
+    Returns:
+        An outcome for each order, in their order.
+    """
+    report = report or no_progress
+    outcomes = dict(_made_one_by_one(orders, report) if jobs == 1 else _made_by_processes(orders, jobs, report))
+    return tuple(outcomes[i] for i in range(len(orders)))
+
+
+def _made_one_by_one(orders: Sequence[Order], report: Progress) -> Iterator[tuple[int, Outcome]]:
+    for i, order in enumerate(orders):
+
+        def tell(text: str, fraction: float, i: int = i) -> None:
+            report(f"{i + 1} of {len(orders)}: {text}", (i + fraction) / len(orders))
+
+        yield i, _made(order, tell)
+
+
+def _made_by_processes(orders: Sequence[Order], jobs: int, report: Progress) -> Iterator[tuple[int, Outcome]]:
+    # Spawned, because threads of this process must not be copied into the others.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(max_workers=min(jobs, len(orders)), mp_context=context) as pool:
+        futures = {pool.submit(_made, order): i for i, order in enumerate(orders)}
+        report(f"0 of {len(orders)} made", 0.0)
+        try:
+            for n, future in enumerate(as_completed(futures), start=1):
+                yield futures[future], _outcome_of(future, orders[futures[future]])
+                report(f"{n} of {len(orders)} made", n / len(orders))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _outcome_of(future: "Future[Outcome]", order: Order) -> Outcome:
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        return Outcome(
+            order=order, duration_s=0.0, error="the process that made it ended; was there too little memory?"
+        )
+
+
+def _made(order: Order, progress: Progress | None = None) -> Outcome:
+    started_s = time.perf_counter()
+    try:
+        environment = generate_environment(
+            order.spec,
+            order.wind,
+            order.folder,
+            scenario_dir=order.scenario_dir,
+            sources_m=order.sources_m,
+            progress=progress,
+        )
+        rng = stream(order.seed, "layout.random_source")
+        random_source_m = random_free_point_m(environment, rng)
+    except (GslCosimError, OSError, MemoryError) as error:
+        return Outcome(
+            order=order, duration_s=time.perf_counter() - started_s, error=str(error) or type(error).__name__
+        )
+    n_solid = int((environment.occupancy == Cell.SOLID).sum())
+    return Outcome(
+        order=order,
+        duration_s=time.perf_counter() - started_s,
+        n_air_cells=environment.occupancy.size - n_solid,
+        n_solid_cells=n_solid,
+        content_hash=environment.content_hash,
+        random_source_m=random_source_m,
+    )

@@ -1,0 +1,59 @@
+"""One environment made: room, wind, scene and picture into a folder."""
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+from gslcosim.environment.grid import Vec3
+from gslcosim.environment.mjcf import mjcf_of
+from gslcosim.environment.model import Environment
+from gslcosim.environment.picture import top_view_png
+from gslcosim.environment.room import with_wind
+from gslcosim.environment.sources import room_of
+from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, save_environment
+from gslcosim.generation.recipe_hash import recipe
+from gslcosim.generation.winds import Progress, no_progress, wind_of
+from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+
+_log = logging.getLogger(__name__)
+
+
+def generate_environment(
+    spec: EnvironmentSpec,
+    wind: WindSpec,
+    folder: Path,
+    *,
+    scenario_dir: Path | None = None,
+    sources_m: Sequence[Vec3] = (),
+    progress: Progress | None = None,
+) -> Environment:
+    """Make an environment and save it to a folder, with its scene and a picture from above; nothing is cached.
+
+    Args:
+        spec: Where the room comes from; anything but a `path`, which is an environment already.
+        wind: The air's motion and the cell of the grid.
+        folder: Where; an environment that stands there is replaced.
+        scenario_dir: What relative paths are relative to.
+        sources_m: Sources of gas to show in the picture, world frame [m].
+        progress: Is told what is being done and how much of it is over, from 0 to 1.
+
+    Raises:
+        ScenarioError: the room is impossible.
+        FlowError: the wind cannot be solved.
+        EnvironmentDataError: a folder or file is not what it should be, or the folder to write holds something else.
+    """
+    progress = progress or no_progress
+    progress("Building the room", 0.0)
+    room = room_of(spec, wind, scenario_dir=scenario_dir)
+    made = wind_of(room, wind, progress=progress)
+    notices = (*room.notices, *made.notices)
+    for notice in notices:
+        _log.info(notice)
+    environment = with_wind(room, made.frames)
+    extras = {
+        SCENE_FILE: mjcf_of(environment).encode(),
+        PICTURE_FILE: top_view_png(environment, sources_m=sources_m),
+    }
+    save_environment(environment, folder, made_from=recipe(spec, wind), notices=notices, extras=extras)
+    progress("Saving the environment", 1.0)
+    return environment

@@ -1,0 +1,73 @@
+"""What a generated environment depends on, as a hash: the same hash, the same environment."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from gslcosim._kernel_cache import PACKAGE_DIR
+from gslcosim.environment.sources import folder_of
+from gslcosim.environment.store import FORMAT
+from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+
+# Of the wind, what has no meaning where none is solved.
+_OF_SOLVING = {"turbulence", "courant", "end_time_s", "average_from_s"}
+_BLOCK = 1 << 20
+
+
+def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> str:
+    """Return 32 hexadecimal digits of all that decides what a generated environment will hold.
+
+    That is layout, wind, the code that makes rooms and solves the wind, the packages that compile it, and the content
+    of all files that are read.
+
+    Args:
+        environment: What the scenario says of its environment; any but a `path`.
+        wind: And of its wind.
+        scenario_dir: What relative paths are relative to.
+    """
+    digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
+    for path in sources(wind):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    for path in _files_read(environment, scenario_dir):
+        digest.update(path.name.encode())
+        _update_with(digest, path)
+    return digest.hexdigest()
+
+
+def recipe(environment: EnvironmentSpec, wind: WindSpec) -> dict[str, Any]:
+    """Return what an environment is made from as plain values."""
+    wind_values = wind.model_dump(mode="json", exclude=None if wind.solves else _OF_SOLVING)
+    packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves else {}
+    made_from = environment.model_dump(mode="json", exclude_none=True)
+    return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
+
+
+def sources(wind: WindSpec) -> list[Path]:
+    """Return the code that decides what a generated environment holds: when it changes, environments are made anew."""
+    folders = ["environment", "flow"] if wind.solves else ["environment"]
+    return [path for folder in folders for path in sorted((PACKAGE_DIR / folder).rglob("*.py"))]
+
+
+def _files_read(environment: EnvironmentSpec, scenario_dir: Path | None) -> Iterator[Path]:
+    if environment.folder_key is not None:
+        yield from _files_in(folder_of(environment, scenario_dir))
+
+
+# Gas frames do not decide the wind, and are by far the most of an imported folder.
+def _files_in(place: Path) -> Iterator[Path]:
+    if place.is_file():
+        yield place
+        return
+    for path in sorted(place.rglob("*")):
+        if path.is_file() and not path.name.startswith("iteration_"):
+            yield path
+
+
+def _update_with(digest: Any, path: Path) -> None:
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)

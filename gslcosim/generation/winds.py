@@ -1,0 +1,80 @@
+"""The wind of a room, by whatever the scenario says it comes from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim import flow
+from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.model import Cell, Opening, WindFrames
+from gslcosim.environment.room import Room
+from gslcosim.scenario.models import WindSpec
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeWind:
+    """Wind for a room; with the solver's report where the built-in one has solved it, and sentences for the user."""
+
+    frames: WindFrames
+    report: flow.WindReport | None = None
+    notices: tuple[str, ...] = ()
+
+
+def no_progress(_text: str, _fraction: float) -> None:
+    """Tell nobody."""
+
+
+def wind_of(room: Room, wind: WindSpec, *, progress: Progress) -> MadeWind:
+    """Return the wind in a room.
+
+    Args:
+        room: Geometry, occupancy and openings.
+        wind: What the scenario says of the wind.
+        progress: Is told what is being done and how much of it is over, from 0 to 1.
+
+    Raises:
+        FlowError: the wind cannot be solved.
+    """
+    if wind.solver == "uniform":
+        return MadeWind(frames=_uniform(room, wind))
+    return _solved(room, wind, progress)
+
+
+def patches_of(room: Room) -> tuple[flow.Patch, ...]:
+    """Return a room's openings as the solvers have them: coordinates start at the grid's origin."""
+    return tuple(_patch_of(opening, room.grid) for opening in room.openings)
+
+
+def _patch_of(opening: Opening, grid: Grid) -> flow.Patch:
+    min_m, max_m = _from_origin(opening.min_m, grid), _from_origin(opening.max_m, grid)
+    if opening.kind == "inlet":
+        return flow.Inlet(min_m=min_m, max_m=max_m, velocity_m_s=opening.velocity_m_s)
+    return flow.Outlet(min_m=min_m, max_m=max_m)
+
+
+def _from_origin(point_m: Vec3, grid: Grid) -> Vec3:
+    x, y, z = (round(p - o, 9) for p, o in zip(point_m, grid.origin_m, strict=True))
+    return x, y, z
+
+
+def _uniform(room: Room, wind: WindSpec) -> WindFrames:
+    velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
+    velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
+    return WindFrames(velocity_m_s=velocity_m_s)
+
+
+def _solved(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
+    report = flow.solve_wind_report(
+        room.occupancy != Cell.SOLID,
+        room.grid.cell_m,
+        patches_of(room),
+        end_time_s=wind.end_time_s,
+        average_from_s=wind.average_from_s,
+        turbulence=wind.turbulence,
+        courant=wind.courant,
+        progress=lambda fraction: progress("Solving the wind", fraction),
+    )
+    return MadeWind(frames=WindFrames(velocity_m_s=report.velocity_m_s[np.newaxis]), report=report)

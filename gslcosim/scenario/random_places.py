@@ -1,0 +1,93 @@
+"""`random` in place of a position: found in a scenario's values, drawn elsewhere, put in."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from gslcosim.scenario.models import EnvironmentSpec, VehicleSpec, WindSpec
+from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.spec import Vec3
+
+RANDOM = "random"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """A place to draw: its path in the scenario, and the vehicle that is to stand there, if it is for one."""
+
+    path: str
+    vehicle: VehicleSpec | None = None
+
+
+# From the environment, its wind, the scenario's folder and seed to a place for each that is wanted.
+Placer = Callable[[EnvironmentSpec, WindSpec, Path, int, Sequence[Wanted]], Mapping[str, Vec3]]
+
+
+def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | None) -> list[Problem]:
+    """Replace `random` positions in a scenario's plain values, in place.
+
+    Where nothing can be drawn because the environment has problems of its own, they stay; those problems are told by
+    others.
+
+    Args:
+        values: The scenario as dicts, lists and scalars; modified.
+        directory: The scenario's folder.
+        placer: Draws the places; absent: `random` is refused.
+
+    Returns:
+        A problem for each place that cannot be drawn.
+    """
+    spots = list(_spots(values))
+    if not spots:
+        return []
+    if placer is None:
+        return [_refusal(path, "three numbers: the room is not known here") for path, _, _ in spots]
+    try:
+        environment = EnvironmentSpec.model_validate_json(json.dumps(values.get("environment")), strict=True)
+        wind = WindSpec.model_validate_json(json.dumps(values.get("wind", {})), strict=True)
+        wanted = [Wanted(path=path, vehicle=_vehicle_in(block, key)) for path, block, key in spots]
+    except ValidationError:
+        return [_refusal(path, "a random place once the other problems are solved") for path, _, _ in spots]
+    seed = values.get("seed", 0)
+    places = placer(environment, wind, directory, seed if isinstance(seed, int) else 0, wanted)
+    for path, block, key in spots:
+        if path in places:
+            block[key] = list(places[path])
+    return [
+        _refusal(path, "a room with free air, and space for the vehicle") for path, _, _ in spots if path not in places
+    ]
+
+
+def _refusal(path: str, expected: str) -> Problem:
+    return Problem(path=path, expected=expected, found=RANDOM)
+
+
+def _spots(values: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    for i, source in enumerate(_blocks(_block(values, "gas").get("sources"))):
+        if source.get("position_m") == RANDOM:
+            yield f"gas.sources[{i}].position_m", source, "position_m"
+    for i, agent in enumerate(_blocks(values.get("agents"))):
+        vehicle = _block(agent, "vehicle")
+        if vehicle.get("start_m") == RANDOM:
+            yield f"agents[{i}].vehicle.start_m", vehicle, "start_m"
+
+
+def _vehicle_in(block: dict[str, Any], key: str) -> VehicleSpec | None:
+    if key != "start_m":
+        return None
+    return VehicleSpec.model_validate_json(json.dumps({**block, key: [0, 0, 0]}), strict=True)
+
+
+def _block(values: dict[str, Any], key: str) -> dict[str, Any]:
+    inner = values.get(key)
+    return cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
+
+
+# Everything that is no block is an empty one, so that numbers count as in the file.
+def _blocks(items: Any) -> list[dict[str, Any]]:
+    listed = cast("list[Any]", items) if isinstance(items, list) else []
+    return [cast("dict[str, Any]", item) if isinstance(item, dict) else {} for item in listed]

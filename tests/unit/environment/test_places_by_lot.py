@@ -1,0 +1,77 @@
+"""`random` in a scenario: drawn from its seed, in air, where vehicles can stand; refused where nothing can be drawn."""
+
+import pytest
+import yaml
+
+from gslcosim.environment.model import Cell
+from gslcosim.environment.placement import problems_of_places
+from gslcosim.environment.random_places import draw_places
+from gslcosim.environment.sources import room_of
+from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.problems import InvalidScenarioError
+
+SCENARIO = {
+    "schema": "gslcosim/scenario/1",
+    "name": "lot",
+    "seed": 3,
+    "environment": {"layout": {"kind": "warehouse_simple"}},
+    "wind": {"solver": "uniform"},
+    "gas": {"sources": [{"position_m": "random"}, {"position_m": [5, 1, 2]}]},
+    "agents": [
+        {
+            "name": name,
+            "start": {"attach": True},
+            "vehicle": {"start_m": "random"},
+            "sensors": [{"model": "tgs2600", "name": "nose"}],
+        }
+        for name in ("one", "two")
+    ],
+}
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load(**changes):
+        path = tmp_path / "lot.yaml"
+        seed = changes.pop("seed", None)
+        path.write_text(yaml.safe_dump({**SCENARIO, **changes}))
+        return load_scenario(path, seed=seed, placer=draw_places).scenario
+
+    return load
+
+
+def test_random_places_are_air_and_starts(load):
+    for seed in range(5):
+        scenario = load(seed=seed)
+        room = room_of(scenario.environment, scenario.wind)
+        source_m = scenario.gas.sources[0].position_m
+        cell = tuple(room.grid.cell_of(source_m))
+        assert room.occupancy[cell] != Cell.SOLID
+        assert 0.5 <= source_m[2] <= 3.0
+        assert problems_of_places(scenario) == []
+
+
+def test_places_follow_the_seed_and_nothing_else(load):
+    def places(scenario):
+        return [source.position_m for source in scenario.gas.sources] + [a.vehicle.start_m for a in scenario.agents]
+
+    assert places(load()) == places(load())
+    assert places(load()) != places(load(seed=4))
+    assert places(load())[1] == (5.0, 1.0, 2.0)
+    # A further random start leaves the others where they are.
+    alone = load(agents=SCENARIO["agents"][:1])
+    assert places(alone)[:3] == places(load())[:3]
+
+
+def test_a_room_with_problems_is_told_and_its_random_places_with_it(load):
+    with pytest.raises(InvalidScenarioError) as caught:
+        load(environment={"layout": {"kind": "warehouse_simple", "size_m": [15.03, 15, 8]}})
+    paths = [located.problem.path for located in caught.value.problems]
+    assert "gas.sources[0].position_m" in paths
+
+
+def test_without_a_room_at_hand_random_is_refused(tmp_path):
+    path = tmp_path / "lot.yaml"
+    path.write_text(yaml.safe_dump(SCENARIO))
+    with pytest.raises(InvalidScenarioError, match="random"):
+        load_scenario(path)
