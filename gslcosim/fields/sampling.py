@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.gsl_bench import load_gsl_bench_room
 from gslcosim.environment.model import Environment
+from gslcosim.environment.wind_files_arrays import read_result
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import EnvironmentDataError, UsageError
 from gslcosim.fields.assembly import gas_field_of, gas_seed
 from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls, checked_points, mixing_ratio_ppm_on_grid
 from gslcosim.fields.filament_index import FilamentIndex
 from gslcosim.fields.frame import GasFrame
-from gslcosim.fields.gaden_folder import find_occupancy, read_walls, read_wind
+from gslcosim.fields.gaden_folder import find_occupancy, read_walls
 from gslcosim.fields.gas_field import GasField, PointGrid, Sight
 from gslcosim.fields.playback import GasPlayback, usual_period_s, values_in_cells
 from gslcosim.fields.timing import gas_timing
@@ -312,7 +313,7 @@ def _gaden_walls(gas_folder: Path) -> Walls:
 
 
 def _gaden_wind(gas_folder: Path, frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    wind = read_wind(gas_folder / "wind" / f"wind_iteration_{frame.wind_index}", frame.grid)
+    wind = read_result(gas_folder / "wind" / f"wind_iteration_{frame.wind_index}", frame.grid)
     return trilinear_wind_at_points(wind, frame.grid.origin_m, frame.grid.cell_m, points)
 
 

@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from gslcosim.environment.grid import Grid
+from gslcosim.environment.wind_files_arrays import read_result
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.concentration import mixing_ratio_ppm_at
 from gslcosim.fields.filament_index import FilamentIndex
-from gslcosim.fields.gaden_folder import read_walls, read_wind
+from gslcosim.fields.gaden_folder import read_walls
 from gslcosim.fields.gaden_frames import read_gaden_frame
 from gslcosim.fields.gsl_bench_frames import read_gsl_bench_frame
 from gslcosim.fields.movie import GasMovie
@@ -184,7 +185,7 @@ class Fuzzer:
         assert np.isfinite([*walls.origin_m, walls.cell_m]).all()
 
     def check_wind(self):
-        assert np.isfinite(read_wind(self.folder / "wind_iteration_0", self.grid)).all()
+        assert np.isfinite(read_result(self.folder / "wind_iteration_0", self.grid)).all()
 
 
 def gsl_bench_arrays():

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim.environment.gsl_bench import NoWindWarning, import_gsl_bench, load_gsl_bench_room
+from gslcosim.environment.gsl_bench import import_gsl_bench, load_gsl_bench_room
 from gslcosim.environment.model import Cell
 from gslcosim.environment.occupancy import voxelize
 from gslcosim.environment.store import load_environment, save_environment
+from gslcosim.environment.wind_files import NoWindWarning
 from gslcosim.errors import EnvironmentDataError
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[4] / "shared" / "reference"))
@@ -97,8 +98,8 @@ def test_missing_and_ambiguous_files_are_named(folder):
     [
         ({"num_cells": [10, 6]}, "expected JSON with env_min"),
         ({"cell_size": -0.2}, "expected JSON with env_min"),
-        ({"cell_size": 0.25}, "expected num_cells * cell_size to be env_max - env_min, [2, 1.2, 0.8] m"),
-        ({"num_cells": [6, 10, 4], "env_max": [1.0, 2.0, 0.8]}, "expected [z, x, y] of (4, 6, 10)"),
+        ({"cell_size": 0.25}, "expected cells that fill the space between the corners, was (10, 6, 4) cells of 0.25 m"),
+        ({"num_cells": [6, 10, 4], "env_max": [1.0, 2.0, 0.8]}, "expected whole numbers [z, x, y] of (4, 6, 10)"),
     ],
 )
 def test_heads_that_are_wrong_are_refused(folder, change, text):
@@ -114,3 +115,26 @@ def test_grids_that_are_truncated_or_hold_other_codes_are_refused(folder):
     codes[0, 0, 0] = 3
     np.save(path, codes)
     assert "expected 0 free, 1 obstacle, 2 inlet or outlet, was 3" in refusal(folder)
+
+
+@pytest.mark.parametrize("place", ["wind_data/room.npy", "wind/room.npy", "wind/other.npy"])
+def test_wind_in_the_folder_is_read_with_x_fastest(folder, place):
+    wind = np.arange(720, dtype=float).reshape(1, 240, 3) / 100
+    (folder / place).parent.mkdir()
+    np.save(folder / place, wind)
+    velocity_m_s = import_gsl_bench(folder, period_s=0.25).wind.velocity_m_s
+    # Cell (3, 4, 2) is number 3 + 10 * (4 + 6 * 2).
+    np.testing.assert_array_equal(velocity_m_s[0, 3, 4, 2], wind[0, 163].astype(np.float32))
+
+
+def test_a_room_among_others_is_named_by_its_head(folder):
+    """AutoGDM+ keeps all its environments in one folder."""
+    for suffix in ("_head.txt", "_grid.npy"):
+        content = (folder / "occupancy" / f"room{suffix}").read_bytes()
+        (folder / "occupancy" / f"other{suffix}").write_bytes(content)
+    (folder / "wind_data").mkdir()
+    for name, speed in (("room", 1.0), ("other", 2.0)):
+        np.save(folder / "wind_data" / f"{name}.npy", np.full((1, 240, 3), speed))
+    environment = import_gsl_bench(folder / "occupancy" / "other_head.txt")
+    assert environment.name == "other"
+    assert (environment.wind.velocity_m_s == 2.0).all()
