@@ -1,7 +1,7 @@
 """The air as the solver sees it: which faces are open, what drives them, where walls rub."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,8 @@ class Domain:
     friction: WallFriction
     ghosts: tuple[GhostFaces, ...]
     is_closed: bool
-    n_cut_off: int = field(default=0)
+    n_air: int
+    n_cut_off: int
 
     @property
     def inlets(self) -> list[PlacedPatch]:
@@ -90,10 +91,11 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
     is_closed = not any(isinstance(p.patch, Outlet) for p in placed)
     padded_air = np.zeros(padded_shape(shape), np.bool_)
     padded_air[tuple(slice(LOW, LOW + n) for n in shape)] = free
-    n_free = int(np.count_nonzero(padded_air))
+    n_free = int(np.count_nonzero(free))
     padded_air = _connected(padded_air, _seeds(placed, padded_air))
     _check_reachable(placed, padded_air)
     coefficients = _face_coefficients(padded_air, placed)
+    n_air = int(np.count_nonzero(padded_air))
     return Domain(
         shape=shape,
         cell_m=float(cell_m),
@@ -103,7 +105,8 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
         friction=_wall_friction(padded_air, placed, coefficients),
         ghosts=find_ghosts(padded_air, coefficients),
         is_closed=is_closed,
-        n_cut_off=n_free - int(np.count_nonzero(padded_air)),
+        n_air=n_air,
+        n_cut_off=n_free - n_air,
     )
 
 

@@ -292,16 +292,21 @@ def _advance_w_row(rate, velocity, base, pressure, coefficient, out, dt, per_cel
 
 
 @numba.njit(cache=True, nogil=True)
-def largest_speeds(u, v, w, nu):
-    """Return what limits the time step: the largest |u| + |v| + |w| of a cell [m/s] and largest viscosity [m2/s].
+def survey_speeds(u, v, w, nu):
+    """Return the largest |u| + |v| + |w| of a cell [m/s], largest viscosity [m2/s], and sum of squares [m2/s2].
 
-    The speed of each component is the larger of the cell's two faces. NaN anywhere makes both NaN.
+    The speed of each component is the larger of the cell's two faces; its square is the mean of the two squares.
+    The first two limit the time step; NaN anywhere makes them NaN. Half the sum of squares is the kinetic energy.
     """
     nx, ny, nz = u.shape
+    half = np.float32(0.5)
     speed = np.zeros(nz, np.float32)
     viscosity = np.zeros(nz, np.float32)
+    squares = np.zeros(nz, np.float32)
     total = np.zeros(nz, np.float32)  # a maximum passes over NaN, a sum does not
+    sum_of_squares = 0.0
     for i in range(LOW, nx - HIGH):
+        squares[:] = 0
         for j in range(LOW, ny - HIGH):
             for k in range(LOW, nz - HIGH):
                 along_x = max(abs(u[i, j, k]), abs(u[i + 1, j, k]))
@@ -310,9 +315,17 @@ def largest_speeds(u, v, w, nu):
                 speed[k] = max(speed[k], along_x + along_y + along_z)
                 viscosity[k] = max(viscosity[k], nu[i, j, k])
                 total[k] += along_x + along_y + along_z + nu[i, j, k]
+            for k in range(LOW, nz - HIGH):
+                squares[k] += half * (
+                    u[i, j, k] * u[i, j, k] + u[i + 1, j, k] * u[i + 1, j, k]
+                    + v[i, j, k] * v[i, j, k] + v[i, j + 1, k] * v[i, j + 1, k]
+                    + w[i, j, k] * w[i, j, k] + w[i, j, k + 1] * w[i, j, k + 1]
+                )  # fmt: skip
+        for k in range(LOW, nz - HIGH):
+            sum_of_squares += squares[k]
     if not np.isfinite(np.sum(total)):
-        return np.float32(np.nan), np.float32(np.nan)
-    return np.max(speed), np.max(viscosity)
+        return np.float32(np.nan), np.float32(np.nan), sum_of_squares
+    return np.max(speed), np.max(viscosity), sum_of_squares
 
 
 @numba.njit(cache=True, nogil=True)

@@ -19,13 +19,37 @@ _VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress
 
 @dataclass(frozen=True, kw_only=True)
 class StepRecord:
-    """One time step, for the history: its end [s], length [s], largest speed sum and viscosity, pressure solve."""
+    """One time step, for the history.
+
+    Attributes:
+        time_s: End of the step [s].
+        dt_s: Its length [s].
+        courant: Largest (|u| + |v| + |w|) dt / h of a cell.
+        max_speed_m_s: Largest |u| + |v| + |w| of a cell before the step [m/s].
+        max_viscosity_m2_s: Largest viscosity, molecular plus eddy, before the step [m2/s].
+        kinetic_energy_m2_s2: Mean over the air of half the squared speed before the step [m2/s2].
+        inflow_m3_s: Air that enters through all patches after the step [m3/s].
+        outflow_m3_s: Air that leaves [m3/s].
+        pressure: The pressure solve; its last residual is the largest |div u| h left in a cell.
+    """
 
     time_s: float
     dt_s: float
+    courant: float
     max_speed_m_s: float
     max_viscosity_m2_s: float
+    kinetic_energy_m2_s2: float
+    inflow_m3_s: float
+    outflow_m3_s: float
     pressure: SolveStats
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Survey:
+    # What the air does before a step: largest speed sum and viscosity, mean kinetic energy.
+    speed_m_s: float
+    viscosity_m2_s: float
+    energy_m2_s2: float
 
 
 class FlowSolver:
@@ -91,7 +115,8 @@ class FlowSolver:
         Raises:
             FlowError: the flow has diverged; says when, where, and what to change.
         """
-        dt_s, speed, viscosity = self._time_step(until_s)
+        survey = self._survey()
+        dt_s = self._time_step(survey, until_s - self.time_s)
         self.model.update(self.velocity, dt_s, self._stage)
         is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
         end_s = until_s if is_last else self.time_s + dt_s
@@ -105,9 +130,7 @@ class FlowSolver:
         pressure_kernels.accumulate_scaled(self.pressure, self._projection.x, factor)
         self.n_steps += 1
         self.time_s = end_s
-        return StepRecord(
-            time_s=self.time_s, dt_s=dt_s, max_speed_m_s=speed, max_viscosity_m2_s=viscosity, pressure=stats
-        )
+        return self._record(survey, dt_s, stats)
 
     def centre_velocity(self, velocity: Velocity | None = None) -> F32:
         """Return the (nx, ny, nz, 3) velocity at cell centres [m/s], zero in solids."""
@@ -142,16 +165,34 @@ class FlowSolver:
                 walls.wall_speed_m_s[axis], model.friction_m_s, dt_s, domain.cell_m, weight,
             )  # fmt: skip
 
-    # Time step [s] by Courant number and viscosity, and the largest speed and viscosity.
-    def _time_step(self, until_s: float) -> tuple[float, float, float]:
+    def _record(self, survey: _Survey, dt_s: float, stats: SolveStats) -> StepRecord:
+        inflow_m3_s, outflow_m3_s = mass_balance(self.domain, self.velocity)
+        return StepRecord(
+            time_s=self.time_s,
+            dt_s=dt_s,
+            courant=survey.speed_m_s * dt_s / self.domain.cell_m,
+            max_speed_m_s=survey.speed_m_s,
+            max_viscosity_m2_s=survey.viscosity_m2_s,
+            kinetic_energy_m2_s2=survey.energy_m2_s2,
+            inflow_m3_s=inflow_m3_s,
+            outflow_m3_s=outflow_m3_s,
+            pressure=stats,
+        )
+
+    def _survey(self) -> _Survey:
+        speed, viscosity, squares = momentum_kernels.survey_speeds(*self.velocity, self.model.nu)
+        self._check_speed(float(speed))
+        energy = 0.5 * squares / self.domain.n_air
+        return _Survey(speed_m_s=float(speed), viscosity_m2_s=float(viscosity), energy_m2_s2=energy)
+
+    # Time step [s] by Courant number and viscosity. The last two before a stop are equally long: a very short one
+    # would magnify what the pressure solve leaves.
+    def _time_step(self, survey: _Survey, remaining_s: float) -> float:
         cell_m = self.domain.cell_m
-        speed, viscosity = momentum_kernels.largest_speeds(*self.velocity, self.model.nu)
-        speed, viscosity = float(speed), float(viscosity)
-        self._check_speed(speed)
-        limits = [until_s - self.time_s, self.courant * cell_m / max(speed, self.reference_speed_m_s)]
-        if viscosity > 0:
-            limits.append(_VISCOUS_LIMIT * cell_m**2 / viscosity)
-        return min(limits), speed, viscosity
+        limit_s = self.courant * cell_m / max(survey.speed_m_s, self.reference_speed_m_s)
+        if survey.viscosity_m2_s > 0:
+            limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / survey.viscosity_m2_s)
+        return remaining_s / max(1, np.ceil(remaining_s / limit_s)) if remaining_s < 2 * limit_s else limit_s
 
     def _check_speed(self, speed: float) -> None:
         if np.isfinite(speed) and speed <= _RUNAWAY_SPEEDS * self.reference_speed_m_s:
