@@ -3,7 +3,10 @@
 from gslcosim.errors import FlowError
 from gslcosim.flow.inflow import Schedule, log_profile, parabolic_profile
 from gslcosim.flow.patches import Inlet, MovingWall, Open, Outlet, Patch, SlipWall
-from gslcosim.flow.solve import WindReport, solve_wind, solve_wind_report
+from gslcosim.flow.plot import plot_history
+from gslcosim.flow.report import WindReport
+from gslcosim.flow.settling import Settling, WindowCheck
+from gslcosim.flow.solve import solve_wind, solve_wind_report
 
 __all__ = [
     "FlowError",
@@ -13,10 +16,13 @@ __all__ = [
     "Outlet",
     "Patch",
     "Schedule",
+    "Settling",
     "SlipWall",
     "WindReport",
+    "WindowCheck",
     "log_profile",
     "parabolic_profile",
+    "plot_history",
     "solve_wind",
     "solve_wind_report",
 ]

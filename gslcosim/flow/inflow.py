@@ -91,6 +91,18 @@ class Inflow:
         """Return the root mean square of the speed over cells and the schedule's times [m/s]."""
         return float(np.sqrt(np.mean(self._speeds() ** 2)))
 
+    @property
+    def period_s(self) -> float:
+        """Return after which time it repeats [s], 0 if never."""
+        schedule = self.velocity or self.factor
+        return float(schedule.times_s[-1] - schedule.times_s[0]) if schedule and schedule.is_repeating else 0.0
+
+    @property
+    def steady_from_s(self) -> float:
+        """Return from when on it does not change, or only repeats [s]."""
+        schedule = self.velocity or self.factor
+        return max(0.0, float(schedule.times_s[-1])) if schedule and not schedule.is_repeating else 0.0
+
     def _speeds(self) -> F64:
         if self.velocity is not None:
             return np.linalg.norm(np.asarray(self.velocity.values, float), axis=-1)

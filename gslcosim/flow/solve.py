@@ -1,8 +1,7 @@
 """From a room to its wind: the functions that the rest of gslcosim and its users call."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,52 +9,27 @@ from numpy.typing import NDArray
 from gslcosim.errors import FlowError
 from gslcosim.flow.boundary import clear_ghosts
 from gslcosim.flow.domain import build_domain
+from gslcosim.flow.frames import FrameKeeper
+from gslcosim.flow.means import MeanFrom
 from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.report import WindReport
+from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, Settling, SettlingWatch
 from gslcosim.flow.solver import FlowSolver, StepRecord, mass_balance
-from gslcosim.flow.turbulence import Velocity, make_model, still_velocity
+from gslcosim.flow.turbulence import Velocity, make_model
 
 AIR_NU_M2_S = 1.5e-5
+MAX_TIME_S = 600.0
 
 Turbulence = Literal["k_epsilon", "smagorinsky", "laminar"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class WindReport:
-    """A solved wind field and how well it was solved.
+class _Observer(Protocol):
+    # What looks at the flow after every step; steps end at `next_stop_s`.
+    def next_stop_s(self, time_s: float) -> float: ...
 
-    Attributes:
-        velocity_m_s: (nx, ny, nz, 3) at cell centres, xyz, in the grid's frame; zero in solids.
-        face_velocity_m_s: x-, y- and z-faces, (nx + 1, ny, nz), (nx, ny + 1, nz), (nx, ny, nz + 1).
-        k_m2_s2: (nx, ny, nz) turbulence energy at the end, for k-epsilon.
-        divergence_max_per_s: Largest |div u| of a cell [1/s].
-        divergence_relative: The same times cell over the largest speed on the boundary.
-        inflow_m3_s: Air entering through inlets and outlets.
-        outflow_m3_s: Air leaving.
-        n_cut_off_cells: Air cells from which no outlet can be reached; they are still.
-        history: One record per time step.
-    """
-
-    velocity_m_s: F32
-    face_velocity_m_s: Velocity
-    k_m2_s2: F32 | None
-    divergence_max_per_s: float
-    divergence_relative: float
-    inflow_m3_s: float
-    outflow_m3_s: float
-    n_cut_off_cells: int
-    history: tuple[StepRecord, ...]
-
-    @property
-    def n_steps(self) -> int:
-        """Return the number of time steps."""
-        return len(self.history)
-
-    @property
-    def mass_balance_relative(self) -> float:
-        """Return |inflow - outflow| over inflow."""
-        return abs(self.inflow_m3_s - self.outflow_m3_s) / max(self.inflow_m3_s, 1e-30)
+    def see(self, solver: FlowSolver, record: StepRecord) -> None: ...
 
 
 def solve_wind(
@@ -63,12 +37,14 @@ def solve_wind(
     cell_m: float,
     patches: Sequence[Patch],
     *,
-    end_time_s: float,
+    end_time_s: float | None = None,
     average_from_s: float | None = None,
     progress: Callable[[float], None] | None = None,
     turbulence: Turbulence = "k_epsilon",
     nu_m2_s: float = AIR_NU_M2_S,
     courant: float = 0.9,
+    max_time_s: float = MAX_TIME_S,
+    settle_tolerance_frac: float = WIND_TOLERANCE_FRAC,
 ) -> F32:
     """Compute the wind in a room from its geometry, its inlets and its outlets.
 
@@ -78,12 +54,15 @@ def solve_wind(
         free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
         cell_m: Edge of the cubic cells [m].
         patches: Inlets, outlets, moving and frictionless walls on the boundary of the box.
-        end_time_s: How long the flow develops [s].
-        average_from_s: Return the mean from this time on [s]; absent: the field at the end.
+        end_time_s: How long the flow develops [s]; absent: until its statistics have settled, and the wind returned
+            is the mean over the last two windows of time compared (`settling.SettlingWatch` says how).
+        average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end.
         progress: Called now and then with the fraction done, 0 to 1.
         turbulence: k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.
         nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
         courant: Largest (|u| + |v| + |w|) dt / h of a step.
+        max_time_s: Without an end: when to give up waiting for the statistics to settle [s]; the report says so.
+        settle_tolerance_frac: Without an end: largest change of the mean wind from window to window (root mean square).
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
@@ -101,6 +80,8 @@ def solve_wind(
         turbulence=turbulence,
         nu_m2_s=nu_m2_s,
         courant=courant,
+        max_time_s=max_time_s,
+        settle_tolerance_frac=settle_tolerance_frac,
     ).velocity_m_s
 
 
@@ -109,58 +90,106 @@ def solve_wind_report(
     cell_m: float,
     patches: Sequence[Patch],
     *,
-    end_time_s: float,
+    end_time_s: float | None = None,
     average_from_s: float | None = None,
     progress: Callable[[float], None] | None = None,
     turbulence: Turbulence = "k_epsilon",
     nu_m2_s: float = AIR_NU_M2_S,
     courant: float = 0.9,
+    max_time_s: float = MAX_TIME_S,
+    settle_tolerance_frac: float = WIND_TOLERANCE_FRAC,
+    save_every_s: float | None = None,
+    save_from_s: float = 0.0,
 ) -> WindReport:
-    """Compute the wind in a room and say how well it was solved; arguments as for `solve_wind`."""
-    _check_times(end_time_s, average_from_s)
+    """Compute the wind in a room and say how well it was solved.
+
+    Args:
+        free: As for `solve_wind`, like all that is not named here.
+        cell_m: Edge of the cubic cells [m].
+        patches: What is on the boundary of the box.
+        end_time_s: How long the flow develops [s], or absent.
+        average_from_s: Start of the mean [s], or absent.
+        progress: Called with the fraction done.
+        turbulence: Turbulence model.
+        nu_m2_s: Kinematic viscosity [m2/s].
+        courant: Largest Courant number.
+        max_time_s: When to give up waiting for the statistics to settle [s].
+        settle_tolerance_frac: Largest change that counts as settled.
+        save_every_s: Keep a frame of the wind at every so many seconds [s]; absent: none.
+        save_from_s: Time of the first frame [s].
+
+    Raises:
+        FlowError: the case cannot be solved, or diverged; the message says what to change.
+    """
+    _check_times(end_time_s, average_from_s, max_time_s, settle_tolerance_frac)
     if not 0 < courant <= 1:
         raise FlowError(f"courant: expected above 0 and at most 1, was {courant}.")
     domain = build_domain(free, cell_m, patches)
+    limit_s = max_time_s if end_time_s is None else end_time_s
+    watch = mean = frames = None
+    if end_time_s is None:
+        watch = SettlingWatch(domain, max_time_s=max_time_s, tolerance_frac=settle_tolerance_frac)
+    elif average_from_s is not None:
+        mean = MeanFrom(domain, average_from_s)
+    if save_every_s is not None:
+        frames = FrameKeeper(domain, save_every_s=save_every_s, save_from_s=save_from_s, end_s=limit_s)
     solver = FlowSolver(domain, make_model(turbulence, domain, nu_m2_s), courant=courant)
-    history, mean = _run(solver, end_time_s, average_from_s, progress)
-    velocity = mean or solver.velocity
+    if frames is not None:
+        frames.start(solver)
+    history = _run(solver, limit_s, watch, [o for o in (watch, mean, frames) if o is not None], progress)
+    velocity, settling = (solver.velocity if mean is None else mean.velocity), None
+    if watch is not None:
+        velocity, settling = watch.result()
     solver.project_tightly(velocity)
     clear_ghosts(domain, velocity)
-    return _report(solver, velocity, tuple(history))
+    return _report(solver, velocity, tuple(history), settling, frames)
 
 
-def _check_times(end_time_s: float, average_from_s: float | None) -> None:
-    if not (np.isfinite(end_time_s) and end_time_s > 0):
-        raise FlowError(f"end_time_s: expected a time above 0 s, was {end_time_s}.")
-    if average_from_s is not None and not 0 <= average_from_s < end_time_s:
+def _check_times(
+    end_time_s: float | None, average_from_s: float | None, max_time_s: float, settle_tolerance_frac: float
+) -> None:
+    for name, time_s in (("end_time_s", end_time_s), ("max_time_s", max_time_s)):
+        if time_s is not None and not (np.isfinite(time_s) and time_s > 0):
+            raise FlowError(f"{name}: expected a time above 0 s, was {time_s}.")
+    if not 0 < settle_tolerance_frac < 1:
+        raise FlowError(f"settle_tolerance_frac: expected between 0 and 1, was {settle_tolerance_frac}.")
+    if average_from_s is None:
+        return
+    if end_time_s is None:
+        raise FlowError("average_from_s: expected to be absent, as end_time_s is: the settled windows are averaged.")
+    if not 0 <= average_from_s < end_time_s:
         raise FlowError(
             f"average_from_s: expected from 0 to below end_time_s ({end_time_s} s), was {average_from_s} s."
         )
 
 
-# Step to the end; the mean of the face velocities from `average_from_s` on, if asked for.
+# Step to the end, or until the flow has settled.
 def _run(
-    solver: FlowSolver, end_time_s: float, average_from_s: float | None, progress: Callable[[float], None] | None
-) -> tuple[list[StepRecord], Velocity | None]:
+    solver: FlowSolver,
+    limit_s: float,
+    watch: SettlingWatch | None,
+    observers: Sequence[_Observer],
+    progress: Callable[[float], None] | None,
+) -> list[StepRecord]:
     history: list[StepRecord] = []
-    mean = None if average_from_s is None else still_velocity(solver.domain)
-    averaged_s = 0.0
-    while solver.time_s < end_time_s:
-        is_averaging = average_from_s is not None and solver.time_s >= average_from_s
-        until_s = end_time_s if average_from_s is None or is_averaging else average_from_s
-        record = solver.step(until_s=until_s)
+    while solver.time_s < limit_s and not (watch is not None and watch.has_settled):
+        record = solver.step(until_s=min([limit_s, *(o.next_stop_s(solver.time_s) for o in observers)]))
         history.append(record)
-        if mean is not None and is_averaging:
-            averaged_s += record.dt_s
-            weight = np.float32(record.dt_s / averaged_s)
-            for total, now in zip(mean, solver.velocity):
-                total += weight * (now - total)
+        for observer in observers:
+            observer.see(solver, record)
         if progress is not None:
-            progress(min(solver.time_s / end_time_s, 1.0))
-    return history, mean
+            is_over = watch is not None and watch.has_settled
+            progress(1.0 if is_over else min(solver.time_s / limit_s, 1.0))
+    return history
 
 
-def _report(solver: FlowSolver, velocity: Velocity, history: tuple[StepRecord, ...]) -> WindReport:
+def _report(
+    solver: FlowSolver,
+    velocity: Velocity,
+    history: tuple[StepRecord, ...],
+    settling: Settling | None,
+    frames: FrameKeeper | None,
+) -> WindReport:
     domain = solver.domain
     divergence_m_s = solver.divergence_m_s(velocity)
     inflow, outflow = mass_balance(domain, velocity)
@@ -173,8 +202,12 @@ def _report(solver: FlowSolver, velocity: Velocity, history: tuple[StepRecord, .
         divergence_relative=divergence_m_s / solver.reference_speed_m_s,
         inflow_m3_s=inflow,
         outflow_m3_s=outflow,
+        n_air_cells=domain.n_air,
         n_cut_off_cells=domain.n_cut_off,
         history=history,
+        settling=settling,
+        frames_m_s=None if frames is None else frames.frames_m_s,
+        frame_times_s=None if frames is None else frames.times_s,
     )
 
 

@@ -1,5 +1,6 @@
 """The time stepping: Heun's method with one projection per step and a time step by Courant number."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,6 +140,13 @@ class FlowSolver:
         out[~self.domain.air[(slice(LOW, -HIGH),) * 3]] = 0
         return out
 
+    def divergence_free_centre_velocity(self) -> F32:
+        """Return the (nx, ny, nz, 3) velocity at cell centres [m/s] of the state projected tightly; it stays as is."""
+        for copy, now in zip(self._stage, self.velocity):
+            np.copyto(copy, now)
+        self.project_tightly(self._stage)
+        return self.centre_velocity(self._stage)
+
     def divergence_m_s(self, velocity: Velocity | None = None) -> float:
         """Return the largest |div u| h of a cell [m/s]."""
         scratch = padded(self.domain.shape)
@@ -182,7 +190,7 @@ class FlowSolver:
     def _survey(self) -> _Survey:
         speed, viscosity, squares = momentum_kernels.survey_speeds(*self.velocity, self.model.nu)
         self._check_speed(float(speed))
-        energy = 0.5 * squares / self.domain.n_air
+        energy = 0.5 * float(squares) / self.domain.n_air
         return _Survey(speed_m_s=float(speed), viscosity_m2_s=float(viscosity), energy_m2_s2=energy)
 
     # Time step [s] by Courant number and viscosity. The last two before a stop are equally long: a very short one
@@ -192,7 +200,7 @@ class FlowSolver:
         limit_s = self.courant * cell_m / max(survey.speed_m_s, self.reference_speed_m_s)
         if survey.viscosity_m2_s > 0:
             limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / survey.viscosity_m2_s)
-        return remaining_s / max(1, np.ceil(remaining_s / limit_s)) if remaining_s < 2 * limit_s else limit_s
+        return remaining_s / math.ceil(remaining_s / limit_s) if remaining_s < 2 * limit_s else limit_s
 
     def _check_speed(self, speed: float) -> None:
         if np.isfinite(speed) and speed <= _RUNAWAY_SPEEDS * self.reference_speed_m_s:

@@ -1,0 +1,48 @@
+"""How a solve went, as a picture."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from gslcosim.errors import FlowError
+from gslcosim.flow.report import WindReport
+
+
+def plot_history(report: WindReport, path: str | Path) -> None:
+    """Draw divergence, pressure iterations, mass balance and kinetic energy over time, to PNG or what the suffix says.
+
+    Args:
+        report: Of `solve_wind_report`.
+        path: File to write.
+
+    Raises:
+        FlowError: matplotlib, of the extra `report`, is not installed.
+    """
+    figure_type = _figure_type()
+    history = report.history_columns()
+    time_s = history["time_s"]
+    figure = figure_type(figsize=(8, 10), layout="constrained")
+    divergence, effort, mass, energy = figure.subplots(4, 1, sharex=True)
+    for name, label in (("divergence_before_m_s", "before"), ("divergence_after_m_s", "after the pressure solve")):
+        divergence.semilogy(time_s, history[name], label=label)
+    divergence.set_ylabel("largest |div u| h [m/s]")
+    effort.plot(time_s, history["pressure_iterations"], label="pressure iterations")
+    effort.plot(time_s, history["courant"], label="Courant number")
+    mass.plot(time_s, history["inflow_m3_s"], label="inflow")
+    mass.plot(time_s, history["outflow_m3_s"], "--", label="outflow")
+    mass.set_ylabel("[m³/s]")
+    energy.plot(time_s, history["kinetic_energy_m2_s2"], label="mean kinetic energy")
+    energy.set(ylabel="[m²/s²]", xlabel="time [s]")
+    if report.settling is not None:
+        energy.axvspan(report.settling.average_from_s, report.settling.average_until_s, alpha=0.2, label="mean wind")
+    for axes in (divergence, effort, mass, energy):
+        axes.legend(loc="best")
+    figure.savefig(path, dpi=120)
+
+
+# matplotlib's Figure, which needs neither a window nor a global state.
+def _figure_type() -> Any:
+    try:
+        return importlib.import_module("matplotlib.figure").Figure
+    except ImportError as error:
+        raise FlowError("plot_history: needs matplotlib. Install it: pip install 'gslcosim[report]'") from error
