@@ -25,8 +25,8 @@ bench-agents: .venv/ready-dev  # decisions per second and round trip, for each l
 bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py
 
-plume-statistics: .venv/ready-dev   # intermittency and peaks along a plume, and through a MOX sensor
-	$(BIN)/python docs/studies/plume_statistics.py
+plume-statistics: .venv/ready-dev   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
+	$(BIN)/python docs/studies/plume_statistics.py --plot plume_statistics.png
 
 soak: .venv/ready-dev       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh

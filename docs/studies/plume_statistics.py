@@ -1,8 +1,8 @@
-"""How patchy a plume is along its axis, and what a MOX sensor makes of it.
+"""How patchy a plume is along and across its axis, and what a MOX sensor makes of it.
 
 Run with `python docs/studies/plume_statistics.py [--seconds 1200] [--seed 1] [--plot FILE.png]`; plots need the extra
-`report`. Filaments in Farrell's open field are looked at ten times a second at places down the mean wind. For each
-place the table has, of the true mixing ratio and of what a TGS2600's resistance suggests:
+`report`. Filaments in Farrell's open field are looked at ten times a second at places down the mean wind and beside its
+axis. For each place the table has, of the true mixing ratio and of what a TGS2600's resistance suggests:
 
     present       share of the time with more than 0.1 ppm: one minus the intermittency
     peak/mean     99.9th percentile over the mean
@@ -13,12 +13,17 @@ The sensor hardly notices less than its floor of 0.3 ppm, and its slow decay fil
 hardly ever absent.
 
 Jones 1983 (Journal of Hazardous Materials 7, 87-112) measured such plumes outdoors: gas comes in short bursts
-with long pauses, peaks exceed the mean many times, and a slow instrument hides both.
+with long pauses, peaks exceed the mean many times, both more so beside the axis, and a slow instrument hides both.
+
+Down the wind the plume first grows patchier, as it wanders by more than its width. Gusts of a period P and a standard
+deviation s move it by no more than some s P / 2 pi, here 1.4 m; its own spread goes on growing, so that from some 16 m
+on it fills the pauses again.
 """
 
 import argparse
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +41,20 @@ STEP_S = 0.1
 THRESHOLD_PPM = 0.1
 SOURCE_M = (3.0, 15.0, 2.0)
 DISTANCES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+ACROSS_AT_M = 8.0
+OFFSETS_M = (0.0, 1.0, 2.0, 3.0)
+PLACES_M = tuple((distance_m, 0.0) for distance_m in DISTANCES_M) + tuple((ACROSS_AT_M, y) for y in OFFSETS_M)
 # The field is as old as its slowest filament needs to leave it.
 WARM_UP_S = 120.0
 SENSOR = "tgs2600"
 GAS = "ethanol"
+PLOTTED = {
+    "mean_ppm": "mean [ppm]",
+    "present_frac": "present",
+    "peak_to_mean": "peak / mean",
+    "relative_std": "std / mean",
+    "bursts_per_min": "bursts / min",
+}
 HEADINGS = "   mean  present  peak/mean  std/mean  bursts/min"
 
 
@@ -68,9 +83,9 @@ def statistics_of(ppm: NDArray[np.float64], *, step_s: float = STEP_S) -> Statis
 
 
 def true_series(*, seconds: float, seed: int) -> NDArray[np.float64]:
-    """Return (n, n_places) true mixing ratios [ppm] over time at the places down the mean wind."""
+    """Return (n, n_places) true mixing ratios [ppm] over time at `PLACES_M`: down the mean wind, then across it."""
     field = gas_field_of(_scenario(seed), _open_field())
-    places_m = np.array([(SOURCE_M[0] + distance_m, *SOURCE_M[1:]) for distance_m in DISTANCES_M])
+    places_m = np.add(SOURCE_M, [(along_m, across_m, 0.0) for along_m, across_m in PLACES_M])
     field.advance(round(WARM_UP_S / STEP_S))
     series = []
     for _ in range(round(seconds / STEP_S)):
@@ -96,14 +111,18 @@ def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64
 
 def table(truth: NDArray[np.float64], sensed: NDArray[np.float64]) -> str:
     """Return the table of both (n, n_places) series."""
-    lines = [
-        f"{'':10}{'true mixing ratio':<52}{'as a TGS2600 suggests'}",
-        f"distance  {HEADINGS}    {HEADINGS}",
-    ]
-    for i, distance_m in enumerate(DISTANCES_M):
-        cells = "    ".join(_row(statistics_of(series[:, i])) for series in (truth, sensed))
-        lines.append(f"{distance_m:6.0f} m  {cells}")
-    return "\n".join(lines)
+    rows = ["    ".join(_row(statistics_of(series[:, i])) for series in (truth, sensed)) for i in range(len(PLACES_M))]
+    along = [f"{x:6.0f} m  {row}" for (x, _), row in zip(PLACES_M, rows, strict=True)][: len(DISTANCES_M)]
+    across = [f"{y:6.0f} m  {row}" for (_, y), row in zip(PLACES_M, rows, strict=True)][len(DISTANCES_M) :]
+    return "\n".join(
+        [
+            f"{'':10}{'true mixing ratio':<52}{'as a TGS2600 suggests'}",
+            f"distance  {HEADINGS}    {HEADINGS}",
+            *along,
+            f"beside the axis, {ACROSS_AT_M:.0f} m from the source",
+            *across,
+        ]
+    )
 
 
 def _row(found: Statistics) -> str:
@@ -114,34 +133,47 @@ def _row(found: Statistics) -> str:
 
 
 def plot(truth: NDArray[np.float64], sensed: NDArray[np.float64], path: str) -> None:
-    """Draw a minute at each place, and the figures over the distance."""
+    """Draw a minute at each distance, and the figures over the distance and beside the axis."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(len(DISTANCES_M), 2, figsize=(12, 2 * len(DISTANCES_M)), width_ratios=(2, 1))
-    n = min(len(truth), round(60.0 / STEP_S))
-    time_s = np.arange(n) * STEP_S
-    for i, distance_m in enumerate(DISTANCES_M):
-        axes[i, 0].plot(time_s, truth[:n, i], lw=0.8, label="true")
-        axes[i, 0].plot(time_s, sensed[:n, i], lw=0.8, label=f"{SENSOR.upper()} suggests")
-        axes[i, 0].set_ylabel(f"{distance_m:g} m: ppm")
-    axes[0, 0].legend(loc="upper right")
-    axes[-1, 0].set_xlabel("time [s]")
-    names = {"present_frac": "present", "peak_to_mean": "peak / mean", "relative_std": "std / mean",
-             "bursts_per_min": "bursts / min"}  # fmt: skip
-    for row, (name, label) in enumerate(names.items()):
-        for series, what in ((truth, "true"), (sensed, SENSOR.upper())):
-            values = [getattr(statistics_of(series[:, i]), name) for i in range(len(DISTANCES_M))]
-            axes[row, 1].semilogx(DISTANCES_M, values, "o-", label=what)
-        axes[row, 1].set_ylabel(label)
-    axes[len(names) - 1, 1].set_xlabel("distance [m]")
-    for row in range(len(names), len(DISTANCES_M)):
-        axes[row, 1].axis("off")
+    n_distances = len(DISTANCES_M)
+    figure, axes = plt.subplots(n_distances, 3, figsize=(15, 2 * n_distances), width_ratios=(2, 1, 1))
+    _draw_minutes(axes[:, 0], truth, sensed)
+    down, beside = slice(0, n_distances), slice(n_distances, None)
+    _draw_figures(axes[:, 1], DISTANCES_M, truth[:, down], sensed[:, down], "distance [m]")
+    _draw_figures(axes[:, 2], OFFSETS_M, truth[:, beside], sensed[:, beside], f"beside it at {ACROSS_AT_M:g} m [m]")
+    for axis in axes[:-1, 1]:
+        axis.set_xscale("log")
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     plt.close(figure)
+
+
+def _draw_minutes(axes: Any, truth: NDArray[np.float64], sensed: NDArray[np.float64]) -> None:
+    n = min(len(truth), round(60.0 / STEP_S))
+    time_s = np.arange(n) * STEP_S
+    for i, distance_m in enumerate(DISTANCES_M):
+        axes[i].plot(time_s, truth[:n, i], lw=0.8, label="true")
+        axes[i].plot(time_s, sensed[:n, i], lw=0.8, label=f"{SENSOR.upper()} suggests")
+        axes[i].set_ylabel(f"{distance_m:g} m: ppm")
+    axes[0].legend(loc="upper right")
+    axes[-1].set_xlabel("time [s]")
+
+
+def _draw_figures(
+    axes: Any, x: tuple[float, ...], truth: NDArray[np.float64], sensed: NDArray[np.float64], x_label: str
+) -> None:
+    for axis, (name, label) in zip(axes, PLOTTED.items(), strict=False):
+        for series, what in ((truth, "true"), (sensed, SENSOR.upper())):
+            axis.plot(x, [getattr(statistics_of(series[:, i]), name) for i in range(len(x))], "o-", label=what)
+        axis.set_ylabel(label)
+        axis.set_ylim(bottom=0.0)
+    axes[len(PLOTTED) - 1].set_xlabel(x_label)
+    for axis in axes[len(PLOTTED) :]:
+        axis.axis("off")
 
 
 def _scenario(seed: int) -> Scenario:
@@ -192,10 +224,11 @@ def main() -> None:
     parser.add_argument("--plot", metavar="FILE", help="also draw into this file; needs the extra `report`")
     arguments = parser.parse_args()
     truth = true_series(seconds=arguments.seconds, seed=arguments.seed)
-    sensed = np.stack([through_sensor(truth[:, i], seed=arguments.seed) for i in range(len(DISTANCES_M))], axis=1)
+    sensed = np.stack([through_sensor(truth[:, i], seed=arguments.seed) for i in range(len(PLACES_M))], axis=1)
     sys.stdout.write(table(truth, sensed) + "\n")
     if arguments.plot:
         plot(truth, sensed, arguments.plot)
+        sys.stdout.write(f"plots: {arguments.plot}\n")
 
 
 if __name__ == "__main__":
