@@ -6,7 +6,7 @@ from typing import Literal
 
 from gslcosim.environment.furnishing import furniture_of, opening_specs
 from gslcosim.environment.grid import Grid, Vec3, point_text
-from gslcosim.environment.model import Box, Opening
+from gslcosim.environment.model import Box, Light, Opening
 from gslcosim.environment.openings import (
     are_overlapping,
     face_of,
@@ -17,7 +17,7 @@ from gslcosim.environment.openings import (
 )
 from gslcosim.environment.outdoors import log_profile, whole_face
 from gslcosim.environment.problems import raise_if_any
-from gslcosim.scenario.layout_models import BoxSpec, Layout, OpeningSpec, PlantSpec
+from gslcosim.scenario.layout_models import BoxSpec, FurtherOpeningSpec, Layout, OpeningSpec, PlantSpec
 from gslcosim.scenario.models import WindSpec
 from gslcosim.scenario.problems import Problem
 
@@ -31,6 +31,8 @@ CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
 SKY_RGBA = (0.75, 0.85, 0.95, 0.05)
 # Walls of Isaac Sim's warehouse are white up to here and yellow above, thesis 9.1.1.
 WHITE_UP_TO_M, YELLOW_RGBA = 3.0, (0.95, 0.80, 0.15, 1.0)
+# Chosen: as floor tiles of Isaac Sim's warehouse are long, thesis 9.1.2; a lamp hangs a little below the ceiling.
+LIGHT_EVERY_M, LIGHT_BELOW_CEILING_FRAC = 6.0, 0.02
 OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
 
 
@@ -48,6 +50,7 @@ class Plan:
     boxes: tuple[Box, ...]
     openings: tuple[Opening, ...]
     notices: tuple[str, ...] = ()
+    lights: tuple[Light, ...] = ()
 
 
 def plan_room(layout: Layout, wind: WindSpec) -> Plan:
@@ -73,6 +76,7 @@ def plan_room(layout: Layout, wind: WindSpec) -> Plan:
         ),
         openings=openings,
         notices=notices,
+        lights=_lights(layout),
     )
 
 
@@ -93,16 +97,42 @@ def problems_of_layout(layout: Layout, wind: WindSpec) -> list[Problem]:
         problems += problems_of_inflow(wind.inlet_velocity_m_s, face)
     first, second = _inlet_and_outlet(layout, wind, grid)
     if are_overlapping(first, second, grid):
-        problems.append(
-            Problem(
-                path=inlet_path if layout.inlet else outlet_path,
-                expected="inlet and outlet apart from each other",
-                found=f"an inlet {point_text(first.min_m)} to {point_text(first.max_m)} m and an outlet "
-                f"{point_text(second.min_m)} to {point_text(second.max_m)} m that overlap",
-                remedy="Move one of them.",
+        problems.append(_problem_of_overlap(first, second, inlet_path if layout.inlet else outlet_path))
+    return problems + _problems_of_further_openings(layout, wind, grid, [first, second])
+
+
+def _problems_of_further_openings(layout: Layout, wind: WindSpec, grid: Grid, others: list[Opening]) -> list[Problem]:
+    problems: list[Problem] = []
+    for i, spec in enumerate(layout.openings):
+        path = f"{LAYOUT_PATH}.openings[{i}]"
+        if spec.name in {other.name for other in others}:
+            problems.append(
+                Problem(
+                    path=f"{path}.name",
+                    expected="a name that no other opening has",
+                    found=spec.name,
+                    remedy=f"For example {spec.name}_{i + 2}.",
+                )
             )
-        )
+        if found := problems_of_opening(spec, grid, path):
+            problems += found
+            continue
+        opening = _further(spec, wind, grid)
+        problems += [
+            _problem_of_overlap(other, opening, path) for other in others if are_overlapping(other, opening, grid)
+        ]
+        others.append(opening)
     return problems
+
+
+def _problem_of_overlap(first: Opening, second: Opening, path: str) -> Problem:
+    corners = [f"{point_text(each.min_m)} to {point_text(each.max_m)} m" for each in (first, second)]
+    return Problem(
+        path=path,
+        expected=f"{first.name} and {second.name} apart from each other",
+        found=f"{first.name} {corners[0]} and {second.name} {corners[1]}, which overlap",
+        remedy="Move one of them.",
+    )
 
 
 def _problems_of_size(size_m: Vec3, cell_m: float) -> list[Problem]:
@@ -201,14 +231,21 @@ def _grid(layout: Layout, cell_m: float) -> Grid:
 
 def _openings(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[tuple[Opening, ...], tuple[str, ...]]:
     inlet, outlet = _inlet_and_outlet(layout, wind, grid)
+    further = tuple(_further(spec, wind, grid) for spec in layout.openings)
     notices = (
         notice_of_snapping(opening.name, spec, (opening.min_m, opening.max_m), grid.cell_m)
-        for opening, spec in zip((inlet, outlet), opening_specs(layout), strict=True)
+        for opening, spec in zip((inlet, outlet, *further), (*opening_specs(layout), *layout.openings), strict=True)
     )
-    openings: tuple[Opening, ...] = (inlet, outlet)
+    openings: tuple[Opening, ...] = (inlet, outlet, *further)
     if isinstance(layout, PlantSpec):
-        openings = (*log_profile(inlet, layout, grid), outlet, *_open_faces(layout, grid, (inlet, outlet)))
+        open_faces = _open_faces(layout, grid, openings)
+        openings = (*log_profile(inlet, layout, grid), outlet, *further, *open_faces)
     return openings, tuple(notice for notice in notices if notice)
+
+
+def _further(spec: FurtherOpeningSpec, wind: WindSpec, grid: Grid) -> Opening:
+    velocity_m_s = (spec.velocity_m_s or wind.inlet_velocity_m_s) if spec.kind == "inlet" else (0.0, 0.0, 0.0)
+    return replace(_opening(spec.kind, spec, grid, velocity_m_s), name=spec.name)
 
 
 def _inlet_and_outlet(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[Opening, Opening]:
@@ -224,11 +261,11 @@ def _open_faces(layout: PlantSpec, grid: Grid, others: tuple[Opening, ...]) -> t
     faces: list[Opening] = []
     for name, axis, is_upper in (("open_y_min", 1, False), ("open_y_max", 1, True), ("open_top", 2, True)):
         spec = whole_face(layout.size_m, axis, is_upper=is_upper)
-        faces.append(replace(_opening("outlet", spec, grid, (0.0, 0.0, 0.0)), name=name))
+        faces.append(replace(_opening("open", spec, grid, (0.0, 0.0, 0.0)), name=name))
     return tuple(face for face in faces if not any(are_overlapping(face, other, grid) for other in others))
 
 
-def _opening(kind: Literal["inlet", "outlet"], spec: OpeningSpec, grid: Grid, velocity_m_s: Vec3) -> Opening:
+def _opening(kind: Literal["inlet", "outlet", "open"], spec: OpeningSpec, grid: Grid, velocity_m_s: Vec3) -> Opening:
     face = face_of(spec, grid)
     assert face is not None, "checked before by problems_of_opening"
     min_m, max_m = snapped(spec, grid, face)
@@ -270,6 +307,26 @@ def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:
         Box(name="wall_y_max", kind="wall", min_m=(x0, y1, z0), max_m=(x1, high[1], z1)),
         Box(name="floor", kind="floor", min_m=(*low, z0 - w), max_m=(*high, z0), rgba=FLOOR_RGBA),
         Box(name="ceiling", kind="ceiling", min_m=(*low, z1), max_m=(*high, z1 + w), rgba=CEILING_RGBA),
+    )
+
+
+# In rows below the ceiling, each in the middle of its part of it. Outdoors there is daylight.
+def _lights(layout: Layout) -> tuple[Light, ...]:
+    x_m, y_m, z_m = layout.size_m
+    if layout.lights is None and isinstance(layout, PlantSpec):
+        return ()
+    nx, ny = layout.lights or (max(1, round(x_m / LIGHT_EVERY_M)), max(1, round(y_m / LIGHT_EVERY_M)))
+    return tuple(
+        Light(
+            name=f"light_{i}_{j}",
+            position_m=(
+                round((i + 0.5) * x_m / nx, 6),
+                round((j + 0.5) * y_m / ny, 6),
+                round(z_m - LIGHT_BELOW_CEILING_FRAC * z_m, 6),
+            ),
+        )
+        for i in range(nx)
+        for j in range(ny)
     )
 
 

@@ -7,9 +7,11 @@ from gslcosim.environment.model import Box, Environment
 
 
 def mjcf_of(environment: Environment) -> str:
-    """Return the MJCF of a room: one box geom of the same name for each of its boxes."""
+    """Return the MJCF of a room: one box geom or light of the same name for each of its boxes and lights."""
     root = ElementTree.Element("mujoco", model=environment.name)
     world = ElementTree.SubElement(root, "worldbody")
+    for light in environment.lights:
+        ElementTree.SubElement(world, "light", {"name": light.name, "pos": _text(light.position_m), "dir": "0 0 -1"})
     for box in environment.boxes:
         ElementTree.SubElement(world, "geom", _geom_of(box))
     ElementTree.indent(root)

@@ -31,16 +31,24 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """An inlet or outlet: a flat box on the boundary of the air, world frame [m].
+    """An inlet, an outlet, or a side where the outdoors go on: a flat box on the boundary of the air, world frame [m].
 
-    `velocity_m_s` is the inlet's; zero for an outlet.
+    `velocity_m_s` is the inlet's; zero for the others.
     """
 
     name: str
-    kind: Literal["inlet", "outlet"]
+    kind: Literal["inlet", "outlet", "open"]
     min_m: Vec3
     max_m: Vec3
     velocity_m_s: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """A lamp that shines down, for pictures and cameras; world frame [m]."""
+
+    name: str
+    position_m: Vec3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,3 +85,4 @@ class Environment:
     boxes: tuple[Box, ...]
     openings: tuple[Opening, ...]
     content_hash: str
+    lights: tuple[Light, ...] = ()

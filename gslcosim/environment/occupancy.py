@@ -23,7 +23,7 @@ def occupancy_of(plan: Plan) -> NDArray[np.uint8]:
     is_air = reachable_from(~is_solid, plan.openings, plan.grid)
     occupancy = np.where(is_air, np.uint8(Cell.FREE), np.uint8(Cell.SOLID))
     for opening in plan.openings:
-        if opening.kind == "outlet":
+        if opening.kind != "inlet":
             layer = occupancy[cells_at(opening, plan.grid)]
             layer[layer == Cell.FREE] = Cell.OUTLET
     return occupancy
@@ -68,7 +68,8 @@ def problems_of_occupancy(plan: Plan) -> list[Problem]:
     ]
     if problems:
         return problems
-    inlets, outlets = ([o for o in plan.openings if o.kind == kind] for kind in ("inlet", "outlet"))
+    inlets = [opening for opening in plan.openings if opening.kind == "inlet"]
+    outlets = [opening for opening in plan.openings if opening.kind != "inlet"]
     is_reached = reachable_from(is_open, inlets, plan.grid)
     if inlets and any(not is_reached[cells_at(outlet, plan.grid)].any() for outlet in outlets):
         problems.append(

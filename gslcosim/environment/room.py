@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.layouts import plan_room, problems_of_layout
-from gslcosim.environment.model import Box, Environment, Opening, WindFrames
+from gslcosim.environment.model import Box, Environment, Light, Opening, WindFrames
 from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.errors import EnvironmentDataError
@@ -31,6 +31,7 @@ class Room:
     boxes: tuple[Box, ...]
     openings: tuple[Opening, ...]
     notices: tuple[str, ...] = ()
+    lights: tuple[Light, ...] = ()
 
 
 def build_room(layout: Layout, wind: WindSpec) -> Room:
@@ -52,6 +53,7 @@ def build_room(layout: Layout, wind: WindSpec) -> Room:
         boxes=plan.boxes,
         openings=plan.openings,
         notices=plan.notices,
+        lights=plan.lights,
     )
 
 
@@ -81,6 +83,7 @@ def with_wind(room: Room, wind: WindFrames) -> Environment:
         boxes=room.boxes,
         openings=room.openings,
         content_hash=content_hash_of(room, frozen_wind),
+        lights=room.lights,
     )
 
 
@@ -91,6 +94,7 @@ def content_hash_of(room: Room | Environment, wind: WindFrames) -> str:
         "grid": asdict(room.grid),
         "boxes": [asdict(box) for box in room.boxes],
         "openings": [asdict(opening) for opening in room.openings],
+        "lights": [asdict(light) for light in room.lights],
         "wind": {"shape": wind.velocity_m_s.shape, "period_s": wind.period_s, "is_looping": wind.is_looping},
     }
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=16)

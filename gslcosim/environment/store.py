@@ -1,6 +1,6 @@
 """The environment folder: a room with its wind on disk, format version 1.
 
-    environment.yaml   name, grid, boxes, openings, wind timing, content hash, how it was made (text, UTF-8)
+    environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
     scene.xml          the boxes as MJCF, for other programs; may be absent
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.environment.grid import Grid, Vec3
-from gslcosim.environment.model import Box, Cell, Environment, Opening, WindFrames
+from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, WindFrames
 from gslcosim.environment.room import content_hash_of
 from gslcosim.errors import EnvironmentDataError
 
@@ -57,10 +57,15 @@ class _BoxPart(_Part):
 
 class _OpeningPart(_Part):
     name: str
-    kind: Literal["inlet", "outlet"]
+    kind: Literal["inlet", "outlet", "open"]
     min_m: Vec3
     max_m: Vec3
     velocity_m_s: Vec3
+
+
+class _LightPart(_Part):
+    name: str
+    position_m: Vec3
 
 
 class _WindPart(_Part):
@@ -76,6 +81,7 @@ class _Header(_Part):
     wind: _WindPart
     boxes: tuple[_BoxPart, ...]
     openings: tuple[_OpeningPart, ...]
+    lights: tuple[_LightPart, ...] = ()
 
 
 def save_environment(
@@ -137,6 +143,7 @@ def load_environment(folder: Path, *, check_hash: bool = False) -> Environment:
         boxes=tuple(Box(**box.model_dump()) for box in header.boxes),
         openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
         content_hash=header.content_hash,
+        lights=tuple(Light(**light.model_dump()) for light in header.lights),
     )
     if check_hash and (found := content_hash_of(environment, environment.wind)) != header.content_hash:
         raise EnvironmentDataError(
@@ -155,6 +162,7 @@ def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, 
         "wind": {"period_s": environment.wind.period_s, "is_looping": environment.wind.is_looping},
         "boxes": [asdict(box) for box in environment.boxes],
         "openings": [asdict(opening) for opening in environment.openings],
+        "lights": [asdict(light) for light in environment.lights],
         "notices": list(notices),
         "made_from": dict(made_from or {}),
     }

@@ -52,7 +52,7 @@ def _patch_of(opening: Opening, grid: Grid) -> flow.Patch:
     min_m, max_m = _from_origin(opening.min_m, grid), _from_origin(opening.max_m, grid)
     if opening.kind == "inlet":
         return flow.Inlet(min_m=min_m, max_m=max_m, velocity_m_s=opening.velocity_m_s)
-    return flow.Outlet(min_m=min_m, max_m=max_m)
+    return (flow.Open if opening.kind == "open" else flow.Outlet)(min_m=min_m, max_m=max_m)
 
 
 def _from_origin(point_m: Vec3, grid: Grid) -> Vec3:

@@ -54,12 +54,36 @@ class OpeningSpec(Spec):
         return self
 
 
+class FurtherOpeningSpec(OpeningSpec):
+    """An opening beside the layout's own inlet and outlet.
+
+    An inlet's wind is `velocity_m_s`, by default that of the scenario's wind; one that leaves the room is a fan that
+    draws air out. `open` is a side where the outdoors go on.
+    """
+
+    name: Name
+    kind: Literal["inlet", "outlet", "open"]
+    velocity_m_s: Vec3 | None = None
+
+    @model_validator(mode="after")
+    def _check_velocity(self) -> Self:
+        if self.velocity_m_s is not None and self.kind != "inlet":
+            raise broken_rule(
+                key="velocity_m_s",
+                expected=f"no velocity for an {self.kind}" if self.kind == "outlet" else "no velocity for an open side",
+                found=shown(self.velocity_m_s),
+                remedy="Only an inlet has one; the air finds its way through the others.",
+            )
+        return self
+
+
 class RoomSpec(Spec):
     """What all layouts have. Sizes [m]; `seed` decides all that is drawn by lot.
 
     `inlet` and `outlet` are rectangles anywhere on the boundary; without them the openings are where the layout has
     them, in warehouses and houses `inlet_size_m` and `outlet_size_m` (along y, and high) in the near and far corner.
-    `obstacles` are added to what the layout furnishes.
+    `openings` are further ones. `obstacles` are added to what the layout furnishes. `lights` is how many lamps hang
+    along x and y below the ceiling, by default one for about every 6 m.
     """
 
     kind: str
@@ -72,6 +96,8 @@ class RoomSpec(Spec):
     inlet_size_m: tuple[Positive, Positive] | None = None
     outlet_size_m: tuple[Positive, Positive] | None = None
     walls: Literal["white", "white_yellow"] = "white"
+    openings: tuple[FurtherOpeningSpec, ...] = ()
+    lights: tuple[Count, Count] | None = None
 
     @model_validator(mode="after")
     def _check_openings(self) -> Self:

@@ -204,7 +204,7 @@ def test_all_bad_values_of_a_header_are_named(saved):
 
 
 def test_keys_of_later_minor_versions_are_passed_over(saved):
-    change_header(saved, lights=[1, 2, 3])
+    change_header(saved, smells=[1, 2, 3])
     assert load_environment(saved).name == "warehouse_empty"
 
 
