@@ -79,6 +79,10 @@ def place(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
         raise FlowError(f"{name}: velocity_m_s: expected finite numbers, was {patch.velocity_m_s}.")
     inflow = None
     if isinstance(patch, Inlet):
+        if not 0 <= patch.turbulence_intensity < 1:
+            raise FlowError(
+                f"{name}: turbulence_intensity: expected a share from 0 to below 1, was {patch.turbulence_intensity}."
+            )
         centres_m = _face_centres_m(axis, box[axis] if is_high else 0.0, rows, cell_m)
         inflow = make_inflow(name, patch.velocity_m_s, patch.factor, centres_m)
     return PlacedPatch(

@@ -124,6 +124,8 @@ def solve_wind_report(
     _check_times(end_time_s, average_from_s, max_time_s, settle_tolerance_frac)
     if not 0 < courant <= 1:
         raise FlowError(f"courant: expected above 0 and at most 1, was {courant}.")
+    if not (np.isfinite(nu_m2_s) and nu_m2_s > 0):
+        raise FlowError(f"nu_m2_s: expected a viscosity above 0 m2/s, was {nu_m2_s}; air has {AIR_NU_M2_S}.")
     domain = build_domain(free, cell_m, patches)
     limit_s = max_time_s if end_time_s is None else end_time_s
     watch = mean = frames = None
@@ -180,6 +182,7 @@ def _run(
         if progress is not None:
             is_over = watch is not None and watch.has_settled
             progress(1.0 if is_over else min(solver.time_s / limit_s, 1.0))
+    solver.check()
     return history
 
 

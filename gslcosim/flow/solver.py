@@ -187,6 +187,10 @@ class FlowSolver:
             pressure=stats,
         )
 
+    def check(self) -> None:
+        """Raise FlowError if the flow has diverged; every step begins with it."""
+        self._survey()
+
     def _survey(self) -> _Survey:
         speed, viscosity, squares = momentum_kernels.survey_speeds(*self.velocity, self.model.nu)
         self._check_speed(float(speed))

@@ -88,6 +88,12 @@ def test_a_patch_smaller_than_a_cell_is_refused():
     assert "covers no cell" in refusal(air(), [INLET, tiny])
 
 
+def test_an_inlet_inside_a_wall_or_between_cell_centres_is_refused():
+    assert "Inlet(" in refusal(air((slice(0, 1), slice(0, 2), slice(0, 2))), [INLET, OUTLET])
+    tiny = Inlet(min_m=(0, 0.3, 0.3), max_m=(0, 0.7, 0.7), velocity_m_s=(1, 0, 0))
+    assert "Inlet(min_m=(0, 0.3, 0.3), max_m=(0, 0.7, 0.7)): covers no cell" in refusal(air(), [tiny, OUTLET])
+
+
 def test_overlapping_patches_are_refused():
     other = Inlet(min_m=(0, 0.5, 0), max_m=(0, 2, 1), velocity_m_s=(2, 0, 0))
     assert "same boundary cells" in refusal(air(), [INLET, other, OUTLET])
@@ -120,5 +126,8 @@ def test_other_wrong_input_is_refused():
     assert "end_time_s" in refusal(air(), [INLET, OUTLET], end_time_s=0.0)
     assert "average_from_s" in refusal(air(), [INLET, OUTLET], average_from_s=2.0)
     assert "courant" in refusal(air(), [INLET, OUTLET], courant=0.0)
+    assert "nu_m2_s" in refusal(air(), [INLET, OUTLET], nu_m2_s=0.0)
+    gusty = Inlet(min_m=(0, 0, 0), max_m=(0, 1, 1), velocity_m_s=(1, 0, 0), turbulence_intensity=-0.1)
+    assert "turbulence_intensity" in refusal(air(), [gusty, OUTLET])
     assert "finite" in refusal(air(), [Inlet(min_m=(0, 0, 0), max_m=(0, 1, 1), velocity_m_s=(np.nan, 0, 0)), OUTLET])
     assert "min_m <= max_m" in refusal(air(), [INLET, Outlet(min_m=(4, 3, 1), max_m=(4, 2, 0))])

@@ -23,6 +23,11 @@ def room():
     return free
 
 
+def advance(solver, end_time_s):
+    while solver.time_s < end_time_s:
+        solver.step(until_s=end_time_s)
+
+
 def reordered(values, axes):
     return tuple(values[a] for a in axes)
 
@@ -136,3 +141,25 @@ def test_not_a_number_is_a_divergence_too():
     solver.velocity[2][5, 5, 5] = np.nan
     with pytest.raises(FlowError, match="diverged"):
         solver.step(until_s=1.0)
+
+
+def test_a_divergence_in_the_last_step_is_no_result(monkeypatch):
+    step = FlowSolver.step
+
+    def broken_step(self, *, until_s):
+        record = step(self, until_s=until_s)
+        if record.time_s == 1.0:
+            self.velocity[0][8, 6, 5] = np.nan
+        return record
+
+    monkeypatch.setattr(FlowSolver, "step", broken_step)
+    with pytest.raises(FlowError, match=r"diverged at 1\.000 s"):
+        solve_wind(room(), CELL_M, [INLET, OUTLET], end_time_s=1.0)
+
+
+def test_a_flow_that_grows_without_end_is_stopped():
+    domain = build_domain(room(), CELL_M, [INLET, OUTLET])
+    solver = FlowSolver(domain, Laminar(domain, 1.5e-5))
+    solver.model.nu[solver.model.nu > 0] = -50.0  # a viscosity that feeds the flow
+    with pytest.raises(FlowError, match="expected at most 50 m/s"):
+        advance(solver, 10.0)
