@@ -25,6 +25,9 @@ bench-agents: .venv/ready-dev  # decisions per second and round trip, for each l
 bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py
 
+bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=--quick for less
+	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)
+
 plume-statistics: .venv/ready-dev   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
 	$(BIN)/python docs/studies/plume_statistics.py --plot plume_statistics.png
 
