@@ -83,11 +83,11 @@ class KEpsilon:
         self._nu_m2_s = nu_m2_s
         self.nu = _molecular(domain, nu_m2_s)
         self.friction_m_s = np.zeros(domain.friction.cells.size)
-        levels = [_inlet_turbulence(placed, domain) for placed in domain.inlets]
-        k, epsilon = max(levels, default=(1e-4, 1e-5))
+        k, epsilon = start_turbulence(domain)
         self.k = np.full_like(self.nu, k)
         self.epsilon = np.full_like(self.nu, epsilon)
-        for placed, (inlet_k, inlet_epsilon) in zip(domain.inlets, levels):
+        for placed in domain.inlets:
+            inlet_k, inlet_epsilon = inlet_turbulence(placed, domain)
             outside = slice(-HIGH, None) if placed.is_high else slice(0, LOW)
             self.k[placed.layer(outside)] = inlet_k
             self.epsilon[placed.layer(outside)] = inlet_epsilon
@@ -132,8 +132,13 @@ class KEpsilon:
                 scalar[placed.layer(outside)] = value
 
 
-# k and epsilon of the air that an inlet brings.
-def _inlet_turbulence(placed: PlacedPatch, domain: Domain) -> tuple[float, float]:
+def start_turbulence(domain: Domain) -> tuple[float, float]:
+    """Return k [m2/s2] and epsilon [m2/s3] of the air at the start: those of the most turbulent inlet."""
+    return max((inlet_turbulence(placed, domain) for placed in domain.inlets), default=(1e-4, 1e-5))
+
+
+def inlet_turbulence(placed: PlacedPatch, domain: Domain) -> tuple[float, float]:
+    """Return k [m2/s2] and epsilon [m2/s3] of the air that an inlet brings."""
     inlet = placed.patch
     assert isinstance(inlet, Inlet)
     assert placed.inflow is not None
