@@ -15,6 +15,8 @@ from gslcosim.flow.pressure_kernels import HIGH, LOW
 
 Velocity = tuple[F32, F32, F32]
 
+SMAGORINSKY_CONSTANT = 0.12  # 0.1 to 0.2 in the literature, chosen here
+
 
 class TurbulenceModel(Protocol):
     """Sets eddy viscosity and wall friction from the flow."""
@@ -50,8 +52,8 @@ class Smagorinsky:
     The wind it gives is unsteady; average it over time for a steady one.
     """
 
-    def __init__(self, domain: Domain, nu_m2_s: float, *, constant: float = 0.12) -> None:
-        """Start from still air. `constant` is C: 0.1 to 0.2 in the literature, 0.12 chosen here."""
+    def __init__(self, domain: Domain, nu_m2_s: float, *, constant: float = SMAGORINSKY_CONSTANT) -> None:
+        """Start from still air."""
         self._domain = domain
         self._nu_m2_s = nu_m2_s
         self._constant = constant

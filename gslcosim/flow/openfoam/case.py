@@ -10,17 +10,22 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
 from gslcosim.flow.domain import build_domain
+from gslcosim.flow.inflow import Schedule
 from gslcosim.flow.openfoam import dictionary
 from gslcosim.flow.openfoam.fields import fields_of
 from gslcosim.flow.openfoam.polymesh import PolyMesh, polymesh_of
-from gslcosim.flow.patches import Patch
+from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence, check_times
+from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT
 
+COURANT = 1.0  # AutoGDM+'s
 FIRST_STEP_S = 1e-4  # AutoGDM+'s; the Courant number decides from the second step on
 
+# The built-in model's constant in OpenFOAM's: C^2 = C_k sqrt(C_k / C_e), with OpenFOAM's C_e.
+_C_E = 1.048
+_C_K = (SMAGORINSKY_CONSTANT**4 * _C_E) ** (1 / 3)
 
-# OpenFOAM's model of the same name has C^2 = C_k sqrt(C_k / C_e); with its C_e this C_k gives the built-in C of 0.12.
-_SMAGORINSKY_C_K, _SMAGORINSKY_C_E = 0.0601, 1.048
+_KINDS = (Inlet, Outlet, MovingWall, SlipWall)
 
 _SIMULATION = {
     "k_epsilon": {"simulationType": "RAS", "RAS": {"RASModel": "kEpsilon", "turbulence": "on", "printCoeffs": "on"}},
@@ -32,7 +37,7 @@ _SIMULATION = {
             "printCoeffs": "on",
             "delta": "cubeRootVol",
             "cubeRootVolCoeffs": {"deltaCoeff": 1},
-            "SmagorinskyCoeffs": {"Ck": _SMAGORINSKY_C_K, "Ce": _SMAGORINSKY_C_E},
+            "SmagorinskyCoeffs": {"Ck": _C_K, "Ce": _C_E},
         },
     },
     "laminar": {"simulationType": "laminar"},
@@ -88,8 +93,31 @@ def write_case(
     n_ranks: int = 2,
     turbulence: Turbulence = "k_epsilon",
     nu_m2_s: float = AIR_NU_M2_S,
-    courant: float = 1.0,
+    courant: float = COURANT,
 ) -> Case:
+    """Write a room as a case for pimpleFoam, to be run by `solve_wind_openfoam` or elsewhere.
+
+    What is solved is what AutoGDM+ asks of pimpleFoam: one outer loop (PISO), Euler in time, the k-epsilon model with
+    wall functions. Second-order upwind for the velocity, and limited central differences for k and epsilon, are
+    chosen here. The mesh has the cells of the grid from which an outlet can be reached.
+    To run it: `decomposePar`, then `mpirun -np 2 pimpleFoam -parallel`, in the folder.
+
+    Args:
+        free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
+        cell_m: Edge of the cubic cells [m].
+        patches: Inlets whose velocity does not change in time, outlets, moving and frictionless walls.
+        folder: A new or empty folder.
+        end_time_s: How long the flow develops [s].
+        average_from_s: Let OpenFOAM average the velocity from this time on [s] (its field UMean).
+        n_ranks: Into how many parts decomposePar is to cut the mesh.
+        turbulence: k_epsilon with wall functions, smagorinsky or laminar.
+        nu_m2_s: Kinematic viscosity [m2/s].
+        courant: Largest Courant number of a step.
+
+    Raises:
+        FlowError: the room cannot be solved, or not by this; the message says what to change.
+    """
+    _check(patches, folder, turbulence, n_ranks, courant)
     check_times(end_time_s, average_from_s)
     domain = build_domain(free, cell_m, patches)
     mesh = polymesh_of(domain)
@@ -97,7 +125,7 @@ def write_case(
     for name, field in fields_of(domain, mesh.boundaries, turbulence).items():
         of_class = "volVectorField" if name == "U" else "volScalarField"
         dictionary.write_dictionary(folder / "0" / name, field, of_class=of_class)
-    transport = {"transportModel": "Newtonian", "nu": f"[0 2 -1 0 0 0 0] {nu_m2_s!r}"}
+    transport = {"transportModel": "Newtonian", "nu": f"[0 2 -1 0 0 0 0] {float(nu_m2_s)!r}"}
     dictionary.write_dictionary(folder / "constant" / "transportProperties", transport)
     dictionary.write_dictionary(folder / "constant" / "turbulenceProperties", _SIMULATION[turbulence])
     dictionary.write_dictionary(folder / "system" / "fvSchemes", _SCHEMES)
@@ -105,6 +133,32 @@ def write_case(
     dictionary.write_dictionary(folder / "system" / "controlDict", _control(end_time_s, average_from_s, courant))
     dictionary.write_dictionary(folder / "system" / "decomposeParDict", _decomposition(n_ranks, mesh.air.shape))
     return Case(folder=folder, mesh=mesh, field="U" if average_from_s is None else "UMean", n_ranks=n_ranks)
+
+
+def _check(patches: Sequence[Patch], folder: Path, turbulence: str, n_ranks: int, courant: float) -> None:
+    for patch in patches:
+        _check_kind(patch)
+    if turbulence not in _SIMULATION:
+        raise FlowError(f"turbulence: expected one of {', '.join(_SIMULATION)}, was {turbulence!r}.")
+    if n_ranks < 1:
+        raise FlowError(f"n_ranks: expected at least 1 process, was {n_ranks}.")
+    if not courant > 0:
+        raise FlowError(f"courant: expected above 0, was {courant}.")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FlowError(f"the folder of the case: expected a new or an empty one, found something in it: {folder}")
+
+
+def _check_kind(patch: Patch) -> None:
+    if type(patch) not in _KINDS:
+        names = ", ".join(kind.__name__ for kind in _KINDS)
+        raise FlowError(
+            f"{patch}: expected one of {names} for OpenFOAM, was {type(patch).__name__}. Use the built-in solver."
+        )
+    if isinstance(patch, Inlet) and (patch.factor is not None or isinstance(patch.velocity_m_s, Schedule)):
+        raise FlowError(
+            f"{patch}: expected a velocity that does not change in time for OpenFOAM, found a Schedule. "
+            f"Use the built-in solver."
+        )
 
 
 def _write_mesh(folder: Path, mesh: PolyMesh) -> None:

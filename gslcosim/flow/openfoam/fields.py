@@ -1,11 +1,13 @@
 """The fields of an OpenFOAM case at its start, and what holds for them on each boundary."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gslcosim.flow.domain import Domain
+from gslcosim.flow.domain import Domain, PlacedPatch
 from gslcosim.flow.openfoam.polymesh import Boundary
 from gslcosim.flow.patches import Inlet, MovingWall, Outlet, SlipWall
+from gslcosim.flow.pressure import F32
+from gslcosim.flow.pressure_kernels import LOW
 from gslcosim.flow.turbulence import inlet_turbulence, start_turbulence
 
 Condition = Mapping[str, Any]
@@ -30,7 +32,7 @@ def fields_of(domain: Domain, boundaries: tuple[Boundary, ...], turbulence: str)
 
     Air is still; k and epsilon are those that the built-in solver starts with, everywhere.
     """
-    start = dict(zip(("k", "epsilon"), start_turbulence(domain)))
+    start = _level(*start_turbulence(domain))
     return {
         name: {
             "dimensions": _DIMENSIONS[name],
@@ -52,8 +54,8 @@ def _condition(field: str, boundary: Boundary, domain: Domain, start: Level, tur
     if isinstance(patch, Outlet):
         return _at_outlet(field, start)
     assert isinstance(patch, Inlet), "write_case refuses other kinds"
-    level = dict(zip(("k", "epsilon"), inlet_turbulence(boundary.placed, domain)))
-    return _at_inlet(field, patch, level)
+    level = _level(*inlet_turbulence(boundary.placed, domain))
+    return _at_inlet(field, _inlet_velocities(boundary.placed, domain), level)
 
 
 def _at_wall(field: str, velocity_m_s: tuple[float, float, float], start: Level, turbulence: str) -> Condition:
@@ -80,9 +82,10 @@ def _at_outlet(field: str, start: Level) -> Condition:
     return {"type": "inletOutlet", "inletValue": inside, "value": inside}
 
 
-def _at_inlet(field: str, inlet: Inlet, level: Level) -> Condition:
+def _at_inlet(field: str, velocities_m_s: F32, level: Level) -> Condition:
     if field == "U":
-        return _fixed(inlet.velocity_m_s)
+        first = velocities_m_s[0]
+        return _fixed(first) if (velocities_m_s == first).all() else _fixed_each(velocities_m_s)
     if field == "p":
         return _ZERO_GRADIENT
     if field == "nut":
@@ -90,6 +93,25 @@ def _at_inlet(field: str, inlet: Inlet, level: Level) -> Condition:
     return {"type": "fixedValue", "value": f"uniform {level[field]!r}"}
 
 
-def _fixed(velocity_m_s: tuple[float, float, float]) -> Condition:
-    values = " ".join(repr(float(value)) for value in velocity_m_s)
-    return {"type": "fixedValue", "value": f"uniform ({values})"}
+def _level(k_m2_s2: float, epsilon_m2_s3: float) -> Level:
+    return {"k": float(k_m2_s2), "epsilon": float(epsilon_m2_s3)}
+
+
+# (n, 3) velocities of the inlet's faces, in the order of the mesh: that of their cells.
+def _inlet_velocities(placed: PlacedPatch, domain: Domain) -> F32:
+    assert placed.inflow is not None, "inlets have one"
+    inside = LOW + domain.shape[placed.axis] - 1 if placed.is_high else LOW
+    return placed.inflow.profile_m_s[domain.air[placed.layer(inside)]]
+
+
+def _fixed(velocity_m_s: Iterable[float]) -> Condition:
+    return {"type": "fixedValue", "value": f"uniform {_vector(velocity_m_s)}"}
+
+
+def _fixed_each(velocities_m_s: F32) -> Condition:
+    vectors = " ".join(_vector(velocity) for velocity in velocities_m_s)
+    return {"type": "fixedValue", "value": f"nonuniform List<vector> {len(velocities_m_s)}({vectors})"}
+
+
+def _vector(components: Iterable[float]) -> str:
+    return f"({' '.join(f'{component:.9g}' for component in components)})"

@@ -69,7 +69,7 @@ def polymesh_of(domain: Domain) -> PolyMesh:
     lattice = np.stack(np.unravel_index(used, tuple(n + 1 for n in air.shape)), axis=-1)
     return PolyMesh(
         air=air,
-        points_m=lattice * domain.cell_m,
+        points_m=np.asarray(lattice * domain.cell_m, np.float64),
         faces=corners.reshape(-1, 4),
         owners=np.concatenate((owners, outer_owners)),
         neighbours=neighbours,

@@ -23,7 +23,9 @@ def read_wind(case: Case) -> F32:
         values = _read_vectors(_last_time(part) / case.field)
         cells[_cell_numbers(part, len(values))] = values
     if not np.isfinite(cells).all():
-        raise FlowError(f"{case.folder}: expected a finite {case.field} in every cell, was missing or infinite in some.")
+        raise FlowError(
+            f"{case.folder}: expected a finite {case.field} in every cell, was missing or infinite in some."
+        )
     velocity_m_s = np.zeros((*case.mesh.air.shape, 3), np.float32)
     velocity_m_s[case.mesh.air] = cells
     return velocity_m_s

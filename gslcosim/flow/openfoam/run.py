@@ -64,8 +64,7 @@ def _run(
         status = process.wait()
     if status != 0:
         raise FlowError(
-            f"{name} failed with exit status {status}. The end of its log:\n{''.join(last_lines).rstrip()}\n"
-            f"Log: {log}"
+            f"{name} failed with exit status {status}. The end of its log:\n{''.join(last_lines).rstrip()}\nLog: {log}"
         )
 
 
