@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what the tests need from Debian, where that is possible: as root, with apt-get.
-# What is there already is left alone. Elsewhere it says what is missing; the tests of those languages are then skipped.
+# What is there already is left alone. Elsewhere it says what is missing; the tests that need it are then skipped.
 set -euo pipefail
 
 packages=(
@@ -11,6 +11,7 @@ packages=(
     jq                   # agents/dung_beetle_shell
     mesa-vulkan-drivers  # pictures of recordings without a GPU
     iproute2 openssl     # two hosts in network namespaces, and their certificate
+    openfoam             # the other wind solver
 )
 
 command -v dpkg-query >/dev/null || exit 0
@@ -21,7 +22,7 @@ done
 ((${#missing[@]})) || exit 0
 
 if ((EUID)) || ! command -v apt-get >/dev/null; then
-    echo "Not installed, so some languages are not tested: ${missing[*]}" >&2
+    echo "Not installed, so some tests are skipped: ${missing[*]}" >&2
     echo "Install them with: sudo apt-get install --no-install-recommends ${missing[*]}" >&2
     exit 0
 fi
@@ -29,4 +30,4 @@ echo "Installing ${missing[*]}" >&2
 export DEBIAN_FRONTEND=noninteractive
 apt-get install --quiet=2 --no-install-recommends "${missing[@]}" >/dev/null ||
     { apt-get update --quiet=2 && apt-get install --quiet=2 --no-install-recommends "${missing[@]}" >/dev/null; } ||
-    echo "apt-get could not install them; the tests of some languages are skipped." >&2
+    echo "apt-get could not install them; some tests are skipped." >&2
