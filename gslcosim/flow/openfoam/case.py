@@ -15,7 +15,7 @@ from gslcosim.flow.openfoam import dictionary
 from gslcosim.flow.openfoam.fields import fields_of
 from gslcosim.flow.openfoam.polymesh import PolyMesh, polymesh_of
 from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
-from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence, check_times
+from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
 from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT
 
 COURANT = 1.0  # AutoGDM+'s
@@ -118,7 +118,7 @@ def write_case(
         FlowError: the room cannot be solved, or not by this; the message says what to change.
     """
     _check(patches, folder, turbulence, n_ranks, courant)
-    check_times(end_time_s, average_from_s)
+    _check_times(end_time_s, average_from_s)
     domain = build_domain(free, cell_m, patches)
     mesh = polymesh_of(domain)
     _write_mesh(folder / "constant" / "polyMesh", mesh)
@@ -146,6 +146,15 @@ def _check(patches: Sequence[Patch], folder: Path, turbulence: str, n_ranks: int
         raise FlowError(f"courant: expected above 0, was {courant}.")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FlowError(f"the folder of the case: expected a new or an empty one, found something in it: {folder}")
+
+
+def _check_times(end_time_s: float, average_from_s: float | None) -> None:
+    if not (np.isfinite(end_time_s) and end_time_s > 0):
+        raise FlowError(f"end_time_s: expected a time above 0 s, was {end_time_s}.")
+    if average_from_s is not None and not 0 <= average_from_s < end_time_s:
+        raise FlowError(
+            f"average_from_s: expected from 0 to below end_time_s ({end_time_s} s), was {average_from_s} s."
+        )
 
 
 def _check_kind(patch: Patch) -> None:
