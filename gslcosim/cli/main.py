@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from gslcosim import __version__
-from gslcosim.cli import agent, compare, doctor, generate, listing, sample, schema, up, validate, view
+from gslcosim.cli import agent, compare, doctor, export, generate, import_, listing, sample, schema, up, validate, view
 from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import write_note
 from gslcosim.errors import (
@@ -23,6 +23,8 @@ COMMANDS = (
     validate.COMMAND,
     listing.COMMAND,
     generate.COMMAND,
+    import_.COMMAND,
+    export.COMMAND,
     view.COMMAND,
     compare.COMMAND,
     sample.COMMAND,

@@ -1,8 +1,9 @@
 """One environment made: room, wind, scene and picture into a folder."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from gslcosim.environment.grid import Vec3
 from gslcosim.environment.mjcf import mjcf_of
@@ -50,10 +51,33 @@ def generate_environment(
     for notice in notices:
         _log.info(notice)
     environment = with_wind(room, made.frames)
+    save_with_views(environment, folder, made_from=recipe(spec, wind), notices=notices, sources_m=sources_m)
+    progress("Saving the environment", 1.0)
+    return environment
+
+
+def save_with_views(
+    environment: Environment,
+    folder: Path,
+    *,
+    made_from: Mapping[str, Any],
+    notices: Sequence[str],
+    sources_m: Sequence[Vec3] = (),
+) -> None:
+    """Save an environment with its scene for other programs and its picture for people; see `save_environment`.
+
+    Args:
+        environment: What to save.
+        folder: Where; an environment that stands there is replaced.
+        made_from: How it was made.
+        notices: What to tell of it.
+        sources_m: Sources of gas to show in the picture, world frame [m].
+
+    Raises:
+        EnvironmentDataError: the folder holds something else.
+    """
     extras = {
         SCENE_FILE: mjcf_of(environment).encode(),
         PICTURE_FILE: top_view_png(environment, sources_m=sources_m),
     }
-    save_environment(environment, folder, made_from=recipe(spec, wind), notices=notices, extras=extras)
-    progress("Saving the environment", 1.0)
-    return environment
+    save_environment(environment, folder, made_from=made_from, notices=notices, extras=extras)
