@@ -24,6 +24,7 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gslcosim.environment.data_files import load_npy
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, WindFrames
 from gslcosim.environment.room import content_hash_of
@@ -260,17 +261,7 @@ def _load_wind(path: Path, grid: Grid) -> NDArray[np.float32]:
 
 
 def _load_array(path: Path, dtype: np.dtype[Any], shape: tuple[int | None, ...]) -> NDArray[Any]:
-    try:
-        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
-    except FileNotFoundError as error:
-        raise EnvironmentDataError(f"{path.name}: expected an array, was missing.\nFile: {path}") from error
-    except (ValueError, EOFError, OSError) as error:
-        raise EnvironmentDataError(
-            f"{path.name}: expected a whole numpy array, was {path.stat().st_size} bytes that are not ({error}). "
-            f"Make the environment again.\nFile: {path}"
-        ) from error
-    # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
-    array = np.asarray(mapped)
+    array = load_npy(path)
     is_shape = array.ndim == len(shape) and all(want in (None, n) for want, n in zip(shape, array.shape, strict=True))
     if not is_shape or array.dtype != dtype or array.shape[0] == 0:
         want = f"{dtype.name} ({', '.join('t >= 1' if n is None else str(n) for n in shape)})"

@@ -247,17 +247,24 @@ def _in_order(place: Path, files: dict[int, Path]) -> tuple[Path, ...]:
     return tuple(files[number] for number in numbers)
 
 
-# OpenFOAM's case: folders named by their time. Those without C, such as 0, hold no wind that has a place.
+# OpenFOAM's case, or its folder of one set: folders named by their time. Those of a case without C, such as 0, hold no
+# wind that has a place.
 def _times_in(folder: Path) -> _Series | None:
     times = sorted((float(path.name), path) for path in folder.iterdir() if _is_time(path.name) and path.is_dir())
     if not times:
         return None
     whole = [(time_s, path) for time_s, path in times if is_time_folder(path)]
-    if not whole:
+    sets = [(time_s, table) for time_s, path in times for table in _tables_in(path)]
+    if not whole and [time_s for time_s, _ in sets] != [time_s for time_s, _ in times]:
         names = ", ".join(path.name for _, path in times[:5])
         remedy = "Run postProcess -func writeCellCentres."
-        raise data_error(folder, "time folders with U and C", f"{names} without both", remedy=remedy)
-    return _Series(kind=FOAM, paths=tuple(path for _, path in whole), period_s=_period_s([t for t, _ in whole]))
+        raise data_error(folder, "time folders with U and C, or with one table each", names, remedy=remedy)
+    times_s, paths = zip(*(whole or sets), strict=True)
+    return _Series(kind=FOAM if whole else POINTS, paths=paths, period_s=_period_s(times_s))
+
+
+def _tables_in(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.iterdir()) if path.suffix in _TABLE_SUFFIXES]
 
 
 def _is_time(name: str) -> bool:

@@ -67,10 +67,10 @@ def _vectors(path: Path) -> NDArray[np.float64]:
 
 
 def _ascii(path: Path, content: bytes, start: int, n: int) -> NDArray[np.float64]:
-    end = content.find(b"\n)", start)
-    if end < 0 or n * _LEAST_VECTOR_BYTES > end - start:
-        raise data_error(path, f"{n} vectors and a closing )", f"{len(content) - start} bytes")
-    return _numbers(path, content[start:end].replace(b"(", b" ").replace(b")", b" "), n)
+    text = content[start : content.find(b";", start)].rstrip()
+    if not text.endswith(b")") or n * _LEAST_VECTOR_BYTES > len(text):
+        raise data_error(path, f"{n} vectors and a closing );", f"{len(content) - start} bytes")
+    return _numbers(path, text.replace(b"(", b" ").replace(b")", b" "), n)
 
 
 def _numbers(path: Path, text: bytes, n: int) -> NDArray[np.float64]:

@@ -185,6 +185,23 @@ def test_time_folders_of_openfoam_are_read(tmp_path, wind, is_binary):
     np.testing.assert_array_equal(case.velocity_m_s, [wind, 2 * wind])
 
 
+def test_short_lists_of_openfoam_are_on_one_line(tmp_path):
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(2, 1, 1))
+    texts = {"C": "nonuniform List<vector> 2((0.5 0.5 0.5) (1.5 0.5 0.5))", "U": "uniform (1 2 3)"}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(f"{FOAM_HEAD.format(form='ascii')}internalField {text};\nboundaryField {{}}\n")
+    assert (frame(tmp_path, grid) == [1.0, 2.0, 3.0]).all()
+
+
+def test_sets_of_openfoam_over_time_are_a_series(tmp_path, wind):
+    for i, name in enumerate(("0.25", "0.5")):
+        (tmp_path / "sets" / name).mkdir(parents=True)
+        write_points(tmp_path / "sets" / name / "pts_U.csv", wind + i, "x,y,z,U_0,U_1,U_2", is_place_first=True)
+    frames = load_wind(tmp_path / "sets", GRID)
+    assert frames.period_s == 0.25
+    np.testing.assert_array_equal(frames.velocity_m_s, [wind, wind + 1])
+
+
 def test_uneven_times_are_told(tmp_path, wind):
     for name in ("1", "2", "4"):
         write_foam(tmp_path / name, wind)
