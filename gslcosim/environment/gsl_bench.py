@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gslcosim.environment.data_files import checked_grid, data_error, load_npy
+from gslcosim.environment.data_files import checked_grid, data_error, load_npy, read_content
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.grid_room import room_of_grid, room_with_wind
 from gslcosim.environment.model import Cell, Environment
@@ -102,8 +102,8 @@ def _only_file(folder: Path, pattern: str) -> Path:
 
 def _load_head(path: Path) -> _Head:
     try:
-        return _Head.model_validate_json(path.read_text(encoding="utf-8"))
-    except (ValidationError, UnicodeDecodeError) as error:
+        return _Head.model_validate_json(read_content(path))
+    except ValidationError as error:
         found = str(error).replace("\n", " ")
         raise EnvironmentDataError(
             f"{path.name}: expected JSON with env_min, env_max, num_cells and cell_size, was {found}\nFile: {path}"

@@ -12,6 +12,7 @@ Unknown keys in environment.yaml are ignored; additions have defaults; a changed
 """
 
 import errno
+import re
 import shutil
 import uuid
 from collections.abc import Mapping, Sequence
@@ -36,6 +37,9 @@ SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
 _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+# Three levels are needed; names may hold brackets that are not closed, which count as well.
+_DEEPEST = 1000
 
 
 class _Part(BaseModel):
@@ -231,8 +235,11 @@ def _load_header(folder: Path) -> _Header:
         found = f"a folder without {HEADER_FILE}" if folder.is_dir() else "no such folder"
         raise EnvironmentDataError(f"expected an environment folder, was {found}.\nFolder: {folder}")
     try:
-        values = yaml.load(path.read_text(encoding="utf-8"), Loader=_YAML_LOADER)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8")
+        _check_nesting(text)
+        values = yaml.load(text, Loader=_YAML_LOADER)
+    # Numbers of thousands of digits and dates that there are not are no YAMLError.
+    except (yaml.YAMLError, ValueError) as error:
         raise EnvironmentDataError(f"{HEADER_FILE}: expected YAML, was {error}.\nFile: {path}") from error
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         found = repr(values.get("format")) if isinstance(values, dict) else type(values).__name__
@@ -244,6 +251,15 @@ def _load_header(folder: Path) -> _Header:
             f"{HEADER_FILE}: {'.'.join(map(str, e['loc']))}: {e['msg']}, was {e['input']!r}" for e in error.errors()
         ]
         raise EnvironmentDataError("\n".join([*lines, f"File: {path}"])) from error
+
+
+# The parser in C goes one call deeper for each level, until the process crashes.
+def _check_nesting(text: str) -> None:
+    codes = np.frombuffer(text.encode(), np.uint8)
+    opens, closes = (np.isin(codes, np.frombuffer(marks, np.uint8)) for marks in (b"[{", b"]}"))
+    depth = np.cumsum(opens.astype(np.int64) - closes)
+    if depth.max(initial=0) > _DEEPEST or re.search(rf"^[ ?:-]{{{_DEEPEST}}}", text, re.MULTILINE):
+        raise ValueError(f"nested more than {_DEEPEST} times")
 
 
 def _load_occupancy(path: Path, grid: Grid) -> NDArray[np.uint8]:

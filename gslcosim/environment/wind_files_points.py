@@ -22,6 +22,8 @@ _PLACES = ("points", "point", "cellcenters", "cell centers", "c", "cc", "coords"
 _VELOCITIES = ("u", "velocity", "wind", "vel", "umean", "u mean")
 # How far outside the grid a point may lie by rounding, in cells.
 _ROUNDING_CELLS = 1e-4
+# What is farther away is a fault of the file.
+_FARTHEST_M = 1e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +70,10 @@ def wind_of_points(
         grid: The cells.
 
     Raises:
-        EnvironmentDataError: no point lies in the grid.
+        EnvironmentDataError: no point lies in the grid, or one is farther away than any room.
     """
+    if not (np.abs(points_m) <= _FARTHEST_M).all():
+        raise data_error(path, f"places up to {_FARTHEST_M:g} m away", f"{np.abs(points_m).max():g} m")
     # Rounded, so that a point on the border of two cells goes to the upper one whatever the last digit says.
     place = np.round((points_m - grid.origin_m) / grid.cell_m, 6)
     is_inside = ((place >= -_ROUNDING_CELLS) & (place <= np.add(grid.shape, _ROUNDING_CELLS))).all(axis=1)

@@ -91,6 +91,7 @@ def test_missing_and_ambiguous_files_are_named(folder):
     (folder / "occupancy" / "other_head.txt").write_text("{}")
     assert "expected one file *_head.txt, was other_head.txt, room_head.txt" in refusal(folder)
     assert "expected one file *_head.txt, was none" in refusal(folder / "nowhere")
+    assert "expected a file that can be read" in refusal(folder / "occupancy" / "third_head.txt")
 
 
 @pytest.mark.parametrize(

@@ -191,10 +191,16 @@ def test_a_header_of_another_format_is_named(saved):
     assert "expected format: gslcosim/environment/1, was 'gslcosim/environment/9'" in refusal(saved)
 
 
-@pytest.mark.parametrize("text", ["", "- 1\n", "a: [", "\tx: 1", "\x00"])
+@pytest.mark.parametrize("text", ["", "- 1\n", "a: [", "\tx: 1", "\x00", "a: 2001-99-99", f"a: {'9' * 5000}"])
 def test_a_header_that_is_no_mapping_is_named(saved, text):
     (saved / "environment.yaml").write_text(text)
     assert "environment.yaml: expected" in refusal(saved)
+
+
+@pytest.mark.parametrize("text", ["a: " + "[" * 100_000, "a:\n" + "- " * 100_000, "{\n" * 100_000])
+def test_a_header_nested_without_end_is_named(saved, text):
+    (saved / "environment.yaml").write_text(text)
+    assert "environment.yaml: expected YAML, was nested more than 1000 times" in refusal(saved)
 
 
 def test_all_bad_values_of_a_header_are_named(saved):

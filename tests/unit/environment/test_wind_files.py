@@ -262,6 +262,7 @@ def test_still_air_and_mostly_still_air_are_told(tmp_path, wind):
         ("wind_0.csv", "x,y,z,u,v,w\n0,0,1,1,2,3\n\n0,0,1,1,2,x\n", "a number in line 4, column 6, was 'x'"),
         ("wind_0.csv", "x,y,z,u,v,w\n0,0,1,1,2,nan\n", "a finite number in line 2, column 6"),
         ("wind_0.csv", "x,y,z,u,v,w\n0,0,1,1,2,1e6\n", "velocities up to 1000 m/s"),
+        ("wind_0.csv", "x,y,z,u,v,w\n0,0,1e300,1,2,3\n", r"places up to 1e\+09 m away, was 1e\+300 m"),
         ("wind_0.csv", "1,2,3,4\n", "recognised as points|a table of points, lines u,v,w"),
         ("wind_0.csv", "", "was an empty file"),
         ("uniform.csv", "1,0,0\n1,0\n", "3 values in line 2"),
