@@ -168,11 +168,17 @@ class FilamentField:
 
 
 def in_single_precision(filaments: Filaments) -> Filaments:
-    """Return a copy of filaments with places and sizes rounded to single precision, as arrays of double precision."""
+    """Return a copy of filaments with places and sizes rounded to single precision, as arrays of double precision.
+
+    Those that are rounded already are returned as they are.
+    """
+    if filaments.is_rounded:
+        return filaments
     return Filaments(
         position_world_m=filaments.position_world_m.astype(np.float32).astype(np.float64),
         sigma_m=filaments.sigma_m.astype(np.float32).astype(np.float64),
         source_index=filaments.source_index.copy(),
         amount_mol=filaments.amount_mol,
         gas_index=filaments.gas_index,
+        is_rounded=True,
     )

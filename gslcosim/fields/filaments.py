@@ -49,7 +49,8 @@ class Filaments:
     """Filaments at one instant; what the concentration is summed from.
 
     `position_world_m` (n, 3) centres [m], `sigma_m` (n,) standard deviations [m], `source_index` (n,) int32 into the
-    tables `amount_mol` (n_sources,) [mol per filament] and `gas_index` (n_sources,) int32.
+    tables `amount_mol` (n_sources,) [mol per filament] and `gas_index` (n_sources,) int32. `is_rounded` says that
+    places and sizes are numbers of single precision already.
     """
 
     position_world_m: NDArray[np.float64]
@@ -57,6 +58,7 @@ class Filaments:
     source_index: NDArray[np.int32]
     amount_mol: NDArray[np.float64]
     gas_index: NDArray[np.int32]
+    is_rounded: bool = False
 
     @property
     def n_gases(self) -> int:

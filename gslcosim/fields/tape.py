@@ -30,6 +30,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.errors import EnvironmentDataError, ModelError
 from gslcosim.fields.downwash import Jets
 from gslcosim.fields.filaments import FilamentPlume, Filaments
+from gslcosim.fields.tape_kernels import places_and_sizes
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import ticks_from_seconds
@@ -193,13 +194,14 @@ class TapedPlume:
             ModelError: no run looks at the gas at this step, so it is not on tape.
         """
         rows, sources = self._tape.frame(self._schedule.frame_at(self._step))
-        values = rows.astype(np.float64)
+        position_m, sigma_m = places_and_sizes(rows)
         return Filaments(
-            position_world_m=np.ascontiguousarray(values[:, :3]),
-            sigma_m=np.ascontiguousarray(values[:, 3]),
+            position_world_m=position_m,
+            sigma_m=sigma_m,
             source_index=sources,
             amount_mol=self._amount_mol,
             gas_index=self._gas_index,
+            is_rounded=True,
         )
 
     def reset(self, seed: int) -> None:

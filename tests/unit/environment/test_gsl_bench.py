@@ -113,6 +113,8 @@ def test_grids_that_are_truncated_or_hold_other_codes_are_refused(folder):
     codes, content = np.load(path), path.read_bytes()
     path.write_bytes(content[:300])
     assert "expected a whole numpy array, was 300 bytes" in refusal(folder)
+    path.write_bytes(content + b"more")
+    assert "expected a numpy array and nothing else, was 4 bytes more" in refusal(folder)
     codes[0, 0, 0] = 3
     np.save(path, codes)
     assert "expected 0 free, 1 obstacle, 2 inlet or outlet, was 3" in refusal(folder)
