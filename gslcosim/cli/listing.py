@@ -24,6 +24,7 @@ DESCRIPTIONS = {
     "iris": "Iris-class quadrotor of 1.5 kg with a geometric controller and minimum-jerk trajectories.",
     "office": "Rooms on both sides of a corridor, with doors and desks; a rectangle or an L.",
     "plant": "Tanks and buildings outdoors, in a wind that grows with the height.",
+    "rover": "Differential-drive robot of 9 kg on the floor, after the Pioneer 3-DX, with wheels and friction.",
     "warehouse_complex": "A warehouse whose inner racks are turned, with a forklift, piles and pallets in its aisles.",
     "warehouse_empty": "A closed room of any size with an inlet and an outlet in opposite walls, and boxes if wanted.",
     "warehouse_simple": "A warehouse with rows of racks, filled and empty ones by lot.",

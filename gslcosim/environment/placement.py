@@ -18,8 +18,8 @@ from gslcosim.scenario.problems import Problem
 
 # Horizontal reach from the centre of mass and half the height of each vehicle model [m]; the figures are those of
 # gslcosim/world/vehicles (a test holds them equal), which this layer cannot read.
-VEHICLE_RADIUS_M = {"iris": 0.38, "crazyflie": 0.07, "holonomic": 0.15}
-VEHICLE_HALF_HEIGHT_M = {"iris": 0.055, "crazyflie": 0.0145, "holonomic": 0.15}
+VEHICLE_RADIUS_M = {"iris": 0.38, "crazyflie": 0.07, "holonomic": 0.15, "rover": 0.267}
+VEHICLE_HALF_HEIGHT_M = {"iris": 0.055, "crazyflie": 0.0145, "holonomic": 0.15, "rover": 0.1185}
 
 
 def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:
@@ -157,6 +157,8 @@ def _problems_of_vehicle(vehicle: VehicleSpec, room: Room | Environment, path: s
 
 
 def _problem_of_height(vehicle: VehicleSpec, room: Room | Environment, path: str) -> Problem | None:
+    if vehicle.model == "rover":
+        return None
     radius_m = VEHICLE_RADIUS_M[vehicle.model]
     low_m, high_m = room.grid.origin_m[2] + radius_m, room.grid.max_m[2] - radius_m
     if low_m <= vehicle.search_height_m <= high_m:

@@ -182,11 +182,11 @@ class AgentCase:
         self._is_touching = bool(contacts)
         return [self._event("contact", f"touches {', '.join(contacts)} while {_words(body.phase)}")] if is_new else []
 
-    # On the ground and while leaving it the floor is no collision; once in the air everything is.
+    # On the ground and while leaving it or coming back the floor is no collision; in the air everything is.
     def _forbidden_contacts(self, body: BodyState) -> tuple[str, ...]:
         if not body.contacts or body.phase == "failed":
             return ()
-        if body.phase in ("on_ground", "taking_off"):
+        if body.phase in ("on_ground", "taking_off", "landing"):
             return tuple(name for name in body.contacts if name not in self._rules.floors)
         return body.contacts
 

@@ -53,6 +53,8 @@ def _problem_of(details: ErrorDetails) -> Problem | None:
             context = details.get("ctx", {})
             path = child_path(slot.path, context["key"]) if context["key"] else slot.path
             return Problem(path=path, expected=context["expected"], found=context["found"], remedy=context["remedy"])
+        case "default_factory_not_called":
+            return None  # what the default depends on is wrong, and told
         case "extra_forbidden":
             return _unknown_key(location[:-1], str(location[-1]), value)
         case "missing" if isinstance(location[-1], int):

@@ -1,6 +1,6 @@
 """The frozen models of a scenario file: every field with unit, default and range."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -120,15 +120,37 @@ class StartSpec(Spec):
         return self
 
 
-class VehicleSpec(Spec):
-    """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint."""
+# The height of a rover's centre above its floor [m]; a test holds it equal to gslcosim/world/vehicles/rover.
+ROVER_HEIGHT_M = 0.1185
 
-    model: Literal["iris", "crazyflie", "holonomic"] = "iris"
+
+def _usual_height_m(values: dict[str, Any]) -> float:
+    return ROVER_HEIGHT_M if values.get("model") == "rover" else 2.0
+
+
+class VehicleSpec(Spec):
+    """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint.
+
+    The cruising height is 2 m unless `search_height_m` says otherwise; a rover has none: it is left out.
+    """
+
+    model: Literal["iris", "crazyflie", "holonomic", "rover"] = "iris"
     start_m: Vec3
-    search_height_m: Positive = 2.0
+    search_height_m: Positive = Field(default_factory=_usual_height_m)
     hold_s: NonNegative = 2.0
     max_speed_m_s: Positive = 1.0
     max_acceleration_m_s2: Positive = 2.0
+
+    @model_validator(mode="after")
+    def _check_height(self) -> Self:
+        if self.model == "rover" and self.search_height_m != ROVER_HEIGHT_M:
+            raise broken_rule(
+                key="search_height_m",
+                expected="no height for a rover, which stays on the floor",
+                found=f"{self.search_height_m:g}",
+                remedy="Leave it out; a rover's waypoints may have any height in the room.",
+            )
+        return self
 
 
 class AgentSpec(Spec):

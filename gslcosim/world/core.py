@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -17,12 +18,14 @@ from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.world import records
+from gslcosim.world.abilities import abilities_of
 from gslcosim.world.flight_kernels import fly_substeps_inplace
 from gslcosim.world.mission import Mission
 from gslcosim.world.mujoco_kernels import step_address
 from gslcosim.world.ports import world_spec
 from gslcosim.world.scene import Scene, build_scene
 from gslcosim.world.space import FlightSpace
+from gslcosim.world.starts import check_overlaps, check_starts
 from gslcosim.world.vehicle import VehicleModel, load_vehicle
 
 Vec3 = tuple[float, float, float]
@@ -33,6 +36,8 @@ POINT_ROBOT_STEP_MS = 20
 
 # A start within this of its support stands on it [m]; a higher one starts hovering in the air.
 _STANDS_WITHIN_M = 0.5
+# Cosine to the vertical of the direction in which something carries a wheel, at least.
+_SUPPORTS_FROM = 0.7
 
 
 class WorldCore:
@@ -50,23 +55,28 @@ class WorldCore:
         self._environment = environment
         self._agents = scenario.agents
         models = [load_vehicle(agent.vehicle.model) for agent in self._agents]
-        self._spaces = [FlightSpace(environment=environment, radius_m=m.control.radius_m) for m in models]
+        spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
         step_ms = _physics_step_ms(models, scenario.tick_ms)
         self._n_substeps = scenario.tick_ms // step_ms
         dt_s = step_ms * 1e-3
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
         self._starts = [
             _resting_place(agent, space, half_height_m)
-            for agent, space, half_height_m in zip(self._agents, self._spaces, self._scene.half_height_m, strict=True)
+            for agent, space, half_height_m in zip(self._agents, spaces, self._scene.half_height_m, strict=True)
         ]
-        _check_starts(self._agents, self._spaces, self._starts)
         self._constants = _constants(self._scene, self._agents, models, dt_s)
         self._states = np.zeros(len(self._agents), records.STATE)
-        self._missions = [
-            Mission(agent, space, self._tick_ns) for agent, space in zip(self._agents, self._spaces, strict=True)
-        ]
+        self._missions: list[Mission] = []
+        for k, agent in enumerate(self._agents):
+            abilities = abilities_of(agent.vehicle, models[k], self._constants[k], self._scene.half_height_m[k])
+            if abilities.has_wheels:
+                spaces[k] = replace(spaces[k], ground_height_m=self._starts[k][0][2])
+            self._missions.append(Mission(agent, spaces[k], abilities, self._tick_ns))
+        check_starts(self._agents, spaces, self._starts)
         self._data = mujoco.MjData(self._scene.model)
         self._set_loop_arguments()
+        self._place_vehicles()
+        check_overlaps(self._scene, self._data, self._agents)
         self._tick = -1
 
     @property
@@ -87,14 +97,12 @@ class WorldCore:
     def reset(self, episode: Episode) -> Outbox:
         """Put every vehicle at rest at its start; nothing is written once."""
         del episode
-        mujoco.mj_resetData(self._scene.model, self._data)
         self._states[:] = np.zeros((), records.STATE)
         for k, (mission, (position_m, is_flying)) in enumerate(zip(self._missions, self._starts, strict=True)):
             mission.start(position_m)
-            self._data.qpos[7 * k : 7 * k + 7] = (*position_m, 1.0, 0.0, 0.0, 0.0)
             if is_flying:
                 self._states[k]["rotor_speed_rad_s"] = records.hover_rotor_speed_rad_s(self._constants[k])
-        mujoco.mj_forward(self._scene.model, self._data)
+        self._place_vehicles()
         self._path_length_m = [0.0] * len(self._agents)
         self._positions_m = [position_m for position_m, _ in self._starts]
         self._touched: list[set[str]] = [set() for _ in self._agents]
@@ -124,17 +132,27 @@ class WorldCore:
             self._fly(tick)
         return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(self._body(k) for k in range(len(self._agents))))}
 
+    def _place_vehicles(self) -> None:
+        mujoco.mj_resetData(self._scene.model, self._data)
+        for k, (position_m, _) in enumerate(self._starts):
+            self._qpos(k)[:7] = (*position_m, 1.0, 0.0, 0.0, 0.0)
+        mujoco.mj_forward(self._scene.model, self._data)
+
     def _obey(self, tick: int, inbox: Inbox) -> None:
         for k, (agent, mission) in enumerate(zip(self._agents, self._missions, strict=True)):
             command = inbox.get(keys.command(agent.name))
-            before = mission.trajectory
+            path, setpoint = mission.trajectory, mission.setpoint
             mission.begin_tick(tick, command if isinstance(command, Command) else None)
-            if mission.trajectory is not before:
+            if mission.trajectory is not path or mission.setpoint is not setpoint:
                 self._follow(k)
 
     def _follow(self, k: int) -> None:
-        self._states[k]["is_armed"] = 1
-        records.set_trajectory(self._states[k], self._missions[k].trajectory)
+        mission, state = self._missions[k], self._states[k]
+        state["is_armed"] = mission.is_armed
+        if mission.setpoint is None:
+            records.set_trajectory(state, mission.trajectory)
+        else:
+            records.set_setpoint(state, mission.setpoint)
 
     def _fly(self, tick: int) -> None:
         wind = self._environment.wind
@@ -149,18 +167,33 @@ class WorldCore:
                 raise ModelError(self._unsound_text(i_unsound))
             if self._data.ncon:
                 self._note_contacts()
-        for k, mission in enumerate(self._missions):
-            position_m, velocity_m_s = self._position_m(k), self._velocity_m_s(k)
-            self._path_length_m[k] += math.dist(position_m, self._positions_m[k])
-            self._positions_m[k] = position_m
-            before = mission.trajectory
-            mission.end_tick(tick, position_m, velocity_m_s)
-            if mission.trajectory is not before:
-                self._follow(k)
+        for k in range(len(self._missions)):
+            self._end_tick(k, tick)
 
+    def _end_tick(self, k: int, tick: int) -> None:
+        mission, position_m = self._missions[k], self._position_m(k)
+        self._path_length_m[k] += math.dist(position_m, self._positions_m[k])
+        self._positions_m[k] = position_m
+        path, setpoint, phase = mission.trajectory, mission.setpoint, mission.phase
+        w, x, y, z = self._qpos(k)[3:7].tolist()
+        mission.end_tick(
+            tick,
+            position_m,
+            self._velocity_m_s(k),
+            yaw_rad=math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
+            uprightness=1.0 - 2.0 * (x * x + y * y),
+        )
+        if mission.trajectory is not path or mission.setpoint is not setpoint:
+            self._follow(k)
+        if phase == "landing" and mission.phase == "on_ground":
+            self._supports[k] = frozenset(self._touched[k])
+
+    # What wheels stand on is no collision; what they run against is.
     def _note_contacts(self) -> None:
-        scene = self._scene
-        for geom_a, geom_b in self._data.contact.geom.tolist():
+        scene, contact = self._scene, self._data.contact
+        for i, (geom_a, geom_b) in enumerate(contact.geom.tolist()):
+            if (scene.is_rolling[geom_a] or scene.is_rolling[geom_b]) and abs(contact.frame[i][2]) > _SUPPORTS_FROM:
+                continue
             agent_a, agent_b = scene.agent_of_geom[geom_a], scene.agent_of_geom[geom_b]
             if agent_a >= 0:
                 self._touched[agent_a].add(scene.thing_of_geom[geom_b])
@@ -168,12 +201,12 @@ class WorldCore:
                 self._touched[agent_b].add(scene.thing_of_geom[geom_a])
 
     def _body(self, k: int) -> BodyState:
-        mission, qpos, qvel = self._missions[k], self._data.qpos, self._data.qvel
+        mission, qpos, qvel = self._missions[k], self._qpos(k), self._qvel(k)
         # A vehicle that fails before its take-off is over has not collided with what it stood on.
         is_leaving = mission.phase == "failed" and not mission.has_taken_off
         touched = self._touched[k] - self._supports[k] if is_leaving else self._touched[k]
-        w, x, y, z = qpos[7 * k + 3 : 7 * k + 7].tolist()
-        omega_x, omega_y, omega_z = qvel[6 * k + 3 : 6 * k + 6].tolist()
+        w, x, y, z = qpos[3:7].tolist()
+        omega_x, omega_y, omega_z = qvel[3:6].tolist()
         return BodyState(
             agent=self._agents[k].name,
             position_world_m=self._positions_m[k],
@@ -186,14 +219,29 @@ class WorldCore:
             waypoint_world_m=mission.waypoint_world_m,
             contacts=tuple(sorted(touched)),
             rejected_command=mission.notice,
+            tracking_error_m=self._tracking_error_m(k),
         )
 
+    def _tracking_error_m(self, k: int) -> float | None:
+        mission = self._missions[k]
+        if mission.setpoint is not None or not mission.is_armed or self._tick == 0:
+            return None
+        return math.dist(self._positions_m[k], mission.trajectory.state_at(self._tick, self._tick_ns)[0])
+
+    # A vehicle's position and attitude, then its wheels.
+    def _qpos(self, k: int) -> NDArray[np.float64]:
+        return self._data.qpos[self._i_qpos[k] :]
+
+    # Its velocity and rates, then the speeds of its wheels.
+    def _qvel(self, k: int) -> NDArray[np.float64]:
+        return self._data.qvel[self._i_qvel[k] :]
+
     def _position_m(self, k: int) -> Vec3:
-        x_m, y_m, z_m = self._data.qpos[7 * k : 7 * k + 3].tolist()
+        x_m, y_m, z_m = self._qpos(k)[:3].tolist()
         return x_m, y_m, z_m
 
     def _velocity_m_s(self, k: int) -> Vec3:
-        u, v, w = self._data.qvel[6 * k : 6 * k + 3].tolist()
+        u, v, w = self._qvel(k)[:3].tolist()
         return u, v, w
 
     def _unsound_text(self, k: int) -> str:
@@ -206,20 +254,20 @@ class WorldCore:
     # read-only, as it comes from a memory map, so that one compiled kernel serves all.
     def _set_loop_arguments(self) -> None:
         model, data, grid = self._scene.model, self._data, self._environment.grid
-        if model.nq != 7 * len(self._agents):
-            raise ModelError(f"world: expected one free joint a vehicle, was {model.njnt} joints.")
+        self._i_qpos: list[int] = self._constants["i_qpos"].tolist()
+        self._i_qvel: list[int] = self._constants["i_qvel"].tolist()
         wind = self._environment.wind.velocity_m_s
         if wind.dtype != np.float32 or not wind.flags.c_contiguous:
             raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
         self._wind_m_s = wind.view()
         self._wind_m_s.flags.writeable = False
-        self._views = (data.qpos, data.qvel, data.qfrc_applied, data.qfrc_constraint)
+        self._views = (data.qpos, data.qvel, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
         addresses = (step_address(), model._address, data._address)
         self._loop_arguments = (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
 
 
 def _physics_step_ms(models: Sequence[VehicleModel], tick_ms: int) -> int:
-    if tick_ms % POINT_ROBOT_STEP_MS == 0 and all(model.rotors is None for model in models):
+    if tick_ms % POINT_ROBOT_STEP_MS == 0 and not any(model.rotors or model.wheels for model in models):
         return POINT_ROBOT_STEP_MS
     n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)
     if rest_ms or not n_substeps:
@@ -238,25 +286,6 @@ def _resting_place(agent: AgentSpec, space: FlightSpace, half_height_m: float) -
     if abs(z_m - standing_m) <= _STANDS_WITHIN_M:
         return (x_m, y_m, standing_m), False
     return (x_m, y_m, z_m), True
-
-
-def _check_starts(
-    agents: Sequence[AgentSpec], spaces: Sequence[FlightSpace], starts: Sequence[tuple[Vec3, bool]]
-) -> None:
-    problems = []
-    for i, (agent, space, (start_m, _)) in enumerate(zip(agents, spaces, starts, strict=True)):
-        name = f"agents.{agent.name}.vehicle"
-        x_m, y_m, _ = start_m
-        problems.append(space.start_refusal(f"{name}.start_m", start_m))
-        problems.append(space.refusal(f"{name}.search_height_m", (x_m, y_m, agent.vehicle.search_height_m)))
-        for other, other_space, (other_m, _) in list(zip(agents, spaces, starts, strict=True))[:i]:
-            apart_m, needed_m = math.dist(start_m, other_m), space.radius_m + other_space.radius_m
-            if apart_m < needed_m:
-                problems.append(
-                    f"{name}.start_m: expected at least {needed_m:g} m from {other.name}'s vehicle, was {apart_m:g} m."
-                )
-    if any(problems):
-        raise ScenarioError("\n".join(problem for problem in problems if problem))
 
 
 def _constants(

@@ -3,20 +3,30 @@
 # pyright: reportAttributeAccessIssue=false
 
 import math
+from dataclasses import fields
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
 from gslcosim.errors import ModelError
+from gslcosim.world import modes
+from gslcosim.world.scene import HULL
 from gslcosim.world.trajectory import Trajectory
-from gslcosim.world.vehicle import RotorParameters, VehicleModel
+from gslcosim.world.vehicle import ControlParameters, RotorParameters, VehicleModel, WheelParameters
+
+Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
 
 # Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
 CONSTANTS = np.dtype(
     [
-        ("has_rotors", np.int64),  # without, forces act on the body as wanted and the air does not
+        ("i_qpos", np.int64),  # where its numbers begin in MuJoCo's positions and velocities
+        ("i_qvel", np.int64),
+        ("i_touch", np.int64),  # its sensor of touch; -1: any contact counts
+        ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as wanted and the air does not
+        ("has_wheels", np.int64),
         ("mass_kg", np.float64),
         ("gravity_m_s2", np.float64),
         ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
@@ -36,6 +46,17 @@ CONSTANTS = np.dtype(
         ("max_tilt_tangent", np.float64),
         ("attitude_gain_s2", np.float64, (3,)),
         ("rate_gain_s", np.float64, (3,)),
+        ("max_yaw_rate_rad_s", np.float64),
+        ("wheel_radius_m", np.float64),
+        ("half_track_m", np.float64),
+        ("max_speed_m_s", np.float64),
+        ("max_acceleration_m_s2", np.float64),
+        ("max_wheel_torque_n_m", np.float64),
+        ("wheel_gain_n_m_s", np.float64),
+        ("wheel_integral_gain_n_m", np.float64),
+        ("along_gain_s", np.float64),
+        ("across_gain_m2", np.float64),
+        ("heading_gain_s", np.float64),
     ]
 )
 
@@ -50,6 +71,17 @@ STATE = np.dtype(
         ("duration_s", np.float64),
         ("end_world_m", np.float64, (3,)),
         ("end_velocity_world_m_s", np.float64, (3,)),
+        ("yaw_rad", np.float64),  # reference of the heading, its rate, and where it goes
+        ("yaw_rate_rad_s", np.float64),
+        ("wanted_yaw_rad", np.float64),
+        ("faces_path", np.int64),
+        ("control", np.int64),  # one of `modes`
+        ("setpoint", np.float64, (3,)),  # roll, pitch, yaw [rad]; rates [rad/s]; speed [m/s] and turn [rad/s]
+        ("thrust_n", np.float64),  # of the setpoint; below 0: as much as keeps the vertical speed
+        ("climb_m_s", np.float64),
+        ("drive_speed_m_s", np.float64),  # what the wheels are to reach now
+        ("drive_turn_rad_s", np.float64),
+        ("wheel_integral_n_m", np.float64, (2,)),
     ]
 )
 
@@ -67,11 +99,24 @@ def set_constants(record: Any, vehicle: VehicleModel, model: mujoco.MjModel, pre
     Raises:
         ModelError: the rotors cannot carry the vehicle.
     """
-    control = vehicle.control
     body = model.body(f"{prefix}body").id
-    record["mass_kg"] = model.body_mass[body]
+    free = model.joint(f"{prefix}free")
+    record["i_qpos"], record["i_qvel"], record["i_touch"] = free.qposadr[0], free.dofadr[0], -1
+    record["mass_kg"] = model.body_subtreemass[body]
     record["gravity_m_s2"] = -model.opt.gravity[2]
     record["inertia_kg_m2"] = model.body_inertia[body]
+    record["max_yaw_rate_rad_s"] = vehicle.body.max_yaw_rate_rad_s
+    if vehicle.control is not None:
+        _set_control(record, vehicle.control)
+    if vehicle.rotors is not None:
+        record["has_rotors"] = 1
+        _set_rotors(record, vehicle.name, vehicle.rotors, model, prefix, dt_s)
+    if vehicle.wheels is not None:
+        record["has_wheels"] = 1
+        _set_wheels(record, vehicle.wheels, model, prefix)
+
+
+def _set_control(record: Any, control: ControlParameters) -> None:
     record["position_gain_s2"] = control.position_gain_s2
     record["velocity_gain_s"] = control.velocity_gain_s
     record["integral_gain_s3"] = control.integral_gain_s3
@@ -79,9 +124,14 @@ def set_constants(record: Any, vehicle: VehicleModel, model: mujoco.MjModel, pre
     record["max_tilt_tangent"] = math.tan(control.max_tilt_rad)
     record["attitude_gain_s2"] = control.attitude_gain_s2
     record["rate_gain_s"] = control.rate_gain_s
-    if vehicle.rotors is not None:
-        record["has_rotors"] = 1
-        _set_rotors(record, vehicle.name, vehicle.rotors, model, prefix, dt_s)
+
+
+def _set_wheels(record: Any, wheels: WheelParameters, model: mujoco.MjModel, prefix: str) -> None:
+    for parameter in fields(wheels):
+        record[parameter.name] = getattr(wheels, parameter.name)
+    record["wheel_radius_m"] = model.geom(f"{prefix}wheel_left").size[0]
+    record["half_track_m"] = model.body(f"{prefix}wheel_left").pos[1]
+    record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
 
 
 def _set_rotors(
@@ -105,7 +155,8 @@ def _set_rotors(
 
 
 def set_trajectory(record: Any, trajectory: Trajectory) -> None:
-    """Write a trajectory into a record of `STATE`."""
+    """Write a trajectory into a record of `STATE`, which then follows it."""
+    record["control"] = modes.PATH
     record["start_tick"] = trajectory.start_tick
     record["coefficients"] = trajectory.coefficients
     record["duration_s"] = trajectory.duration_s
@@ -113,6 +164,26 @@ def set_trajectory(record: Any, trajectory: Trajectory) -> None:
     record["end_velocity_world_m_s"] = trajectory.end_velocity_world_m_s
     if trajectory.forgets_integral:
         record["integral_m_s2"] = 0.0
+    record["faces_path"] = trajectory.heading.is_along_path
+    if trajectory.heading.yaw_rad is not None:
+        record["wanted_yaw_rad"] = trajectory.heading.yaw_rad
+
+
+def set_setpoint(record: Any, setpoint: Setpoint) -> None:
+    """Write what an agent sets into a record of `STATE`, which then obeys it instead of a path."""
+    match setpoint:
+        case AttitudeSetpoint():
+            record["control"] = modes.ATTITUDE
+            record["setpoint"] = (setpoint.roll_rad, setpoint.pitch_rad, setpoint.yaw_rad)
+        case RateSetpoint():
+            record["control"] = modes.RATES
+            record["setpoint"] = setpoint.rates_body_rad_s
+        case DriveSetpoint():
+            record["control"] = modes.DRIVE
+            record["setpoint"] = (setpoint.speed_m_s, setpoint.yaw_rate_rad_s, 0.0)
+            return
+    record["thrust_n"] = -1.0 if setpoint.thrust_n is None else setpoint.thrust_n
+    record["climb_m_s"] = setpoint.climb_m_s
 
 
 def hover_rotor_speed_rad_s(record: Any) -> float:

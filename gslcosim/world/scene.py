@@ -14,8 +14,13 @@ from gslcosim.world.vehicle import VehicleModel
 
 GRAVITY_M_S2 = 9.81
 
-# Free bodies with contacts are all there is: the rest of the pipeline is switched off. Autoreset would hide a
-# state that exploded.
+# The part of a vehicle on wheels that must touch nothing; a site and a sensor of touch have its name.
+HULL = "hull"
+# Parts that a vehicle stands and drives on.
+_ROLLING = ("wheel_left", "wheel_right", "caster")
+
+# Free bodies and wheels with contacts are all there is: the rest of the pipeline is switched off. Autoreset would hide
+# a state that exploded.
 _DISABLED = (
     mujoco.mjtDisableBit.mjDSBL_EQUALITY
     | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
@@ -35,12 +40,14 @@ class Scene:
     """A compiled scene.
 
     `thing_of_geom` names for each geom what is touched: the box, or the agent whose vehicle it belongs to;
-    `agent_of_geom` is the index of that agent, -1 for boxes. Parts of a vehicle are named `<agent>/<part>`.
+    `agent_of_geom` is the index of that agent, -1 for boxes; `is_rolling` tells wheels and casters. Parts of a vehicle
+    are named `<agent>/<part>`. `half_height_m` is how far each vehicle's lowest point is below its centre.
     """
 
     model: mujoco.MjModel
     thing_of_geom: tuple[str, ...]
     agent_of_geom: tuple[int, ...]
+    is_rolling: tuple[bool, ...]
     half_height_m: tuple[float, ...]
 
 
@@ -62,10 +69,14 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
     spec.option.disableflags = int(_DISABLED)
     for box in _boxes(environment):
         _add_box(spec, box)
+    if any(vehicle.wheels for _, vehicle in vehicles):
+        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     for agent, vehicle in vehicles:
         # The body's specification must outlive the compilation.
         body = vehicle.body_spec().worldbody.first_body()
         spec.worldbody.add_frame(name=f"{agent}/frame").attach_body(body, f"{agent}/", "")
+        if vehicle.wheels:
+            _add_touch(spec, f"{agent}/{HULL}")
     model = spec.compile()
     agents = [agent for agent, _ in vehicles]
     geom_names = [model.geom(i).name for i in range(model.ngeom)]
@@ -74,6 +85,7 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
         model=model,
         thing_of_geom=tuple(owner or name for owner, name in zip(owners, geom_names, strict=True)),
         agent_of_geom=tuple(-1 if owner is None else agents.index(owner) for owner in owners),
+        is_rolling=tuple(name.split("/")[-1] in _ROLLING and "/" in name for name in geom_names),
         half_height_m=tuple(_half_height_m(model, agent) for agent in agents),
     )
 
@@ -97,11 +109,23 @@ def _add_box(spec: mujoco.MjSpec, box: Box) -> None:
     geom.rgba = list(box.rgba)
 
 
-def _half_height_m(model: mujoco.MjModel, agent: str) -> float:
-    body = model.body(f"{agent}/body")
-    first, n_geoms = int(body.geomadr[0]), int(body.geomnum[0])
-    # geom_aabb is centre and half size in the geom's frame; hulls are not turned against their body.
-    return max(
-        float(model.geom_aabb[i][5] - model.geom_pos[i][2] - model.geom_aabb[i][2])
-        for i in range(first, first + n_geoms)
+def _add_touch(spec: mujoco.MjSpec, name: str) -> None:
+    spec.add_sensor(
+        name=name, type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name, cutoff=0.0
     )
+
+
+# Parts of a vehicle are not turned against its body at the start; each hangs on the body itself.
+def _half_height_m(model: mujoco.MjModel, agent: str) -> float:
+    root = model.body(f"{agent}/body").id
+    parts = [i for i in range(model.ngeom) if model.body_rootid[model.geom_bodyid[i]] == root]
+    return max(_depth_m(model, i, root) for i in parts)
+
+
+# How far a geom reaches below the origin of its vehicle. geom_aabb is centre and half size in the geom's frame.
+def _depth_m(model: mujoco.MjModel, geom: int, root: int) -> float:
+    body = int(model.geom_bodyid[geom])
+    height_m = float(model.geom_pos[geom][2] + model.geom_aabb[geom][2])
+    if body != root:
+        height_m += float(model.body_pos[body][2])
+    return float(model.geom_aabb[geom][5]) - height_m

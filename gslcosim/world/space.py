@@ -14,10 +14,14 @@ CLEARANCE_M = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSpace:
-    """The places a vehicle of a certain radius may be sent to."""
+    """The places a vehicle of a certain radius may be sent to.
+
+    `ground_height_m` is the height of a vehicle that drives: heights of places only have to lie in the room.
+    """
 
     environment: Environment
     radius_m: float
+    ground_height_m: float | None = None
 
     def refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a place is refused, or nothing when it is allowed.
@@ -28,7 +32,7 @@ class FlightSpace:
             name: What the place is, for the text.
             position_world_m: The place, world frame [m].
         """
-        return self._refusal(name, position_world_m, self.radius_m)
+        return self._refusal(name, position_world_m, self.radius_m if self.ground_height_m is None else 0.0)
 
     def start_refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a vehicle cannot start at a place; as `refusal`, but it may stand on the floor."""
@@ -42,9 +46,11 @@ class FlightSpace:
         ):
             if not low + margin <= value <= high - margin:
                 return f"{name}: expected {axis} within {low + margin:g} to {high - margin:g} m, was {value:g} m."
-        cell = np.minimum(grid.cell_of(np.array(position_world_m)), np.array(grid.shape) - 1)
+        x_m, y_m, z_m = position_world_m
+        place_m = (x_m, y_m, z_m if self.ground_height_m is None else self.ground_height_m)
+        cell = np.minimum(grid.cell_of(np.array(place_m)), np.array(grid.shape) - 1)
         if self.environment.occupancy[tuple(cell)] == Cell.SOLID:
-            return f"{name}: expected a free place, was {self._place_text(position_world_m)}."
+            return f"{name}: expected a free place, was {self._place_text(place_m)}."
         return None
 
     def edge_ahead(self, name: str, stop_world_m: Vec3, velocity_world_m_s: Vec3) -> str | None:

@@ -46,16 +46,16 @@ def rest_to_rest_duration(distance_m, max_speed_m_s, max_acceleration_m_s2):
 
 
 @numba.njit(cache=True, nogil=True)
-def set_quintic_to_rest_inplace(coefficients, start, end_world_m, duration_s):
-    """Write the minimum-jerk polynomial that ends at rest at a point.
+def set_quintic_inplace(coefficients, start, end, duration_s):
+    """Write the minimum-jerk polynomial between two states.
 
-    x(t) = c0 + c1 t + … + c5 t^5 with x, v, a given at t = 0 and x = x_end, v = a = 0 at t = T
+    x(t) = c0 + c1 t + … + c5 t^5 with x, v, a given at t = 0 and at t = T
     [m] = [m/s^i] [s]^i
 
     Args:
         coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
         start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
-        end_world_m: (3,) end point, world frame [m].
+        end: (3, 3) the same at the end.
         duration_s: T [s], > 0.
 
     Source:
@@ -65,15 +65,15 @@ def set_quintic_to_rest_inplace(coefficients, start, end_world_m, duration_s):
     """
     T = duration_s
     for i in range(3):
-        h = end_world_m[i] - start[0, i]
-        v = start[1, i] * T
-        a = start[2, i] * T * T
+        h = end[0, i] - start[0, i]
+        v, v_end = start[1, i] * T, end[1, i] * T
+        a, a_end = start[2, i] * T * T, end[2, i] * T * T
         coefficients[i, 0] = start[0, i]
         coefficients[i, 1] = start[1, i]
         coefficients[i, 2] = 0.5 * start[2, i]
-        coefficients[i, 3] = (10.0 * h - 6.0 * v - 1.5 * a) / T**3
-        coefficients[i, 4] = (-15.0 * h + 8.0 * v + 1.5 * a) / T**4
-        coefficients[i, 5] = (6.0 * h - 3.0 * v - 0.5 * a) / T**5
+        coefficients[i, 3] = (10.0 * h - 6.0 * v - 4.0 * v_end - 1.5 * a + 0.5 * a_end) / T**3
+        coefficients[i, 4] = (-15.0 * h + 8.0 * v + 7.0 * v_end + 1.5 * a - a_end) / T**4
+        coefficients[i, 5] = (6.0 * h - 3.0 * v - 3.0 * v_end - 0.5 * a + 0.5 * a_end) / T**5
 
 
 @numba.njit(cache=True, nogil=True)
@@ -169,60 +169,77 @@ def peak_speed_and_acceleration(coefficients, duration_s):
 @numba.njit(cache=True, nogil=True)
 def _set_polynomial(coefficients, start, end, is_velocity, duration_s):
     if is_velocity:
-        set_quartic_to_velocity_inplace(coefficients, start, end, duration_s)
+        set_quartic_to_velocity_inplace(coefficients, start, end[1], duration_s)
     else:
-        set_quintic_to_rest_inplace(coefficients, start, end, duration_s)
+        set_quintic_inplace(coefficients, start, end, duration_s)
 
 
 @numba.njit(cache=True, nogil=True)
-def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_acceleration_m_s2):
+def _size(vector):
+    return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+
+
+@numba.njit(cache=True, nogil=True)
+def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_acceleration_m_s2, least_s, step_s):
     """Write the quickest minimum-jerk polynomial within the limits and return its duration [s].
 
-    From rest to a point and from steady flight to a velocity the duration is in closed form. Otherwise durations grow
-    by 4 % from a short one until both peaks are within the limits; a start that already breaks a limit raises that
+    From rest to rest and from steady flight to a velocity the duration is in closed form. Otherwise durations grow by
+    4 % from a short one until both peaks are within the limits; a start or end that already breaks a limit raises that
     limit to itself, and where no duration is feasible (speed at its limit and still accelerating) the one that breaks
-    the limits least is taken.
+    the limits least is taken. Sampled peaks may lie 2 % above the limits where an end state is flown through.
 
     Args:
         coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
         start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
-        end: (3,) where to come to rest [m], or the velocity to reach [m/s]; world frame.
-        is_velocity: Whether `end` is a velocity.
+        end: (3, 3) the state to reach; of a velocity only its row counts.
+        is_velocity: Whether only the velocity of `end` is to be reached, wherever that is.
         max_speed_m_s: Greatest speed [m/s], > 0.
         max_acceleration_m_s2: Greatest acceleration [m/s^2], > 0.
+        least_s: No shorter than this [s], >= 0.
+        step_s: The duration is a whole multiple of this [s]; 0: any duration.
 
     Returns:
-        Duration [s], >= 0.2.
+        Duration [s], >= 0.2, or a step where that is given.
 
     Held by:
         tests/analytic/test_world_trajectory.py, tests/properties/test_world_trajectory_laws.py
     """
-    speed = math.sqrt(start[1, 0] ** 2 + start[1, 1] ** 2 + start[1, 2] ** 2)
-    acceleration = math.sqrt(start[2, 0] ** 2 + start[2, 1] ** 2 + start[2, 2] ** 2)
+    speed, acceleration = max(_size(start[1]), _size(end[1])), max(_size(start[2]), _size(end[2]))
     row = 1 if is_velocity else 0
-    change = math.sqrt((end[0] - start[row, 0]) ** 2 + (end[1] - start[row, 1]) ** 2 + (end[2] - start[row, 2]) ** 2)
+    change = _size(end[row] - start[row])
     if is_velocity:
-        shortest = max(_SHORTEST_S, 1.5 * change / max_acceleration_m_s2)
+        shortest = 1.5 * change / max_acceleration_m_s2
     else:
-        shortest = max(_SHORTEST_S, rest_to_rest_duration(change, max_speed_m_s, max_acceleration_m_s2))
+        shortest = rest_to_rest_duration(change, max_speed_m_s, max_acceleration_m_s2)
     if acceleration == 0.0 and (is_velocity or speed == 0.0):
-        _set_polynomial(coefficients, start, end, is_velocity, shortest)
-        return shortest
+        duration = _whole_steps(max(_SHORTEST_S, shortest, least_s), step_s)
+        _set_polynomial(coefficients, start, end, is_velocity, duration)
+        return duration
 
+    is_passing = not is_velocity and _size(end[1]) > 0.0
+    allowed = 1.02 if is_passing else 1.0 + 1e-9
     speed_limit = max(max_speed_m_s, speed)
     acceleration_limit = max(max_acceleration_m_s2, acceleration)
-    duration = max(_SHORTEST_S, 0.3 * shortest)
+    duration = max(_SHORTEST_S if step_s == 0.0 else step_s, 0.3 * shortest, least_s)
     best_duration = duration
     least = np.inf
     for _ in range(_N_DURATIONS):
+        duration = _whole_steps(duration, step_s)
         _set_polynomial(coefficients, start, end, is_velocity, duration)
         peak_speed, peak_acceleration = peak_speed_and_acceleration(coefficients, duration)
         excess = max(peak_speed / speed_limit, peak_acceleration / acceleration_limit)
         if excess < least:
             least = excess
             best_duration = duration
-        if excess <= 1.0 + 1e-9:
+        if excess <= allowed:
             break
-        duration *= _GROWTH
+        duration = max(duration * _GROWTH, duration + step_s)
     _set_polynomial(coefficients, start, end, is_velocity, best_duration)
     return best_duration
+
+
+@numba.njit(cache=True, nogil=True)
+def _whole_steps(duration_s, step_s):
+    if step_s == 0.0:
+        return duration_s
+    return max(1.0, math.ceil(duration_s / step_s - 1e-6)) * step_s

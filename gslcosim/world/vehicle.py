@@ -12,20 +12,27 @@ import yaml
 from gslcosim.errors import ModelError
 
 Vec3 = tuple[float, float, float]
-Parameters = TypeVar("Parameters", "ControlParameters", "RotorParameters")
+Parameters = TypeVar("Parameters", "BodyParameters", "ControlParameters", "RotorParameters", "WheelParameters")
 
 VEHICLES_DIR = Path(__file__).parent / "vehicles"
 
 
 @dataclass(frozen=True, kw_only=True)
+class BodyParameters:
+    """Reach of a vehicle from its centre, seen from above, and how fast it turns; origins in `parameters.yaml`."""
+
+    radius_m: float
+    max_yaw_rate_rad_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControlParameters:
-    """Size and gains of a vehicle; meaning and origin of each number stand in `parameters.yaml`.
+    """Gains of a vehicle in the air; meaning and origin of each number stand in `parameters.yaml`.
 
     Gains are per unit of mass and inertia: position [1/s^2], velocity [1/s], integral [1/s^3], attitude [1/s^2] and
     rate [1/s] about the body axes.
     """
 
-    radius_m: float
     position_gain_s2: float
     velocity_gain_s: float
     integral_gain_s3: float
@@ -51,13 +58,36 @@ class RotorParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
+class WheelParameters:
+    """Drive of a vehicle on two wheels; meaning and origin of each number stand in `parameters.yaml`.
+
+    Where the wheels are and how large is in the MJCF: sites `wheel_left` and `wheel_right`, geoms of the same names.
+    """
+
+    max_speed_m_s: float
+    max_acceleration_m_s2: float
+    max_wheel_torque_n_m: float
+    wheel_gain_n_m_s: float
+    wheel_integral_gain_n_m: float
+    along_gain_s: float
+    across_gain_m2: float
+    heading_gain_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class VehicleModel:
-    """A vehicle as it stands in its folder; without rotors it is moved by any force and does not feel the air."""
+    """A vehicle as it stands in its folder.
+
+    With rotors or without it is in the air, and `control` says how it is held there; without rotors it is moved by any
+    force and does not feel the air. With wheels it drives.
+    """
 
     name: str
     mjcf_path: Path
-    control: ControlParameters
+    body: BodyParameters
+    control: ControlParameters | None
     rotors: RotorParameters | None
+    wheels: WheelParameters | None
 
     def body_spec(self) -> mujoco.MjSpec:
         """Return a fresh MJCF specification with the one body of the vehicle, named `body`."""
@@ -74,16 +104,20 @@ def load_vehicle(name: str) -> VehicleModel:
     path = folder / "parameters.yaml"
     sections: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
     problems: list[str] = []
-    control = _parameters(ControlParameters, sections["control"], "control", problems)
-    rotors = _parameters(RotorParameters, sections["rotors"], "rotors", problems) if "rotors" in sections else None
-    if problems or control is None:
+    body = _parameters(BodyParameters, sections, "body", problems)
+    control = _parameters(ControlParameters, sections, "control", problems) if "wheels" not in sections else None
+    rotors = _parameters(RotorParameters, sections, "rotors", problems) if "rotors" in sections else None
+    wheels = _parameters(WheelParameters, sections, "wheels", problems) if "wheels" in sections else None
+    if problems or body is None:
         raise ModelError("\n".join([*problems, f"File: {path}"]))
-    return VehicleModel(name=name, mjcf_path=folder / f"{name}.xml", control=control, rotors=rotors)
+    mjcf_path = folder / f"{name}.xml"
+    return VehicleModel(name=name, mjcf_path=mjcf_path, body=body, control=control, rotors=rotors, wheels=wheels)
 
 
 def _parameters(
-    kind: type[Parameters], entries: dict[str, Any], section: str, problems: list[str]
+    kind: type[Parameters], sections: dict[str, Any], section: str, problems: list[str]
 ) -> Parameters | None:
+    entries: dict[str, Any] = sections.get(section, {})
     expected = {f.name for f in fields(kind)}
     found = [f"{section}.{key}: expected a parameter, was missing." for key in sorted(expected - entries.keys())]
     found += [f"{section}.{key}: expected one of {sorted(expected)}." for key in sorted(entries.keys() - expected)]

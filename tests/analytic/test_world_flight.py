@@ -41,7 +41,7 @@ class FreeBody:
         data = self.data
         done, unsound = fly_substeps_inplace(
             0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, data.qpos, data.qvel,
-            data.qfrc_applied, data.qfrc_constraint, self.wind, np.zeros(3), 0.25, step_address(),
+            data.qfrc_applied, data.qfrc_constraint, data.sensordata, self.wind, np.zeros(3), 0.25, step_address(),
             self.scene.model._address, data._address,
         )  # fmt: skip
         assert (done, unsound) == (n_substeps, -1)

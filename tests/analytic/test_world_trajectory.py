@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.world.trajectory import Limits, fly_at, fly_to, stay_at
+from gslcosim.world.trajectory import Limits, fly_at, fly_through, fly_to, stay_at
 from gslcosim.world.trajectory_kernels import (
     peak_speed_and_acceleration,
     polynomial_at,
     rest_to_rest_duration,
     set_quartic_to_velocity_inplace,
-    set_quintic_to_rest_inplace,
+    set_quintic_inplace,
 )
 
 TICK_NS = 100_000_000
@@ -39,7 +39,7 @@ def test_rest_to_rest_peaks_reach_the_tighter_limit_exactly(distance_m):
 
 def test_sampled_peaks_are_within_half_a_percent_of_the_closed_form():
     coefficients = np.empty((3, 6))
-    set_quintic_to_rest_inplace(coefficients, at_rest((0.0, 0.0, 0.0)), np.array([3.0, 0.0, 4.0]), 2.0)
+    set_quintic_inplace(coefficients, at_rest((0.0, 0.0, 0.0)), at_rest((3.0, 0.0, 4.0)), 2.0)
     speed, acceleration = peak_speed_and_acceleration(coefficients, 2.0)
     assert speed == pytest.approx(15.0 / 8.0 * 5.0 / 2.0, rel=5e-3)
     assert acceleration == pytest.approx(10.0 / math.sqrt(3.0) * 5.0 / 4.0, rel=5e-3)
@@ -47,12 +47,13 @@ def test_sampled_peaks_are_within_half_a_percent_of_the_closed_form():
 
 def test_the_quintic_meets_start_and_end():
     start = np.array([[1.0, -2.0, 3.0], [0.5, 0.1, -0.4], [0.3, -0.2, 1.0]])
+    wanted = np.array([[4.0, 4.0, 4.0], [-0.3, 0.2, 0.6], [0.5, -1.0, 0.2]])
     coefficients = np.empty((3, 6))
-    set_quintic_to_rest_inplace(coefficients, start, np.array([4.0, 4.0, 4.0]), 3.0)
+    set_quintic_inplace(coefficients, start, wanted, 3.0)
     begin = np.array([polynomial_at(coefficients, i, 0.0)[:3] for i in range(3)]).T
     end = np.array([polynomial_at(coefficients, i, 3.0)[:3] for i in range(3)]).T
     assert begin == pytest.approx(start, abs=1e-12)
-    assert end == pytest.approx(at_rest((4.0, 4.0, 4.0)), abs=1e-12)
+    assert end == pytest.approx(wanted, abs=1e-12)
 
 
 def test_a_stop_covers_half_of_speed_times_duration():
@@ -92,3 +93,23 @@ def test_after_its_end_a_trajectory_rests_or_flies_on():
     a, b = cruise.state_at(100, TICK_NS), cruise.state_at(110, TICK_NS)
     assert (b[0] - a[0]).tolist() == pytest.approx([0.5, 0.0, 0.0])
     assert stay_at((1.0, 2.0, 3.0), 7).state_at(7, TICK_NS)[0].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_state_that_is_flown_through_is_met_at_its_time():
+    """With its acceleration at the very end, and at constant velocity after it."""
+    end = np.array([[2.0, 1.0, 0.0], [0.0, 0.8, 0.0], [-0.4, 0.0, 0.0]])
+    leg = fly_through(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 3, least_s=4.0, step_s=0.1)
+    assert leg.duration_s == pytest.approx(4.0)
+    assert leg.is_over(43, TICK_NS)
+    assert not leg.is_over(42, TICK_NS)
+    assert leg.state_at(43, TICK_NS) == pytest.approx(end)
+    assert leg.state_at(53, TICK_NS) == pytest.approx(np.array([[2.0, 1.8, 0.0], [0.0, 0.8, 0.0], [0.0] * 3]))
+
+
+def test_a_state_that_comes_too_soon_is_reached_later_within_the_limits():
+    end = np.array([[5.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0] * 3])
+    leg = fly_through(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 0, least_s=0.5, step_s=0.1)
+    speed, acceleration = peak_speed_and_acceleration(leg.coefficients, leg.duration_s)
+    assert speed <= 1.0 * 1.02
+    assert acceleration <= 2.0 * 1.02
+    assert leg.duration_s * 10 == pytest.approx(round(leg.duration_s * 10))

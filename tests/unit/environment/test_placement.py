@@ -187,6 +187,6 @@ def test_a_missing_environment_folder_is_a_problem_of_its_path(tmp_path):
 def test_vehicle_sizes_are_those_of_the_vehicle_models(name):
     vehicle = load_vehicle(name)
     hull = vehicle.body_spec().compile().geom("hull")
-    assert VEHICLE_RADIUS_M[name] == vehicle.control.radius_m
+    assert VEHICLE_RADIUS_M[name] == vehicle.body.radius_m
     # A box has its half height last, a ball has only a radius.
     assert VEHICLE_HALF_HEIGHT_M[name] == pytest.approx(hull.size[2] or hull.size[0])

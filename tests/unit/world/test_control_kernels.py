@@ -6,18 +6,27 @@ import pytest
 from gslcosim.frames import world_from_body_rotation
 from gslcosim.world import records
 from gslcosim.world.control_kernels import (
-    attitude_wrench,
+    attitude_of_force,
+    attitude_torque,
     axis_acceleration_inplace,
     limited_specific_force,
     reference_at,
     rotation_from_quaternion,
     rotor_speed_command,
+    thrust_along,
 )
 from gslcosim.world.rotor_kernels import rotor_wrench
 from gslcosim.world.trajectory import Trajectory
 
 LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 G = 9.81
+
+
+def attitude_wrench(vehicle, R, *numbers, yaw=0.0):
+    """Thrust and torque that turn the thrust axis to a force: from rates, force and jerk, as position control does."""
+    omega, force, jerk = numbers[:3], numbers[3:6], numbers[6:9]
+    R_d, omega_d = attitude_of_force(*force, *jerk, yaw, 0.0)
+    return (thrust_along(vehicle, R, *force), *attitude_torque(vehicle, R, *omega, R_d, omega_d))
 
 
 def state_record():

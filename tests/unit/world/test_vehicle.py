@@ -26,7 +26,7 @@ def test_models_of_the_scenario_are_the_folders():
 @pytest.mark.parametrize("name", MODELS)
 def test_the_sizes_that_scenarios_are_checked_with_are_the_vehicles(name, make_room):
     scene = build_scene(make_room(), [("beetle", load_vehicle(name))], 0.004)
-    assert load_vehicle(name).control.radius_m == VEHICLE_RADIUS_M[name]
+    assert load_vehicle(name).body.radius_m == VEHICLE_RADIUS_M[name]
     assert scene.half_height_m == pytest.approx((VEHICLE_HALF_HEIGHT_M[name],))
 
 
@@ -41,7 +41,7 @@ def write_model(tmp_path, monkeypatch, change):
 
 def test_all_problems_of_a_parameter_file_come_in_one_error(tmp_path, monkeypatch):
     def change(entries):
-        del entries["control"]["radius_m"]
+        del entries["body"]["radius_m"]
         entries["rotors"]["wingspan_m"] = {"value": 1.0, "origin": "none"}
         del entries["control"]["max_tilt_rad"]["origin"]
 
@@ -49,8 +49,7 @@ def test_all_problems_of_a_parameter_file_come_in_one_error(tmp_path, monkeypatc
     with pytest.raises(ModelError) as error:
         load_vehicle("iris")
     assert all(
-        name in str(error.value)
-        for name in ("control.radius_m", "rotors.wingspan_m", "max_tilt_rad: expected an origin")
+        name in str(error.value) for name in ("body.radius_m", "rotors.wingspan_m", "max_tilt_rad: expected an origin")
     )
 
 

@@ -189,3 +189,55 @@ def test_wind_of_another_type_is_refused(make_scenario, make_room):
     wind = dataclasses.replace(room.wind, velocity_m_s=room.wind.velocity_m_s.astype(np.float64))
     with pytest.raises(ModelError, match="wind: expected contiguous float32, was float64"):
         WorldCore(make_scenario(), dataclasses.replace(room, wind=wind))
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "text"),
+    [
+        ({"start_m": (4.8, 5.5, 0.1)}, r"agent_0.vehicle.start_m: .* was 0.0\d\d m inside crate"),
+        ({"start_m": (0.2, 5.5, 0.1)}, r"agent_0.vehicle.start_m: .* was 0.0\d\d m inside wall_west"),
+        ({"model": "rover", "start_m": (4.8, 5.5, 0.1)}, r"agent_0.vehicle.start_m: .* was 0.0\d\d m inside crate"),
+    ],
+)
+def test_a_start_that_reaches_into_something_is_refused(make_scenario, make_room, vehicle, text):
+    """The place itself is free: only the hull is not."""
+    with pytest.raises(ScenarioError, match=text):
+        WorldCore(make_scenario(vehicle), make_room(obstacles=[CRATE]))
+
+
+def test_hulls_that_overlap_are_refused_however_their_centres_are(make_scenario, make_room):
+    with pytest.raises(ScenarioError, match=r"expected at least 0\.647 m from agent_0's vehicle, was 0\.50"):
+        WorldCore(make_scenario({}, {"model": "rover", "start_m": (3.5, 3.0, 0.1)}), make_room())
+
+
+def test_only_the_last_of_many_commands_counts(make_pilot):
+    """The world takes one command of an agent a tick; a thousand at once never come so far (see the gate's tests)."""
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(45)
+    for i in range(1000):
+        place = (5.0 + i % 7, 4.0 + i % 3, 2.0 + i % 2)
+        command = Command(tick=pilot.tick, kind="waypoint", position_world_m=place)
+        pilot.core._missions[0].begin_tick(pilot.tick + 1, command)
+    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (4.0, 6.0, 3.0)})
+    body = pilot.run_until(lambda body: body.phase == "holding")
+    assert body.position_world_m == pytest.approx((4.0, 6.0, 3.0), abs=0.05)
+
+
+def test_a_quadrotor_on_its_back_says_so_and_refuses(make_pilot):
+    pilot = make_pilot(mode="lockstep")
+    pilot.run(45)
+    pilot.core.data.qpos[:7] = (3.0, 3.0, 0.06, 0.0, 1.0, 0.0, 0.0)
+    pilot.core.data.qvel[:6] = 0.0
+    body = pilot.run_until(lambda body: body.rejected_command)
+    assert "was lying on its side or back" in body.rejected_command
+    assert body.phase == "on_ground"
+    assert "lying" in pilot.step(agent_0={"kind": "take_off"}).rejected_command
+    assert pilot.run(10).position_world_m[2] < 0.2
+
+
+def test_the_tracking_error_is_the_way_to_the_reference(make_pilot):
+    pilot = make_pilot()
+    assert pilot.body().tracking_error_m is None
+    pilot.run(20)
+    reference_m = pilot.core._missions[0].trajectory.state_at(20, 100_000_000)[0]
+    assert pilot.body().tracking_error_m == pytest.approx(math.dist(pilot.body().position_world_m, reference_m))
