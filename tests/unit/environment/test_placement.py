@@ -1,22 +1,17 @@
 """Places of sources and vehicles: what is refused, why, and which place is offered instead."""
 
-from typing import get_args
-
 import numpy as np
 import pytest
 
 from gslcosim.environment.model import Cell, WindFrames
 from gslcosim.environment.placement import (
-    VEHICLE_HALF_HEIGHT_M,
-    VEHICLE_RADIUS_M,
     nearest_free_point_m,
     problems_of_places,
     problems_of_places_in,
 )
 from gslcosim.environment.room import build_room, with_wind
 from gslcosim.environment.store import save_environment
-from gslcosim.scenario.models import Scenario, VehicleSpec
-from gslcosim.world.vehicle import load_vehicle
+from gslcosim.scenario.models import Scenario
 
 SHELF = {"name": "shelf", "min_m": [4.0, 2.0, 0.0], "max_m": [6.0, 3.0, 2.0]}
 
@@ -181,12 +176,3 @@ def test_a_missing_environment_folder_is_a_problem_of_its_path(tmp_path):
     (problem,) = problems_of_places(scenario(environment={"path": "nowhere"}), scenario_dir=tmp_path)
     assert (problem.path, problem.found) == ("environment.path", "nowhere")
     assert "no such folder" in problem.remedy
-
-
-@pytest.mark.parametrize("name", get_args(VehicleSpec.model_fields["model"].annotation))
-def test_vehicle_sizes_are_those_of_the_vehicle_models(name):
-    vehicle = load_vehicle(name)
-    hull = vehicle.body_spec().compile().geom("hull")
-    assert VEHICLE_RADIUS_M[name] == vehicle.body.radius_m
-    # A box has its half height last, a ball has only a radius.
-    assert VEHICLE_HALF_HEIGHT_M[name] == pytest.approx(hull.size[2] or hull.size[0])

@@ -6,7 +6,7 @@ import yaml
 
 from gslcosim.environment.placement import VEHICLE_HALF_HEIGHT_M, VEHICLE_RADIUS_M
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models import VehicleSpec
+from gslcosim.scenario.models import ROVER_HEIGHT_M, VehicleSpec
 from gslcosim.world import records, vehicle
 from gslcosim.world.scene import build_scene
 from gslcosim.world.vehicle import VEHICLES_DIR, load_vehicle
@@ -28,6 +28,11 @@ def test_the_sizes_that_scenarios_are_checked_with_are_the_vehicles(name, make_r
     scene = build_scene(make_room(), [("beetle", load_vehicle(name))], 0.004)
     assert load_vehicle(name).body.radius_m == VEHICLE_RADIUS_M[name]
     assert scene.half_height_m == pytest.approx((VEHICLE_HALF_HEIGHT_M[name],))
+
+
+def test_the_height_of_a_rover_in_scenarios_is_the_rovers(make_room):
+    scene = build_scene(make_room(), [("beetle", load_vehicle("rover"))], 0.004)
+    assert scene.half_height_m == pytest.approx((ROVER_HEIGHT_M,))
 
 
 def write_model(tmp_path, monkeypatch, change):
