@@ -125,6 +125,10 @@ def load_npy(path: Path) -> NDArray[Any]:
         raise data_error(path, "a whole numpy array", f"{n_bytes} bytes that are not ({error})") from error
     if not isinstance(mapped, np.ndarray):
         raise data_error(path, "one numpy array", "an archive of them")
+    # Bytes doubled in the middle shift all that follow, and leave some over.
+    n_left = path.stat().st_size - getattr(mapped, "offset", 0) - mapped.nbytes
+    if n_left:
+        raise data_error(path, "a numpy array and nothing else", f"{n_left} bytes more")
     # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
     return np.asarray(mapped)
 
