@@ -26,7 +26,11 @@ def openfoam_or_skip():
         pytest.skip(str(error))
 
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.slow]
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.slow,
+    pytest.mark.timeout(600),
+]  # compiling takes long on a busy machine
 
 
 @pytest.fixture
