@@ -103,7 +103,7 @@ def _add_u_flux_y(u, v, i, j, row):
 @numba.njit(cache=True, nogil=True, inline="always")
 def _add_v_flux_x(u, v, i, j, row):
     half = np.float32(0.5)
-    for k in range(LOW, u.shape[2] - HIGH):
+    for k in range(LOW, v.shape[2] - HIGH):
         speed = half * (u[i, j - 1, k] + u[i, j, k])
         row[k] += speed * upwind_value(speed, v[i - 2, j, k], v[i - 1, j, k], v[i, j, k], v[i + 1, j, k])
 
@@ -193,13 +193,16 @@ def advance_u(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
     y_high = np.zeros(nz, np.float32)
     z = np.zeros(nz, np.float32)
     rate = np.zeros(nz, np.float32)
-    for j in range(LOW, ny - HIGH):
-        _u_flux_x(u, nu, per_cell, LOW - 1, j, x_low[j])
-    for i in range(LOW, nx - HIGH + 1):
+    # The fluxes before the first layer come from the same loop as the others: written out beside it, they keep the
+    # compiler from vectorising the whole kernel (measured: 3 times the time).
+    for i in range(LOW - 1, nx - HIGH + 1):
         _xy_stress(u, v, nu, per_cell, i, LOW, y_low, n_k)
         _add_u_flux_y(u, v, i, LOW, y_low)
         for j in range(LOW, ny - HIGH):
             _u_flux_x(u, nu, per_cell, i, j, x_high)
+            if i < LOW:
+                x_low[j, :] = x_high
+                continue
             _xy_stress(u, v, nu, per_cell, i, j + 1, y_high, n_k)
             _add_u_flux_y(u, v, i, j + 1, y_high)
             _xz_stress(u, w, nu, per_cell, i, j, z)
@@ -227,14 +230,14 @@ def advance_v(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
     y_high = np.zeros(nz, np.float32)
     z = np.zeros(nz, np.float32)
     rate = np.zeros(nz, np.float32)
-    for j in range(LOW, ny - HIGH + 1):
-        _xy_stress(u, v, nu, per_cell, LOW, j, x_low[j], n_k)
-        _add_v_flux_x(u, v, LOW, j, x_low[j])
-    for i in range(LOW, nx - HIGH):
+    for i in range(LOW - 1, nx - HIGH):
         _v_flux_y(v, nu, per_cell, i, LOW - 1, y_low)
         for j in range(LOW, ny - HIGH + 1):
             _xy_stress(u, v, nu, per_cell, i + 1, j, x_high, n_k)
             _add_v_flux_x(u, v, i + 1, j, x_high)
+            if i < LOW:
+                x_low[j, :] = x_high
+                continue
             _v_flux_y(v, nu, per_cell, i, j, y_high)
             _yz_stress(v, w, nu, per_cell, i, j, z)
             _add_v_flux_z(v, w, i, j, z)
@@ -261,15 +264,15 @@ def advance_w(u, v, w, pressure, nu, coefficient, base, dt_s, cell_m, stage_weig
     y_high = np.zeros(nz, np.float32)
     z = np.zeros(nz, np.float32)
     rate = np.zeros(nz, np.float32)
-    for j in range(LOW, ny - HIGH):
-        _xz_stress(u, w, nu, per_cell, LOW, j, x_low[j])
-        _add_w_flux_x(u, w, LOW, j, x_low[j])
-    for i in range(LOW, nx - HIGH):
+    for i in range(LOW - 1, nx - HIGH):
         _yz_stress(v, w, nu, per_cell, i, LOW, y_low)
         _add_w_flux_y(v, w, i, LOW, y_low)
         for j in range(LOW, ny - HIGH):
             _xz_stress(u, w, nu, per_cell, i + 1, j, x_high)
             _add_w_flux_x(u, w, i + 1, j, x_high)
+            if i < LOW:
+                x_low[j, :] = x_high
+                continue
             _yz_stress(v, w, nu, per_cell, i, j + 1, y_high)
             _add_w_flux_y(v, w, i, j + 1, y_high)
             _w_flux_z(w, nu, per_cell, i, j, z)
