@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test check bench bench-agents soak golden docs contract setup
+.PHONY: run test check bench bench-agents bench-robots soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -27,6 +27,10 @@ bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 
 bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=--quick for less
 	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)
+
+bench-robots: .venv/ready-dev  # how fast vehicles fly and drive, beside targets, and how accurately
+	$(BIN)/python tests/benchmarks/bench_robots.py
+	$(BIN)/python docs/studies/robot_accuracy.py
 
 plume-statistics: .venv/ready-dev   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
 	$(BIN)/python docs/studies/plume_statistics.py --plot plume_statistics.png

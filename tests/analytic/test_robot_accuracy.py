@@ -1,0 +1,41 @@
+"""What vehicles promise, line by line of the report in docs/studies, and the report itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+
+def test_a_vehicle_is_as_accurate_as_promised(figure):
+    assert figure.measure() <= figure.target
+
+
+def test_the_ellipse_is_passed_at_constant_speed_along_its_tangent(robot_study):
+    """Differences of places are velocities, and those of velocities accelerations."""
+    ellipse = robot_study.Ellipse(centre_m=(7.0, 5.0, 2.0), a_m=2.0, b_m=1.0, speed_m_s=1.0)
+    h = 1e-3
+    for t_s in (0.3, 2.0, 5.5):
+        before, here, after = (ellipse.state_at(t) for t in (t_s - h, t_s, t_s + h))
+        assert math.hypot(*here[1]) == pytest.approx(1.0)
+        for order in range(2):
+            slope = (np.array(after[order]) - np.array(before[order])) / (2 * h)
+            assert slope == pytest.approx(np.array(here[order + 1]), abs=2e-3)
+    assert ellipse.state_at(ellipse.lap_s)[0] == pytest.approx(ellipse.state_at(0.0)[0], abs=1e-6)
+    # Ramanujan's second approximation of the perimeter.
+    assert ellipse.lap_s == pytest.approx(9.688448, rel=1e-6)
+
+
+def test_the_circle_through_points_is_found(robot_study):
+    angles = np.linspace(0.2, 2.0, 30)
+    points = np.column_stack([3.0 + 1.5 * np.cos(angles), -2.0 + 1.5 * np.sin(angles)])
+    assert robot_study._radius_of(points) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(("measured", "code"), [(0.01, 0), (0.03, 1)])
+def test_the_report_says_what_is_missed(robot_study, monkeypatch, capsys, measured, code):
+    figure = robot_study.Figure(name="hover", target=0.02, unit="m", measure=lambda: measured)
+    monkeypatch.setattr(robot_study, "figures", lambda: [figure])
+    with pytest.raises(SystemExit) as ended:
+        robot_study.main()
+    assert ended.value.code == code
+    assert ("missed" in capsys.readouterr().out) == bool(code)
