@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
+from gslcosim.fields.buoyancy import Buoyancy
 from gslcosim.fields.filaments import FilamentPlume, GasSource
 from gslcosim.fields.release import ConstantRelease
 
@@ -15,7 +16,10 @@ ORIGIN_M = (-0.4, 1.0, 0.3)
 
 step_s = st.floats(0.001, 100.0)
 diffusivity_m2_s = st.floats(0.0, 0.5)
-wind_m_s = st.tuples(*[st.floats(-5.0, 5.0) for _ in range(3)])
+wind_m_s = st.tuples(*[st.floats(-20.0, 20.0) for _ in range(3)])
+buoyancy_m2_s = st.floats(-1.0, 1.0)
+# Where in its cell a source is: anywhere, but also on faces, edges and corners.
+place_frac = st.tuples(*[st.sampled_from([0.0, 1e-12, 0.5, 1.0 - 1e-12]) for _ in range(3)])
 
 
 def room(cells, wind):
@@ -32,12 +36,20 @@ def room(cells, wind):
     )
 
 
-def plume_in(environment, source_cell, step_s, diffusivity_m2_s, seed):
+def plume_in(environment, source_cell, step_s, diffusivity_m2_s, seed, *, place=(0.5, 0.5, 0.5), buoyancy=0.0):
+    place_m = np.array(ORIGIN_M) + np.add(source_cell, place) * CELL_M
+    # What rounding puts on the other side of a face goes back into its cell.
+    while (environment.grid.cell_of(place_m) != source_cell).any():
+        is_above = environment.grid.cell_of(place_m) > source_cell
+        is_below = environment.grid.cell_of(place_m) < source_cell
+        place_m = np.where(is_above, np.nextafter(place_m, -np.inf), place_m)
+        place_m = np.where(is_below, np.nextafter(place_m, np.inf), place_m)
     source = GasSource(
-        position_world_m=tuple((np.array(ORIGIN_M) + (np.array(source_cell) + 0.5) * CELL_M).tolist()),
+        position_world_m=tuple(place_m.tolist()),
         release=ConstantRelease(filaments_per_s=40.0 / step_s),
         sigma_m=0.1,
         amount_mol=1e-6,
+        buoyancy=Buoyancy(coefficient=buoyancy, power=1),
     )
     return FilamentPlume(
         environment, (source,), step_s=step_s, growth_m2_s=0.001, diffusivity_m2_s=diffusivity_m2_s, seed=seed
@@ -50,14 +62,20 @@ def cells_of(plume, environment):
 
 @settings(deadline=None)
 @given(
-    seed=st.integers(0, 10**6), solid_frac=st.floats(0.0, 0.6), wind=wind_m_s, step=step_s, diffusivity=diffusivity_m2_s
+    seed=st.integers(0, 10**6),
+    solid_frac=st.floats(0.0, 0.6),
+    wind=wind_m_s,
+    step=step_s,
+    diffusivity=diffusivity_m2_s,
+    place=place_frac,
+    buoyancy=buoyancy_m2_s,
 )
-def test_no_filament_is_ever_in_a_solid_cell_or_outside(seed, solid_frac, wind, step, diffusivity):
-    """Among random solid cells; in a closed room nothing is lost either."""
+def test_no_filament_is_ever_in_a_solid_cell_or_outside(seed, solid_frac, wind, step, diffusivity, place, buoyancy):
+    """Among random solid cells, from faces and corners too; in a closed room nothing is lost either."""
     cells = (np.random.default_rng(seed).random(SHAPE) < solid_frac).astype(np.uint8)
     cells[4, 3, 2] = Cell.FREE
     environment = room(cells, wind)
-    plume = plume_in(environment, (4, 3, 2), step, diffusivity, seed)
+    plume = plume_in(environment, (4, 3, 2), step, diffusivity, seed, place=place, buoyancy=buoyancy)
     for _ in range(4):
         plume.advance()
         where = cells_of(plume, environment)
@@ -73,15 +91,17 @@ def test_no_filament_is_ever_in_a_solid_cell_or_outside(seed, solid_frac, wind, 
     wind=wind_m_s,
     step=step_s,
     diffusivity=diffusivity_m2_s,
+    place=place_frac,
+    buoyancy=buoyancy_m2_s,
 )
-def test_a_wall_of_one_cell_keeps_all_gas_on_its_side(seed, axis, wind, step, diffusivity):
+def test_a_wall_of_one_cell_keeps_all_gas_on_its_side(seed, axis, wind, step, diffusivity, place, buoyancy):
     cells = np.zeros(SHAPE, np.uint8)
     i_wall = SHAPE[axis] // 2
     cells[(slice(None),) * axis + (i_wall,)] = Cell.SOLID
     environment = room(cells, wind)
     source_cell = [4, 3, 2]
-    source_cell[axis] = 0
-    plume = plume_in(environment, source_cell, step, diffusivity, seed)
+    source_cell[axis] = i_wall - 1
+    plume = plume_in(environment, source_cell, step, diffusivity, seed, place=place, buoyancy=buoyancy)
     plume.advance(4)
     assert (cells_of(plume, environment)[:, axis] < i_wall).all()
 
@@ -99,6 +119,18 @@ def test_what_is_born_is_in_the_room_or_has_left_for_good(seed, wind, step, diff
         plume.advance()
         assert plume.n <= before + 40
         assert (cells[tuple(cells_of(plume, environment).T)] == Cell.FREE).all()
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 10**6), wind=wind_m_s, step=step_s, diffusivity=diffusivity_m2_s, place=place_frac)
+def test_cells_that_meet_at_an_edge_or_a_corner_are_no_door(seed, wind, step, diffusivity, place):
+    """A stair of solid cells that touch at edges and corners only, and air cells that do so: no way through."""
+    i, j, k = np.indices(SHAPE)
+    cells = ((i + j + k) % 2).astype(np.uint8)
+    environment = room(cells, wind)
+    plume = plume_in(environment, (4, 2, 2), step, diffusivity, seed, place=place)
+    plume.advance(4)
+    assert (cells_of(plume, environment) == (4, 2, 2)).all()
 
 
 def test_well_mixed_gas_stays_well_mixed():

@@ -1,5 +1,8 @@
 """The length of a gas step, and how sources are put together, do not change the gas."""
 
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +11,7 @@ from hypothesis import strategies as st
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
 from gslcosim.fields.concentration import mixing_ratio_ppm_at
+from gslcosim.fields.filament_index import FilamentIndex
 from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
 from gslcosim.fields.release import ConstantRelease
 
@@ -100,3 +104,28 @@ def test_gas_is_conserved_while_nothing_leaves(rate, n_steps, step):
     released_mol = int(rate * n_steps * step + 1e-9) * amount_of_filament_mol(10.0, 0.1)
     held = plume.filaments
     assert held.amount_mol[held.source_index].sum() == pytest.approx(released_mol, rel=1e-12)
+
+
+def plume_and_readings(seed):
+    """Places and sizes of a plume's filaments, and readings among them through the index."""
+    held = plume_after(6.0, step_s=0.1, sources=(source_at(rate=200.0),), seed=seed).filaments
+    index = FilamentIndex(min_m=(-10.0, -10.0, -7.5), max_m=(20.0, 10.0, 7.5))
+    index.build(held)
+    points_m = np.random.default_rng(seed).uniform(-1.0, 2.0, (50, 3))
+    return np.vstack([held.position_world_m, index.mixing_ratio_ppm_at(points_m).repeat(3, axis=1)])
+
+
+@pytest.mark.parametrize("n_threads", [1, numba.config.NUMBA_NUM_THREADS])
+def test_the_number_of_threads_does_not_change_the_gas(n_threads):
+    """To the bit, with as many threads as there may be within a plume, and with eight plumes side by side."""
+    alone = plume_and_readings(7)
+    before = numba.get_num_threads()
+    numba.set_num_threads(n_threads)
+    try:
+        with ThreadPoolExecutor(8) as threads:
+            together = list(threads.map(plume_and_readings, [7, 8] * 4))
+    finally:
+        numba.set_num_threads(before)
+    for same, other in zip(together[::2], together[1::2], strict=True):
+        np.testing.assert_array_equal(same, alone)
+        assert not np.array_equal(other, alone)

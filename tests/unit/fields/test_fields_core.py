@@ -98,6 +98,23 @@ def test_the_plume_has_its_age_at_tick_0_and_grows_older_by_a_tick_each(scenario
     assert ages_s == pytest.approx([20.0, 20.1, 20.2])
 
 
+@pytest.mark.parametrize("tick_ms", [20, 100, 200])
+def test_the_length_of_the_tick_does_not_change_the_gas(scenario_with, room, tick_ms):
+    """The gas has a step of its own: after two seconds filaments are the same to the bit, readings but for the order
+    in which they sum.
+    """
+    places_m, ppm = [], []
+    for ms in (100, tick_ms):
+        plain = scenario_with(eddy_diffusivity_m2_s=0.01).model_dump(by_alias=True)
+        core = FieldsCore(Scenario.model_validate(plain | {"tick_ms": ms}), room)
+        samples = run(core, 2000 // ms + 1)[-1][keys.SAMPLES].samples
+        places_m.append(core.gas.filaments.position_world_m.copy())
+        ppm.append([sample.gases[0].mixing_ratio_ppm for sample in samples])
+    np.testing.assert_array_equal(*places_m)
+    np.testing.assert_allclose(*ppm, rtol=1e-12)
+    assert min(ppm[0]) > 0.01
+
+
 def test_samples_are_the_fields_at_each_turned_mount(scenario_with, room):
     core = FieldsCore(scenario_with(), room)
     core.reset(Episode(seed=3))
