@@ -66,6 +66,12 @@ def problems_of_places_in(scenario: Scenario, room: Room | Environment) -> list[
     return problems + _problems_of_neighbours(scenario.agents)
 
 
+def problems_of_points(points_m: Sequence[tuple[str, Vec3]], room: Room | Environment) -> list[Problem]:
+    """Return a problem for each point, given with the place where it was written, that is not in a room's air."""
+    problems = (_problem_of_point(point_m, room, path) for path, point_m in points_m)
+    return [problem for problem in problems if problem]
+
+
 def random_free_point_m(
     room: Room | Environment, rng: np.random.Generator, *, heights_m: tuple[float, float] = (0.5, 3.0)
 ) -> Vec3:

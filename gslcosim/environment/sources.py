@@ -3,7 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from gslcosim.environment.gsl_bench import load_gsl_bench_room
+from gslcosim.environment.gaden import import_gaden, load_gaden_room
+from gslcosim.environment.gsl_bench import import_gsl_bench, load_gsl_bench_room
+from gslcosim.environment.model import Environment
 from gslcosim.environment.openings import face_of, problems_of_inflow
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.environment.room import Room, build_room, problems_of_room
@@ -22,6 +24,12 @@ def folder_of(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
     assert spec.folder_key is not None, "a layout has no folder"
     folder = Path(getattr(spec, spec.folder_key)).expanduser()
     return folder if folder.is_absolute() or scenario_dir is None else scenario_dir / folder
+
+
+def wind_file(wind: WindSpec, scenario_dir: Path | None) -> Path:
+    """Return the file or folder that a scenario's wind is read from."""
+    assert wind.file is not None, "only solver: {file: …} names one"
+    return (scenario_dir or Path()) / Path(wind.file).expanduser()
 
 
 def room_of(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> Room:
@@ -64,6 +72,21 @@ def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
     return [problem for face in faces[:1] if face for problem in problems_of_inflow(wind.inlet_velocity_m_s, face)]
 
 
+def stored_environment(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> Environment:
+    """Return the environment of an imported folder with the wind it brings, which is still where it brings none.
+
+    Raises:
+        EnvironmentDataError: a file is damaged, or the wind does not fit the room.
+
+    Warns:
+        NoWindWarning: there is no wind.
+        WindGapsWarning: there is, with gaps.
+    """
+    assert spec.folder_key in _IMPORTERS, "layouts bring no wind"
+    folder = folder_of(spec, scenario_dir)
+    return _IMPORTERS[spec.folder_key](folder, period_s=wind.period_s, is_looping=wind.loops)
+
+
 def with_inflow(room: Room, wind: WindSpec) -> Room:
     """Return a room whose inlets without a velocity of their own have that of the scenario's wind."""
     openings = tuple(
@@ -75,8 +98,9 @@ def with_inflow(room: Room, wind: WindSpec) -> Room:
     return replace(room, openings=openings)
 
 
-_MAKERS = {"gsl_bench": "GSL-Bench or AutoGDM+"}
-_READERS = {"gsl_bench": load_gsl_bench_room}
+_MAKERS = {"gsl_bench": "GSL-Bench or AutoGDM+", "gaden": "GADEN"}
+_READERS = {"gsl_bench": load_gsl_bench_room, "gaden": load_gaden_room}
+_IMPORTERS = {"gsl_bench": import_gsl_bench, "gaden": import_gaden}
 
 
 def _read_room(spec: EnvironmentSpec, scenario_dir: Path | None) -> Room:

@@ -46,7 +46,7 @@ def generate_environment(
     progress = progress or no_progress
     progress("Building the room", 0.0)
     room = room_of(spec, wind, scenario_dir=scenario_dir)
-    made = wind_of(room, wind, progress=progress)
+    made = wind_of(room, spec, wind, scenario_dir=scenario_dir, progress=progress)
     notices = (*room.notices, *made.notices)
     for notice in notices:
         _log.info(notice)

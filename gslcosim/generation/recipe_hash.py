@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim._kernel_cache import PACKAGE_DIR
-from gslcosim.environment.sources import folder_of
+from gslcosim.environment.sources import folder_of, wind_file
 from gslcosim.environment.store import FORMAT
 from gslcosim.scenario.models import EnvironmentSpec, WindSpec
 
 # Of the wind, what has no meaning where none is solved.
-_OF_SOLVING = {"turbulence", "courant", "end_time_s", "average_from_s"}
+_OF_SOLVING = {
+    "inlet_profile", "inlet_schedule", "turbulence", "courant", "max_step_s", "end_time_s", "average_from_s",
+    "max_time_s", "save_every_s", "save_from_s",
+}  # fmt: skip
 _BLOCK = 1 << 20
 
 
@@ -32,7 +35,7 @@ def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
     for path in sources(wind):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
-    for path in _files_read(environment, scenario_dir):
+    for path in _files_read(environment, wind, scenario_dir):
         digest.update(path.name.encode())
         _update_with(digest, path)
     return digest.hexdigest()
@@ -41,6 +44,8 @@ def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
 def recipe(environment: EnvironmentSpec, wind: WindSpec) -> dict[str, Any]:
     """Return what an environment is made from as plain values."""
     wind_values = wind.model_dump(mode="json", exclude=None if wind.solves else _OF_SOLVING)
+    if wind.solver == "auto" and environment.layout is not None:
+        wind_values["solver"] = "built_in"
     packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves else {}
     made_from = environment.model_dump(mode="json", exclude_none=True)
     return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
@@ -52,9 +57,11 @@ def sources(wind: WindSpec) -> list[Path]:
     return [path for folder in folders for path in sorted((PACKAGE_DIR / folder).rglob("*.py"))]
 
 
-def _files_read(environment: EnvironmentSpec, scenario_dir: Path | None) -> Iterator[Path]:
+def _files_read(environment: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None) -> Iterator[Path]:
     if environment.folder_key is not None:
         yield from _files_in(folder_of(environment, scenario_dir))
+    if wind.file is not None:
+        yield from _files_in(wind_file(wind, scenario_dir))
 
 
 # Gas frames do not decide the wind, and are by far the most of an imported folder.

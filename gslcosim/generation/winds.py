@@ -1,7 +1,10 @@
 """The wind of a room, by whatever the scenario says it comes from."""
 
+import logging
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -9,14 +12,19 @@ from gslcosim import flow
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.model import Cell, Opening, WindFrames
 from gslcosim.environment.room import Room
-from gslcosim.scenario.models import WindSpec
+from gslcosim.environment.sources import stored_environment, wind_file
+from gslcosim.environment.wind_files import NoWindWarning, load_wind
+from gslcosim.errors import EnvironmentDataError
+from gslcosim.scenario.models import EnvironmentSpec, WindSpec
 
 Progress = Callable[[str, float], None]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MadeWind:
-    """Wind for a room; with the solver's report where the built-in one has solved it, and sentences for the user."""
+    """Wind for a room, with the solver's report where the built-in one has solved it."""
 
     frames: WindFrames
     report: flow.WindReport | None = None
@@ -27,19 +35,34 @@ def no_progress(_text: str, _fraction: float) -> None:
     """Tell nobody."""
 
 
-def wind_of(room: Room, wind: WindSpec, *, progress: Progress) -> MadeWind:
+def wind_of(
+    room: Room, spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None, progress: Progress
+) -> MadeWind:
     """Return the wind in a room.
 
     Args:
         room: Geometry, occupancy and openings.
+        spec: Where the room comes from; it may bring its wind.
         wind: What the scenario says of the wind.
+        scenario_dir: What relative paths are relative to.
         progress: Is told what is being done and how much of it is over, from 0 to 1.
 
     Raises:
         FlowError: the wind cannot be solved.
+        EnvironmentDataError: stored wind is wanted and there is none, or a file is not what it should be.
     """
     if wind.solver == "uniform":
         return MadeWind(frames=_uniform(room, wind))
+    if wind.file is not None or (spec.folder_key is not None and wind.solver in ("auto", "stored")):
+        progress("Reading the wind", 0.0)
+        stored = _stored(room, spec, wind, scenario_dir)
+        if stored is not None:
+            return stored
+    if wind.solver == "stored":
+        raise EnvironmentDataError(
+            "wind.solver: expected an environment that brings its wind, was one without. "
+            "Take built_in to solve it, or solver: {file: PATH}."
+        )
     return _solved(room, wind, progress)
 
 
@@ -64,6 +87,23 @@ def _uniform(room: Room, wind: WindSpec) -> WindFrames:
     velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
     velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
     return WindFrames(velocity_m_s=velocity_m_s)
+
+
+# Nothing when an imported folder brings no wind. Gaps in a wind are warnings to the user, and stay with the folder.
+def _stored(room: Room, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None) -> MadeWind | None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if wind.file is not None:
+            path = wind_file(wind, scenario_dir)
+            frames = load_wind(path, room.grid, occupancy=room.occupancy, period_s=wind.period_s, is_looping=wind.loops)
+        else:
+            frames = stored_environment(spec, wind, scenario_dir=scenario_dir).wind
+    if wind.file is None and any(issubclass(warning.category, NoWindWarning) for warning in caught):
+        return None
+    notices = tuple(str(warning.message) for warning in caught)
+    for notice in notices:
+        _log.warning(notice)
+    return MadeWind(frames=frames, notices=notices)
 
 
 def _solved(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:

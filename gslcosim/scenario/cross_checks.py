@@ -32,6 +32,7 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
         *_wrong_members(values),
         *_missing_programs(values, directory),
         *_missing_environment(values, directory),
+        *_missing_wind(values, directory),
         *_missing_gas_frames(values, directory),
         *_unknown_gases(values),
         *_unknown_sensors(values),
@@ -147,6 +148,18 @@ def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Pr
                 found=f"'{path}'",
                 remedy=f"There is no {'folder but a file' if folder.exists() else 'folder'} {folder.resolve()}.",
             )
+
+
+# A series of files is named by its common beginning, so only the folder is sure to be there.
+def _missing_wind(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
+    file = _block(values, "wind", "solver").get("file")
+    if isinstance(file, str) and not (path := directory / Path(file).expanduser()).parent.is_dir():
+        yield Problem(
+            path="wind.solver.file",
+            expected="a file or folder with wind",
+            found=f"'{file}'",
+            remedy=f"There is no folder {path.parent.resolve()}.",
+        )
 
 
 def _missing_gas_frames(values: dict[str, Any], directory: Path) -> Iterator[Problem]:

@@ -60,11 +60,13 @@ def _plain(value: Any) -> Any:
 
 
 def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:
-    environment = scenario.environment
+    environment, wind = scenario.environment, scenario.wind
     if (key := environment.folder_key) is not None:
         environment = environment.model_copy(update={key: _absolute(getattr(environment, key), directory)})
+    if wind.file is not None:
+        wind = wind.model_copy(update={"solver": {"file": _absolute(wind.file, directory)}})
     agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)
-    return scenario.model_copy(update={"environment": environment, "agents": agents})
+    return scenario.model_copy(update={"environment": environment, "wind": wind, "agents": agents})
 
 
 def _absolute(path: str, directory: Path) -> str:

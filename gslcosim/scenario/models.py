@@ -18,19 +18,20 @@ from gslcosim.scenario.wind_models import WindSpec as WindSpec
 
 SCHEMA = "gslcosim/scenario/1"
 # Keys of `environment` that name a folder.
-FOLDER_KEYS = ("path", "gsl_bench")
+FOLDER_KEYS = ("path", "gsl_bench", "gaden")
 
 
 class EnvironmentSpec(Spec):
     """Where the run takes place.
 
     One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
-    AutoGDM+ as `gsl_bench`.
+    AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`.
     """
 
     layout: Layout | None = None
     path: str | None = None
     gsl_bench: str | None = None
+    gaden: str | None = None
 
     @property
     def folder_key(self) -> str | None:
