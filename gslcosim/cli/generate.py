@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import math
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,10 +14,12 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json, wri
 
 if TYPE_CHECKING:
     from gslcosim.generation import Outcome
+    from gslcosim.scenario.recipes import Recipe
 
 EXAMPLES = """  gslcosim generate warehouse_complex --out hall
   gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
-  gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json"""
+  gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
+  gslcosim generate gsl_bench_3 --out study --mesh-study 0.4,0.3,0.2,0.15 --probe 5,3,2"""
 
 EXIT_NONE_MADE, EXIT_SOME_FAILED = 2, 3
 
@@ -40,7 +43,42 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help="replace one value of a scenario, as often as needed, for example wind.cell_m=0.1",
     )
+    parser.add_argument(
+        "--mesh-study",
+        type=_cells,
+        metavar="M,M,M",
+        help="solve the wind on several meshes instead, and write a table and a plot of winds at some points to DIR",
+    )
+    parser.add_argument(
+        "--probe",
+        type=_point,
+        action="append",
+        default=[],
+        metavar="X,Y,Z",
+        help="where a mesh study looks, as often as needed (default: five places across the room)",
+    )
     add_json_option(parser)
+
+
+def _cells(text: str) -> tuple[float, ...]:
+    cells_m = _numbers(text)
+    if len(cells_m) < 3 or min(cells_m) <= 0:
+        raise argparse.ArgumentTypeError(f"expected three or more lengths above 0 like 0.4,0.3,0.2, was '{text}'")
+    return cells_m
+
+
+def _point(text: str) -> tuple[float, float, float]:
+    if len(numbers := _numbers(text)) != 3:
+        raise argparse.ArgumentTypeError(f"expected three numbers like 5,3,2, was '{text}'")
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return numbers if all(math.isfinite(number) for number in numbers) else ()
 
 
 def _at_least_one(text: str) -> int:
@@ -56,6 +94,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.scenario.recipes import load_recipe
 
     recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_places)
+    if arguments.mesh_study:
+        return _study_meshes(recipe, arguments)
     orders = orders_of(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
     with _progress_bar(is_quiet=arguments.json) as report:
         outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
@@ -64,10 +104,29 @@ def _run(arguments: argparse.Namespace) -> int:
     else:
         _write_table([outcome for outcome in outcomes if outcome.error is None])
     for outcome in outcomes:
+        if not arguments.json:
+            for notice in outcome.notices:
+                write_note(f"{outcome.order.folder}: {notice}")
         if outcome.error is not None:
             write_note(f"{outcome.order.folder}: {outcome.error}")
     n_failed = sum(outcome.error is not None for outcome in outcomes)
     return 0 if not n_failed else EXIT_NONE_MADE if n_failed == len(outcomes) else EXIT_SOME_FAILED
+
+
+def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
+    from gslcosim.generation.mesh_study import study_meshes
+    from gslcosim.generation.mesh_study_report import rows_of, write_study
+
+    with _progress_bar(is_quiet=arguments.json) as report:
+        study = study_meshes(recipe, arguments.mesh_study, probes_m=arguments.probe, progress=report)
+    files = write_study(study, arguments.out)
+    if arguments.json:
+        write_json(study.as_fields())
+        return 0
+    head, *rows = rows_of(study)
+    write(table(head, rows))
+    write_note(f"Written: {', '.join(str(path) for path in files)}.")
+    return 0
 
 
 def _write_table(outcomes: "list[Outcome]") -> None:
@@ -95,6 +154,7 @@ def _as_fields(outcome: "Outcome") -> dict[str, Any]:
         "n_solid_cells": outcome.n_solid_cells,
         "content_hash": outcome.content_hash,
         "random_source_m": outcome.random_source_m,
+        "notices": list(outcome.notices),
         "error": outcome.error,
     }
 

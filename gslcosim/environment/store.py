@@ -5,6 +5,8 @@
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
     scene.xml          the boxes as MJCF, for other programs; may be absent
     top_view.png       a picture from above, for people; may be absent
+    wind_report.json   how well the built-in solver solved the wind, and wind_history.png, a plot of its steps; may be
+                       absent
 
 Arrays are numpy's own format (version 1 or newer), C order, little-endian, index order x, y, z.
 All lengths are metres in the world frame; cell (0, 0, 0) touches `grid.origin_m`.
@@ -34,6 +36,7 @@ from gslcosim.errors import EnvironmentDataError
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE, OCCUPANCY_FILE, WIND_FILE = "environment.yaml", "occupancy.npy", "wind.npy"
 SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
+REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
 
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
 _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

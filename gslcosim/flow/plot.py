@@ -2,18 +2,18 @@
 
 import importlib
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from gslcosim.errors import FlowError
 from gslcosim.flow.report import WindReport
 
 
-def plot_history(report: WindReport, path: str | Path) -> None:
+def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     """Draw divergence, pressure iterations, mass balance and kinetic energy over time, to PNG or what the suffix says.
 
     Args:
         report: Of `solve_wind_report`.
-        path: File to write.
+        path: File to write, or one that is open.
 
     Raises:
         FlowError: matplotlib, of the extra `report`, is not installed.

@@ -1,5 +1,6 @@
 """From a room to its wind: the functions that the rest of gslcosim and its users call."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
@@ -100,6 +101,7 @@ def solve_wind_report(
     settle_tolerance_frac: float = WIND_TOLERANCE_FRAC,
     save_every_s: float | None = None,
     save_from_s: float = 0.0,
+    max_step_s: float | None = None,
 ) -> WindReport:
     """Compute the wind in a room and say how well it was solved.
 
@@ -117,6 +119,7 @@ def solve_wind_report(
         settle_tolerance_frac: Largest change that counts as settled.
         save_every_s: Keep a frame of the wind at every so many seconds [s]; absent: none.
         save_from_s: Time of the first frame [s].
+        max_step_s: Largest time step, whatever the Courant number [s].
 
     Raises:
         FlowError: the case cannot be solved, or diverged; the message says what to change.
@@ -124,6 +127,8 @@ def solve_wind_report(
     _check_times(end_time_s, average_from_s, max_time_s, settle_tolerance_frac)
     if not 0 < courant <= 1:
         raise FlowError(f"courant: expected above 0 and at most 1, was {courant}.")
+    if max_step_s is not None and not max_step_s > 0:
+        raise FlowError(f"max_step_s: expected a time above 0 s, was {max_step_s}.")
     if not (np.isfinite(nu_m2_s) and nu_m2_s > 0):
         raise FlowError(f"nu_m2_s: expected a viscosity above 0 m2/s, was {nu_m2_s}; air has {AIR_NU_M2_S}.")
     domain = build_domain(free, cell_m, patches)
@@ -135,7 +140,8 @@ def solve_wind_report(
         mean = MeanFrom(domain, average_from_s)
     if save_every_s is not None:
         frames = FrameKeeper(domain, save_every_s=save_every_s, save_from_s=save_from_s, end_s=limit_s)
-    solver = FlowSolver(domain, make_model(turbulence, domain, nu_m2_s), courant=courant)
+    model = make_model(turbulence, domain, nu_m2_s)
+    solver = FlowSolver(domain, model, courant=courant, max_step_s=max_step_s or math.inf)
     if frames is not None:
         frames.start(solver)
     history = _run(solver, limit_s, watch, [o for o in (watch, mean, frames) if o is not None], progress)

@@ -71,6 +71,7 @@ class FlowSolver:
         model: TurbulenceModel,
         *,
         courant: float = 0.9,
+        max_step_s: float = math.inf,
         tolerance: float = 1e-4,
         initial_velocity: Velocity | None = None,
     ) -> None:
@@ -80,12 +81,14 @@ class FlowSolver:
             domain: Geometry and boundary conditions.
             model: Turbulence model of the same domain.
             courant: Largest (|u| + |v| + |w|) dt / h, at most 1.
+            max_step_s: Largest time step, whatever the Courant number [s].
             tolerance: Root mean square of div(u) h that a step may leave, over the reference speed.
             initial_velocity: Padded face velocities [m/s]; still air if absent.
         """
         self.domain = domain
         self.model = model
         self.courant = courant
+        self.max_step_s = max_step_s
         self.time_s = 0.0
         self.n_steps = 0
         self.velocity = initial_velocity or still_velocity(domain)
@@ -201,7 +204,7 @@ class FlowSolver:
     # would magnify what the pressure solve leaves.
     def _time_step(self, survey: _Survey, remaining_s: float) -> float:
         cell_m = self.domain.cell_m
-        limit_s = self.courant * cell_m / max(survey.speed_m_s, self.reference_speed_m_s)
+        limit_s = min(self.max_step_s, self.courant * cell_m / max(survey.speed_m_s, self.reference_speed_m_s))
         if survey.viscosity_m2_s > 0:
             limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / survey.viscosity_m2_s)
         return remaining_s / math.ceil(remaining_s / limit_s) if remaining_s < 2 * limit_s else limit_s

@@ -54,6 +54,7 @@ class Outcome:
     n_solid_cells: int | None = None
     content_hash: str | None = None
     random_source_m: Vec3 | None = None
+    notices: tuple[str, ...] = ()
     error: str | None = None
 
 
@@ -128,7 +129,7 @@ def _outcome_of(future: "Future[Outcome]", order: Order) -> Outcome:
 def _made(order: Order, progress: Progress | None = None) -> Outcome:
     started_s = time.perf_counter()
     try:
-        environment = generate_environment(
+        made = generate_environment(
             order.spec,
             order.wind,
             order.folder,
@@ -137,11 +138,12 @@ def _made(order: Order, progress: Progress | None = None) -> Outcome:
             progress=progress,
         )
         rng = stream(order.seed, "layout.random_source")
-        random_source_m = random_free_point_m(environment, rng)
+        random_source_m = random_free_point_m(made.environment, rng)
     except (GslCosimError, OSError, MemoryError) as error:
         return Outcome(
             order=order, duration_s=time.perf_counter() - started_s, error=str(error) or type(error).__name__
         )
+    environment = made.environment
     n_solid = int((environment.occupancy == Cell.SOLID).sum())
     return Outcome(
         order=order,
@@ -150,4 +152,5 @@ def _made(order: Order, progress: Progress | None = None) -> Outcome:
         n_solid_cells=n_solid,
         content_hash=environment.content_hash,
         random_source_m=random_source_m,
+        notices=made.notices,
     )

@@ -1,22 +1,35 @@
 """One environment made: room, wind, scene and picture into a folder."""
 
+import io
+import json
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gslcosim import flow
 from gslcosim.environment.grid import Vec3
 from gslcosim.environment.mjcf import mjcf_of
 from gslcosim.environment.model import Environment
 from gslcosim.environment.picture import top_view_png
 from gslcosim.environment.room import with_wind
 from gslcosim.environment.sources import room_of
-from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, save_environment
+from gslcosim.environment.store import HISTORY_FILE, PICTURE_FILE, REPORT_FILE, SCENE_FILE, save_environment
+from gslcosim.errors import FlowError
 from gslcosim.generation.recipe_hash import recipe
 from gslcosim.generation.winds import Progress, no_progress, wind_of
 from gslcosim.scenario.models import EnvironmentSpec, WindSpec
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """An environment that was made, and sentences for the user on how."""
+
+    environment: Environment
+    notices: tuple[str, ...]
 
 
 def generate_environment(
@@ -27,7 +40,7 @@ def generate_environment(
     scenario_dir: Path | None = None,
     sources_m: Sequence[Vec3] = (),
     progress: Progress | None = None,
-) -> Environment:
+) -> Made:
     """Make an environment and save it to a folder, with its scene and a picture from above; nothing is cached.
 
     Args:
@@ -51,9 +64,16 @@ def generate_environment(
     for notice in notices:
         _log.info(notice)
     environment = with_wind(room, made.frames)
-    save_with_views(environment, folder, made_from=recipe(spec, wind), notices=notices, sources_m=sources_m)
+    save_with_views(
+        environment,
+        folder,
+        made_from=recipe(spec, wind),
+        notices=notices,
+        sources_m=sources_m,
+        extras=_report_files(made.report),
+    )
     progress("Saving the environment", 1.0)
-    return environment
+    return Made(environment=environment, notices=notices)
 
 
 def save_with_views(
@@ -63,6 +83,7 @@ def save_with_views(
     made_from: Mapping[str, Any],
     notices: Sequence[str],
     sources_m: Sequence[Vec3] = (),
+    extras: Mapping[str, bytes] | None = None,
 ) -> None:
     """Save an environment with its scene for other programs and its picture for people; see `save_environment`.
 
@@ -72,12 +93,26 @@ def save_with_views(
         made_from: How it was made.
         notices: What to tell of it.
         sources_m: Sources of gas to show in the picture, world frame [m].
+        extras: Further files by name.
 
     Raises:
         EnvironmentDataError: the folder holds something else.
     """
-    extras = {
+    views = {
         SCENE_FILE: mjcf_of(environment).encode(),
         PICTURE_FILE: top_view_png(environment, sources_m=sources_m),
     }
-    save_environment(environment, folder, made_from=made_from, notices=notices, extras=extras)
+    save_environment(environment, folder, made_from=made_from, notices=notices, extras={**views, **(extras or {})})
+
+
+# How the wind was solved: figures, and a picture where the extra for plots is installed.
+def _report_files(report: flow.WindReport | None) -> dict[str, bytes]:
+    if report is None:
+        return {}
+    files = {REPORT_FILE: json.dumps(report.summary(), indent=2).encode()}
+    picture = io.BytesIO()
+    try:
+        flow.plot_history(report, picture)
+    except FlowError:
+        return files
+    return {**files, HISTORY_FILE: picture.getvalue()}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslcosim import flow
 from gslcosim.environment.grid import Grid, Vec3
@@ -16,6 +17,7 @@ from gslcosim.environment.sources import stored_environment, wind_file
 from gslcosim.environment.wind_files import NoWindWarning, load_wind
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.wind_models import InletScheduleSpec
 
 Progress = Callable[[str, float], None]
 
@@ -66,16 +68,39 @@ def wind_of(
     return _solved(room, wind, progress)
 
 
-def patches_of(room: Room) -> tuple[flow.Patch, ...]:
-    """Return a room's openings as the solvers have them: coordinates start at the grid's origin."""
-    return tuple(_patch_of(opening, room.grid) for opening in room.openings)
+def patches_of(room: Room, wind: WindSpec) -> tuple[flow.Patch, ...]:
+    """Return a room's openings as the solvers have them, with the scenario's profile and schedule at the inlets.
+
+    Coordinates start at the grid's origin.
+    """
+    return tuple(_patch_of(opening, room.grid, wind) for opening in room.openings)
 
 
-def _patch_of(opening: Opening, grid: Grid) -> flow.Patch:
+def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
     min_m, max_m = _from_origin(opening.min_m, grid), _from_origin(opening.max_m, grid)
-    if opening.kind == "inlet":
-        return flow.Inlet(min_m=min_m, max_m=max_m, velocity_m_s=opening.velocity_m_s)
-    return (flow.Open if opening.kind == "open" else flow.Outlet)(min_m=min_m, max_m=max_m)
+    if opening.kind != "inlet":
+        return (flow.Open if opening.kind == "open" else flow.Outlet)(min_m=min_m, max_m=max_m)
+    is_parabolic = wind.inlet_profile == "parabolic"
+    return flow.Inlet(
+        min_m=min_m,
+        max_m=max_m,
+        velocity_m_s=_parabolic(opening, grid) if is_parabolic else opening.velocity_m_s,
+        factor=_schedule(wind.inlet_schedule),
+    )
+
+
+def _schedule(spec: InletScheduleSpec | None) -> flow.Schedule | None:
+    if spec is None:
+        return None
+    return flow.Schedule(times_s=spec.times_s, values=spec.shares, is_repeating=spec.repeats)
+
+
+# Along both sides of the opening; its mean over the opening's cells is the opening's velocity.
+def _parabolic(opening: Opening, grid: Grid) -> NDArray[np.float64]:
+    sides_m = [high - low for low, high in zip(opening.min_m, opening.max_m, strict=True)]
+    shares = [(np.arange(n := round(side_m / grid.cell_m)) + 0.5) / n for side_m in sides_m if side_m > 0]
+    bulge = np.multiply.outer(*(share * (1.0 - share) for share in shares))
+    return np.multiply.outer(bulge / bulge.mean(), np.asarray(opening.velocity_m_s))
 
 
 def _from_origin(point_m: Vec3, grid: Grid) -> Vec3:
@@ -110,11 +135,22 @@ def _solved(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
     report = flow.solve_wind_report(
         room.occupancy != Cell.SOLID,
         room.grid.cell_m,
-        patches_of(room),
+        patches_of(room, wind),
         end_time_s=wind.end_time_s,
         average_from_s=wind.average_from_s,
         turbulence=wind.turbulence,
         courant=wind.courant,
+        max_time_s=wind.max_time_s,
+        max_step_s=wind.max_step_s,
+        save_every_s=wind.save_every_s,
+        save_from_s=wind.save_from_s,
         progress=lambda fraction: progress("Solving the wind", fraction),
     )
-    return MadeWind(frames=WindFrames(velocity_m_s=report.velocity_m_s[np.newaxis]), report=report)
+    notices = () if report.settling is None else (f"The wind has {report.settling}.",)
+    return MadeWind(frames=_frames_of(report, wind), report=report, notices=notices)
+
+
+def _frames_of(report: flow.WindReport, wind: WindSpec) -> WindFrames:
+    if report.frames_m_s is None or wind.save_every_s is None:
+        return WindFrames(velocity_m_s=report.velocity_m_s[np.newaxis])
+    return WindFrames(velocity_m_s=report.frames_m_s, period_s=wind.save_every_s, is_looping=wind.loops)

@@ -172,7 +172,8 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
         return _describe_list(typing.get_args(kind), constraints, unit)
     if typing.get_origin(kind) is dict:
         key, value = typing.get_args(kind)
-        return f"{{{typing.get_args(key)[0]}: N}} with N {_describe(value, (), '')}"
+        name = typing.get_args(key)[0]
+        return f"{{{name}: a text}}" if value is str else f"{{{name}: N}} with N {_describe(value, (), '')}"
     if model := _model_in(kind):
         return f"a block with the keys {_join(keys_of(model), 'and')}"
     words = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}

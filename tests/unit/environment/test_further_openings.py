@@ -39,7 +39,9 @@ def test_cells_at_an_outlet_in_another_wall_end_filaments_and_those_at_an_inlet_
 
 
 def test_solvers_get_a_patch_for_each_opening():
-    kinds = [type(patch).__name__ for patch in patches_of(build_room(layout(DOOR, {**VENT, "kind": "open"}), WIND))]
+    kinds = [
+        type(patch).__name__ for patch in patches_of(build_room(layout(DOOR, {**VENT, "kind": "open"}), WIND), WIND)
+    ]
     assert kinds == ["Inlet", "Outlet", "Outlet", "Open"]
 
 

@@ -89,7 +89,7 @@ def test_the_recipe_changes_with_everything_that_changes_the_result():
         hash_of(layout, wind.model_copy(update={"solver": "uniform"})),
         hash_of(layout, wind.model_copy(update={"cell_m": 0.25})),
         hash_of(layout, wind.model_copy(update={"end_time_s": 61.0})),
-        hash_of(layout, wind.model_copy(update={"average_from_s": None})),
+        hash_of(layout, wind.model_copy(update={"courant": 0.5})),
         hash_of(layout, wind.model_copy(update={"inlet_velocity_m_s": (1.5, 0.0, 0.0)})),
     }
     assert len(recipes) == 8

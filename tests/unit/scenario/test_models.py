@@ -14,10 +14,10 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
     ("old", "new", "line"),
     [
         (A_LAYOUT, "environment: {}",
-         "hall.yaml:3: environment: expected exactly one of layout, path and gsl_bench, was none. "
+         "hall.yaml:3: environment: expected exactly one of layout, path, gsl_bench and gaden, was none. "
          "layout generates a room, path takes the folder of one made before."),
         (A_LAYOUT, f"{A_LAYOUT}\n  path: .",
-         "hall.yaml:3: environment: expected exactly one of layout, path and gsl_bench, was layout and path. "
+         "hall.yaml:3: environment: expected exactly one of layout, path, gsl_bench and gaden, was layout and path. "
          "layout generates a room, path takes the folder of one made before."),
         ("{python: dung_beetle}", "{}",
          "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
@@ -43,12 +43,27 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
         ("{python: dung_beetle}", "{command: [sh], door: studio}",
          "hall.yaml:10: agents[0].start.door: expected one of zenoh, stdio, tcp or unix, was 'studio'. "
          "Did you mean stdio?"),
-        ("name: hall", "name: hall\nwind: {end_time_s: 5}",
-         "hall.yaml:3: wind.average_from_s: expected less than end_time_s, 5, was 30 (the default). "
-         "For example 2.5, or null for the wind at the end of the solve."),
+        ("name: hall", "name: hall\nwind: {average_from_s: 5}",
+         "hall.yaml:3: wind.average_from_s: expected an end_time_s beside it, was 5 alone. Without end_time_s the wind "
+         "is the mean of the part that has settled."),
+        ("name: hall", "name: hall\nwind: {end_time_s: 5, save_every_s: 2, save_from_s: 4}",
+         "hall.yaml:3: wind.end_time_s: expected at least save_from_s and save_every_s together, 6, was 5. "
+         "Give the time at which the solve ends."),
+        ("name: hall", "name: hall\nwind: {end_time_s: 5, save_every_s: 2, average_from_s: 1}",
+         "hall.yaml:3: wind.save_every_s: expected no average_from_s beside it, was both. "
+         "Frames show the wind as it changes; a mean does not change."),
+        ("name: hall", "name: hall\nwind: {solver: {}}",
+         "hall.yaml:3: wind.solver: expected auto, built_in, openfoam, uniform, stored or {file: PATH}, was an empty "
+         "block. For example solver: {file: wind.csv}."),
+        ("name: hall", "name: hall\nwind: {inlet_schedule: {times_s: [0, 2, 1], shares: [0, 1, 2]}}",
+         "hall.yaml:3: wind.inlet_schedule.times_s: expected times from 0 on, each later than the one before, "
+         "was [0.0, 2.0, 1.0]. For example times_s: [0, 10, 20]."),
+        ("name: hall", "name: hall\nwind: {inlet_schedule: {times_s: [0, 2], shares: [0, 1, 2]}}",
+         "hall.yaml:3: wind.inlet_schedule.shares: expected as many shares as times, 2, was 3. "
+         "Each time has its share of inlet_velocity_m_s."),
         ("name: hall", "name: hall\nwind: {end_time_s: 5, average_from_s: 5}",
          "hall.yaml:3: wind.average_from_s: expected less than end_time_s, 5, was 5. "
-         "For example 2.5, or null for the wind at the end of the solve."),
+         "For example 2.5, or leave it out for the wind at the end of the solve."),
         ("warehouse_empty, size_m", "warehouse_simpel, size_m",
          "hall.yaml:4: environment.layout.kind: expected one of warehouse_empty, warehouse_simple, warehouse_complex, "
          "office, home, cluttered_rooms, plant or wind_tunnel, was 'warehouse_simpel'. Did you mean warehouse_simple?"),
@@ -80,7 +95,7 @@ def test_the_rules_hold_for_models_made_in_python_too():
         (StartSpec, {}),
         (BoxSpec, {"name": "a", "min_m": (0, 0, 0), "max_m": (1, 1, 0)}),
         (OpeningSpec, {"min_m": (0, 0, 0), "max_m": (0, 0, 1)}),
-        (WindSpec, {"end_time_s": 1.0}),
+        (WindSpec, {"average_from_s": 1.0}),
     ):
         with pytest.raises(ValidationError, match=r"expected .*, was "):
             model(**fields)
@@ -91,7 +106,7 @@ def test_the_wind_at_the_end_of_a_short_solve_needs_no_average():
 
 
 def test_uniform_wind_is_not_solved_so_its_times_do_not_matter():
-    assert WindSpec(solver="uniform", end_time_s=1.0).solver == "uniform"
+    assert WindSpec(solver="uniform", average_from_s=1.0).solver == "uniform"
 
 
 def test_an_opening_may_lie_on_any_side():

@@ -16,7 +16,7 @@ A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 i
         (("schema",), "schema", "gslcosim/scenario/1"),
         (("wind", "cell_m"), "wind.cell_m", "a number greater than 0 in metres"),
         (("wind", "average_from_s"), "wind.average_from_s", "a number of at least 0 in seconds"),
-        (("wind", "solver"), "wind.solver", "one of built_in or uniform"),
+        (("wind", "solver"), "wind.solver", "auto, built_in, openfoam, uniform or stored or {file: a text}"),
         (("wind", "inlet_velocity_m_s", 2), "wind.inlet_velocity_m_s[2]", "a number in metres per second"),
         (("gas", "sources", 0, "position_m"), "gas.sources[0].position_m", "a list of 3 numbers in metres"),
         (("gas", "sources", 3, "filaments_per_s"), "gas.sources[3].filaments_per_s", "a number greater than 0 per "
