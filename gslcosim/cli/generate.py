@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 EXAMPLES = """  gslcosim generate warehouse_complex --out hall
   gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
   gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
+  gslcosim generate gsl_bench_3 --out both --compare-solvers
   gslcosim generate gsl_bench_3 --out study --mesh-study 0.4,0.3,0.2,0.15 --probe 5,3,2"""
 
 EXIT_NONE_MADE, EXIT_SOME_FAILED = 2, 3
@@ -41,13 +42,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace one value of a scenario, as often as needed, for example wind.cell_m=0.1",
+        help="replace one value, as often as needed, for example wind.cell_m=0.1",
     )
     parser.add_argument(
         "--mesh-study",
         type=_cells,
         metavar="M,M,M",
         help="solve the wind on several meshes instead, and write a table and a plot of winds at some points to DIR",
+    )
+    parser.add_argument(
+        "--compare-solvers",
+        action="store_true",
+        help="solve the wind by the built-in solver and by OpenFOAM, and say how alike they are; DIR gets both",
     )
     parser.add_argument(
         "--probe",
@@ -96,6 +102,8 @@ def _run(arguments: argparse.Namespace) -> int:
     recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_places)
     if arguments.mesh_study:
         return _study_meshes(recipe, arguments)
+    if arguments.compare_solvers:
+        return _compare_solvers(recipe, arguments)
     orders = orders_of(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
     with _progress_bar(is_quiet=arguments.json) as report:
         outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
@@ -126,6 +134,19 @@ def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
     head, *rows = rows_of(study)
     write(table(head, rows))
     write_note(f"Written: {', '.join(str(path) for path in files)}.")
+    return 0
+
+
+def _compare_solvers(recipe: "Recipe", arguments: argparse.Namespace) -> int:
+    from gslcosim.generation.solver_comparison import compare_on, fields_of
+
+    with _progress_bar(is_quiet=arguments.json) as report:
+        compared = compare_on(recipe, arguments.out, progress=report)
+    if arguments.json:
+        write_json(fields_of(compared))
+    else:
+        write(compared.text)
+        write_note(f"Both winds, with pictures from above, are in {arguments.out}.")
     return 0
 
 

@@ -7,6 +7,9 @@ from typing import IO, Any
 from gslcosim.errors import FlowError
 from gslcosim.flow.report import WindReport
 
+# A logarithmic axis has no zero, which still air has [m/s].
+LEAST_M_S = 1e-12
+
 
 def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     """Draw divergence, pressure iterations, mass balance and kinetic energy over time, to PNG or what the suffix says.
@@ -24,7 +27,7 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     figure = figure_type(figsize=(8, 10), layout="constrained")
     divergence, effort, mass, energy = figure.subplots(4, 1, sharex=True)
     for name, label in (("divergence_before_m_s", "before"), ("divergence_after_m_s", "after the pressure solve")):
-        divergence.semilogy(time_s, history[name], label=label)
+        divergence.semilogy(time_s, [max(value, LEAST_M_S) for value in history[name]], label=label)
     divergence.set_ylabel("largest |div u| h [m/s]")
     effort.plot(time_s, history["pressure_iterations"], label="pressure iterations")
     effort.plot(time_s, history["courant"], label="Courant number")

@@ -16,6 +16,7 @@ from gslcosim.environment.room import Room
 from gslcosim.environment.sources import stored_environment, wind_file
 from gslcosim.environment.wind_files import NoWindWarning, load_wind
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.scenario.models import EnvironmentSpec, WindSpec
 from gslcosim.scenario.wind_models import InletScheduleSpec
 
@@ -65,7 +66,7 @@ def wind_of(
             "wind.solver: expected an environment that brings its wind, was one without. "
             "Take built_in to solve it, or solver: {file: PATH}."
         )
-    return _solved(room, wind, progress)
+    return _by_openfoam(room, wind, progress) if wind.solver == "openfoam" else _solved(room, wind, progress)
 
 
 def patches_of(room: Room, wind: WindSpec) -> tuple[flow.Patch, ...]:
@@ -148,6 +149,21 @@ def _solved(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
     )
     notices = () if report.settling is None else (f"The wind has {report.settling}.",)
     return MadeWind(frames=_frames_of(report, wind), report=report, notices=notices)
+
+
+def _by_openfoam(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
+    assert wind.end_time_s is not None, "the scenario's model asks for it"
+    velocity_m_s = solve_wind_openfoam(
+        room.occupancy != Cell.SOLID,
+        room.grid.cell_m,
+        patches_of(room, wind),
+        end_time_s=wind.end_time_s,
+        average_from_s=wind.average_from_s,
+        turbulence=wind.turbulence,
+        courant=wind.courant,
+        progress=lambda fraction: progress("Solving the wind with OpenFOAM", fraction),
+    )
+    return MadeWind(frames=WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
 
 
 def _frames_of(report: flow.WindReport, wind: WindSpec) -> WindFrames:

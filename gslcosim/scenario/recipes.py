@@ -8,11 +8,12 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.explain import problems_of
 from gslcosim.scenario.loading import Check, load_scenario
 from gslcosim.scenario.models import SCHEMA, EnvironmentSpec, Scenario, WindSpec
+from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
 from gslcosim.scenario.random_places import Placer
 from gslcosim.scenario.schema_walk import kinds_of, slot_at
@@ -45,13 +46,12 @@ def load_recipe(
     Args:
         source: A scenario's file or name, a YAML file with the keys `layout` and, if wanted, `wind`, or a kind of
             layout, which is then generated with all its defaults.
-        overrides: Values of a scenario to replace, such as `wind.cell_m=0.1`.
+        overrides: Values to replace, such as `wind.cell_m=0.1`.
         checks: Further rules for scenarios.
         placer: Draws the places of scenarios that are `random`.
 
     Raises:
         ScenarioError: there is nothing of that name, or it has problems.
-        UsageError: values of something else than a scenario are to be replaced.
     """
     path, kinds = Path(source), kinds_of(slot_at(("environment", "layout")).annotation)
     is_layout_file = path.is_file() and _is_layout_file(path)
@@ -63,9 +63,8 @@ def load_recipe(
                 f"found none of them. {did_you_mean(source, names)}".rstrip()
             )
         return _from_scenario(source, overrides, checks, placer)
-    if overrides:
-        raise UsageError(f"{source}: expected --set with a scenario only, was with a layout. Change the layout's file.")
-    return _from_layout_file(path) if is_layout_file else _from_values({"layout": {"kind": source}}, source)
+    text = path.read_text(encoding="utf-8-sig") if is_layout_file else f"layout: {{kind: {source}}}"
+    return _from_layout(text, source, [each.removeprefix("environment.") for each in overrides])
 
 
 def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check], placer: Placer | None) -> Recipe:
@@ -93,8 +92,8 @@ def _is_layout_file(path: Path) -> bool:
     return values is not None and "layout" in values and "schema" not in values
 
 
-def _from_layout_file(path: Path) -> Recipe:
-    tree = read_yaml(path.read_text(encoding="utf-8-sig"), source=str(path))
+def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
+    tree = apply_overrides(read_yaml(text, source=source), overrides)
     values = cast("dict[str, Any]", tree.block)
     problems = [
         Problem(path=key, expected=f"one of the keys {', '.join(LAYOUT_KEYS)}", found="an unknown key")
@@ -102,12 +101,12 @@ def _from_layout_file(path: Path) -> Recipe:
         if key not in LAYOUT_KEYS
     ]
     try:
-        recipe = _from_values(values, path.stem)
+        recipe = _from_values(values, Path(source).stem)
     except ValidationError as error:
         problems += [replace(each, path=each.path.removeprefix("environment.")) for each in problems_of(error)]
         recipe = None
     if recipe is None or problems or tree.problems:
-        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=str(path))
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=source)
     return recipe
 
 

@@ -100,6 +100,17 @@ class WindSpec(Spec):
         return self
 
     @model_validator(mode="after")
+    def _check_openfoam(self) -> Self:
+        if self.solver == "openfoam" and (self.end_time_s is None or self.save_every_s is not None):
+            raise broken_rule(
+                key="end_time_s" if self.end_time_s is None else "save_every_s",
+                expected="a time with solver: openfoam" if self.end_time_s is None else "no frames of openfoam",
+                found="none" if self.end_time_s is None else f"{self.save_every_s:g}",
+                remedy="Only the built-in solver waits until the statistics have settled, and keeps frames.",
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_average(self) -> Self:
         if self.average_from_s is None or not self.solves:
             return self

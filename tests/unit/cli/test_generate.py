@@ -94,7 +94,12 @@ def test_an_impossible_layout_is_told_and_leaves_nothing(layout_file, tmp_path, 
     ("words", "told"),
     [
         (["offise"], "Did you mean office?"),
-        (["office", "--set", "wind.cell_m=1"], "office: expected --set with a scenario only, was with a layout."),
+        (["office", "--set", "wind.cell_m=0"], "wind.cell_m: expected a number greater than 0 in metres, was 0."),
+        (
+            ["office", "--mesh-study", "0.5,0.4"],
+            "three or more lengths above 0 like 0.4,0.3,0.2, was '0.5,0.4'",
+        ),
+        (["office", "--mesh-study", "0.5,0.4,0.3", "--probe", "1,2"], "expected three numbers like 5,3,2, was '1,2'"),
         (
             ["tiny_room", "--set", "gas.sources[0].position_m=[9, 9, 9]"],
             "gas.sources[0].position_m: expected a point in",
