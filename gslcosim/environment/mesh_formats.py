@@ -49,7 +49,8 @@ def load_parts(path: Path, *, scale: float, up: Up | None, translate_m: tuple[fl
     ending = path.suffix.lower()
     if ending not in DEFAULT_UP:
         raise EnvironmentDataError(
-            f"{path.name}: expected a file of {', '.join(DEFAULT_UP)}, was {ending or 'one without ending'}.\nFile: {path}"
+            f"{path.name}: expected a file of {', '.join(DEFAULT_UP)}, was {ending or 'one without ending'}.\n"
+            f"File: {path}"
         )
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no such file"
@@ -85,22 +86,22 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
     # trimesh takes half a second to import, and only rooms from meshes need it.
     import trimesh
 
-    options = {"split_objects": True, "split_groups": True} if ending == ".obj" else {}
+    options: dict[str, Any] = {"split_objects": True, "split_groups": True} if ending == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
     words = _words_of_obj(path) if ending == ".obj" else frozenset[str]()
     parts: list[Part] = []
-    for node in sorted(scene.graph.nodes_geometry):
+    for node in sorted(map(str, scene.graph.nodes_geometry)):
         to_world, geometry_name = scene.graph[node]
-        mesh = scene.geometry[geometry_name]
+        mesh = scene.geometry[str(geometry_name)]
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
             mesh = mesh.copy()
             mesh.apply_transform(to_world)
-            parts.append(_part_of(mesh, node, {node, geometry_name}, words))
+            parts.append(_part_of(mesh, node, {node, str(geometry_name)}, words))
     return parts
 
 
 def _part_of(mesh: Any, node: str, names: set[str], words: frozenset[str]) -> Part:
-    material = getattr(mesh.visual, "material", None)
+    material: Any = getattr(mesh.visual, "material", None)
     if isinstance(getattr(material, "name", None), str):
         names.add(material.name)
     # In OBJ, object, group and material of a part are joined to one name.
@@ -125,7 +126,9 @@ def _words_of_obj(path: Path) -> frozenset[str]:
 # The reader takes a binary file of the wrong length for text, and text that ends early for a shorter file.
 def _check_stl(content: bytes) -> None:
     if content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:4096].lower():
-        n_begun, n_ended = (len(re.findall(rb"^\s*" + word, content, flags=re.I | re.M)) for word in (b"facet", b"endfacet"))
+        n_begun, n_ended = (
+            len(re.findall(rb"^\s*" + word, content, flags=re.I | re.M)) for word in (b"facet", b"endfacet")
+        )
         if n_begun != n_ended or b"endsolid" not in content[-1024:].lower():
             raise ValueError(f"the text ends after {n_ended} of at least {n_begun} triangles, without endsolid")
         return

@@ -1,4 +1,6 @@
 """The geoms of an MJCF file as parts of triangles, where MuJoCo places them."""
+# MuJoCo is compiled and comes without stubs.
+# pyright: reportAttributeAccessIssue=false
 
 from pathlib import Path
 
@@ -30,7 +32,9 @@ def load_mjcf_parts(path: Path) -> list[Part]:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         found = str(error).strip().replace("\n", " ")
-        raise EnvironmentDataError(f"{path.name}: expected MJCF that MuJoCo takes, was {found}\nFile: {path}") from error
+        raise EnvironmentDataError(
+            f"{path.name}: expected MJCF that MuJoCo takes, was {found}\nFile: {path}"
+        ) from error
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return [_part_of(model, data, i, path) for i in range(model.ngeom)]
@@ -61,12 +65,14 @@ def _mesh_of(model: mujoco.MjModel, i: int, path: Path) -> Mesh:
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
         return _plane(size)
     if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
-        return _turned(*_half_circle(), scale=size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.full(3, size[0]))
+        radii, heights = _half_circle()
+        return _turned(radii, heights, 1.0, size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.full(3, size[0]))
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return _turned(np.ones(2), np.array((-1.0, 1.0)), scale=np.array((size[0], size[0], size[1])))
+        return _turned(np.ones(2), np.array((-1.0, 1.0)), 1.0, np.array((size[0], size[0], size[1])))
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
         radii, heights = _half_circle()
-        return _turned(size[0] * radii, size[0] * heights + np.sign(heights) * size[1], scale=np.ones(3))
+        heights = size[0] * heights + np.sign(heights) * size[1]
+        return _turned(size[0] * radii, heights, size[0] + size[1], np.ones(3))
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         return _asset(model, int(model.geom_dataid[i]))
     raise EnvironmentDataError(
@@ -84,24 +90,28 @@ def _box(half: NDArray[np.float64]) -> Mesh:
 
 def _plane(half: NDArray[np.float64]) -> Mesh:
     x, y = (side if side > 0 else _PLANE_M for side in half[:2].tolist())
-    return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], dtype=np.float64), np.array([(0, 1, 2), (0, 2, 3)])
+    return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], dtype=np.float64), np.array(
+        [(0, 1, 2), (0, 2, 3)]
+    )
 
 
 # An even number of rings, none on the equator: a capsule's two halves move apart there.
 def _half_circle() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     angles = np.linspace(-np.pi / 2, np.pi / 2, _N_AROUND // 2 + 2)[1:-1]
-    radii = np.cos(angles) / np.cos(np.pi / _N_AROUND)
-    return radii, np.sin(angles)
+    return np.cos(angles), np.sin(angles)
 
 
-# A surface of revolution about z: rings at heights, closed at both ends by a point on the axis.
-def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64], *, scale: NDArray[np.float64]) -> Mesh:
+# A surface of revolution about z: rings at heights, closed by points on the axis at both ends.
+def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64], end: float, scale: NDArray[np.float64]) -> Mesh:
     n = _N_AROUND
     around = 2 * np.pi * np.arange(n) / n
     # As much area as the circle.
     widen = np.sqrt(2 * np.pi / n / np.sin(2 * np.pi / n))
-    rings = [np.stack((widen * r * np.cos(around), widen * r * np.sin(around), np.full(n, h)), axis=1) for r, h in zip(radii, heights)]
-    ends = np.array(((0.0, 0.0, heights[0]), (0.0, 0.0, heights[-1])))
+    circle = widen * np.stack((np.cos(around), np.sin(around)), axis=1)
+    rings = [
+        np.column_stack((radius * circle, np.full(n, height))) for radius, height in zip(radii, heights, strict=True)
+    ]
+    ends = np.array(((0.0, 0.0, -end), (0.0, 0.0, end)))
     low, high = n * len(rings), n * len(rings) + 1
     faces: list[tuple[int, int, int]] = []
     for i in range(n):

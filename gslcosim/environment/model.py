@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,32 @@ class Box:
     min_m: Vec3
     max_m: Vec3
     rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.62, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VisualMesh:
+    """Triangles to be looked at; what blocks air, sight and vehicles is occupancy and boxes.
+
+    `vertices_m` is (n, 3) float32, world frame [m]; `faces` (m, 3) int32 of vertex indices. Colours have 256 steps.
+    """
+
+    name: str
+    vertices_m: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    rgba: tuple[float, float, float, float]
+
+    @classmethod
+    def of(
+        cls, name: str, vertices_m: NDArray[Any], faces: NDArray[Any], rgba: tuple[float, float, float, float]
+    ) -> Self:
+        """Return a mesh of arrays of any type of number; the vertices that no face has are left out."""
+        used, numbers = np.unique(faces, return_inverse=True)
+        kept_m = np.ascontiguousarray(np.asarray(vertices_m)[used], dtype=np.float32)
+        renumbered = np.ascontiguousarray(numbers.reshape(-1, 3), dtype=np.int32)
+        kept_m.setflags(write=False)
+        renumbered.setflags(write=False)
+        r, g, b, a = (round(round(channel * 255) / 255, 6) for channel in rgba)
+        return cls(name=name, vertices_m=kept_m, faces=renumbered, rgba=(r, g, b, a))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +101,8 @@ class Environment:
     """A room with its wind. The grid covers the air exactly; walls lie outside it unless an importer says otherwise.
 
     `occupancy` is (nx, ny, nz) uint8 of `Cell`; OUTLET marks free cells that touch an outlet.
-    `content_hash` identifies everything in here.
+    `content_hash` identifies everything in here. `meshes` are what the boxes were made from, where they were made from
+    anything; `load_environment` reads them only on demand.
     """
 
     name: str
@@ -86,3 +113,4 @@ class Environment:
     openings: tuple[Opening, ...]
     content_hash: str
     lights: tuple[Light, ...] = ()
+    meshes: tuple[VisualMesh, ...] = ()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.layouts import plan_room, problems_of_layout
-from gslcosim.environment.model import Box, Environment, Light, Opening, WindFrames
+from gslcosim.environment.model import Box, Environment, Light, Opening, VisualMesh, WindFrames
 from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.errors import EnvironmentDataError
@@ -32,6 +32,7 @@ class Room:
     openings: tuple[Opening, ...]
     notices: tuple[str, ...] = ()
     lights: tuple[Light, ...] = ()
+    meshes: tuple[VisualMesh, ...] = ()
 
 
 def build_room(layout: Layout, wind: WindSpec) -> Room:
@@ -84,6 +85,7 @@ def with_wind(room: Room, wind: WindFrames) -> Environment:
         openings=room.openings,
         content_hash=content_hash_of(room, frozen_wind),
         lights=room.lights,
+        meshes=room.meshes,
     )
 
 
@@ -100,6 +102,10 @@ def content_hash_of(room: Room | Environment, wind: WindFrames) -> str:
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=16)
     digest.update(np.ascontiguousarray(room.occupancy, dtype=np.uint8).data)
     digest.update(np.ascontiguousarray(wind.velocity_m_s, dtype="<f4").data)
+    for mesh in room.meshes:
+        digest.update(json.dumps([mesh.name, mesh.rgba, mesh.vertices_m.shape, mesh.faces.shape]).encode())
+        digest.update(np.ascontiguousarray(mesh.vertices_m, dtype="<f4").data)
+        digest.update(np.ascontiguousarray(mesh.faces, dtype="<i4").data)
     return digest.hexdigest()
 
 

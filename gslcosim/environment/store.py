@@ -3,6 +3,8 @@
     environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
+    visual.glb         meshes to be looked at (glTF 2.0, y up, metres; see `visual_meshes`); only where the header's
+                       `meshes` names any: rooms from somebody's own geometry
     scene.xml          the boxes as MJCF, for other programs; may be absent
     top_view.png       a picture from above, for people; may be absent
     wind_report.json   how well the built-in solver solved the wind, and wind_history.png, a plot of its steps; may be
@@ -29,13 +31,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.environment.data_files import load_npy
 from gslcosim.environment.grid import Grid, Vec3
-from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, WindFrames
+from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, VisualMesh, WindFrames
 from gslcosim.environment.room import content_hash_of
+from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
 from gslcosim.errors import EnvironmentDataError
 
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE, OCCUPANCY_FILE, WIND_FILE = "environment.yaml", "occupancy.npy", "wind.npy"
-SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
+SCENE_FILE, PICTURE_FILE, MESHES_FILE = "scene.xml", "top_view.png", "visual.glb"
 REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
 
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.
@@ -90,6 +93,7 @@ class _Header(_Part):
     boxes: tuple[_BoxPart, ...]
     openings: tuple[_OpeningPart, ...]
     lights: tuple[_LightPart, ...] = ()
+    meshes: tuple[str, ...] = ()
 
 
 def save_environment(
@@ -122,6 +126,8 @@ def save_environment(
     try:
         np.save(beside / OCCUPANCY_FILE, np.ascontiguousarray(environment.occupancy, dtype=np.uint8))
         np.save(beside / WIND_FILE, np.ascontiguousarray(environment.wind.velocity_m_s, dtype="<f4"))
+        if environment.meshes:
+            (beside / MESHES_FILE).write_bytes(glb_of(environment.meshes))
         (beside / HEADER_FILE).write_text(_header_text(environment, made_from, notices), encoding="utf-8")
         for name, content in (extras or {}).items():
             (beside / name).write_bytes(content)
@@ -130,12 +136,13 @@ def save_environment(
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def load_environment(folder: Path, *, check_hash: bool = False) -> Environment:
+def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: bool = False) -> Environment:
     """Return the environment that a folder holds, its wind memory-mapped and all its arrays read-only.
 
     Args:
         folder: The environment folder.
         check_hash: Also read everything and compare it with the content hash, which takes longer.
+        with_meshes: Also read the meshes to be looked at, which nothing but pictures needs.
 
     Raises:
         EnvironmentDataError: the folder is missing, or a file is missing, truncated, of another format, of the
@@ -152,6 +159,7 @@ def load_environment(folder: Path, *, check_hash: bool = False) -> Environment:
         openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
         content_hash=header.content_hash,
         lights=tuple(Light(**light.model_dump()) for light in header.lights),
+        meshes=_load_meshes(folder, header) if with_meshes or check_hash else (),
     )
     if check_hash and (found := content_hash_of(environment, environment.wind)) != header.content_hash:
         raise EnvironmentDataError(
@@ -159,6 +167,10 @@ def load_environment(folder: Path, *, check_hash: bool = False) -> Environment:
             f"A file was changed after it was saved; make the environment again.\nFolder: {folder}"
         )
     return environment
+
+
+def _load_meshes(folder: Path, header: _Header) -> tuple[VisualMesh, ...]:
+    return load_visual_meshes(folder / MESHES_FILE, header.meshes) if header.meshes else ()
 
 
 def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, notices: Sequence[str]) -> str:
@@ -171,6 +183,7 @@ def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, 
         "boxes": [asdict(box) for box in environment.boxes],
         "openings": [asdict(opening) for opening in environment.openings],
         "lights": [asdict(light) for light in environment.lights],
+        "meshes": [mesh.name for mesh in environment.meshes],
         "notices": list(notices),
         "made_from": dict(made_from or {}),
     }

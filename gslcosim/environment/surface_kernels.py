@@ -222,3 +222,30 @@ def _is_inside(corners, a, b, u, v):
         n_left += side > tolerance
         n_right += side < -tolerance
     return n_left == 0 or n_right == 0
+
+
+@numba.njit(cache=True, nogil=True)
+def join_inplace(roots, first, second):
+    """Join things in pairs; afterwards `roots` holds, for each thing, the same number for all that are joined.
+
+    Args:
+        roots: (n,) int64, 0 to n - 1; is changed.
+        first: (m,) int64, one thing of each pair.
+        second: (m,) int64, the other.
+
+    Held by:
+        tests/unit/environment/test_surfaces.py
+    """
+    for pair in range(first.shape[0]):
+        a, b = _root(roots, first[pair]), _root(roots, second[pair])
+        roots[max(a, b)] = min(a, b)
+    for thing in range(roots.shape[0]):
+        roots[thing] = _root(roots, thing)
+
+
+@numba.njit(cache=True, nogil=True)
+def _root(roots, thing):
+    while roots[thing] != thing:
+        roots[thing] = roots[roots[thing]]
+        thing = roots[thing]
+    return thing

@@ -80,8 +80,8 @@ class GeometrySpec(Spec):
     """A room from files of geometry: STL, OBJ, glTF (.gltf or .glb) or MJCF (.xml), relative to the scenario's folder.
 
     `scale` turns their unit into metres: 0.001 for millimetres. `up` is the axis that points up in the files, by
-    default y in glTF, as its standard says, and z in the others. `translate_m` is added last. Surfaces whose names begin
-    with inlet or outlet are openings without being listed in `openings`.
+    default y in glTF, as its standard says, and z in the others. `translate_m` is added last. Surfaces whose names
+    begin with inlet or outlet are openings without being listed in `openings`.
 
     `free_point_m` is a point known to be air; by default it is sought beside the first inlet, then beside the other
     openings, then in the middle. Without `bounds_m` the geometry has to close the air in, except at openings.
