@@ -19,6 +19,8 @@ OPENINGS_PATH = "environment.geometry.openings"
 
 # How far from an opening its air may begin, in cells: walls have a thickness, and files their errors.
 _REACH = 1.6
+# How far outside the air's box an opening may lie: at the outer end of a hole in a wall. Chosen [m].
+_MOST_WALL_M = 1.0
 _AUTOMATIC = re.compile(r"^(inlet|outlet)", re.IGNORECASE)
 
 
@@ -107,7 +109,8 @@ def place_opening(
         min(max((end_m[axis] - grid.origin_m[axis]) / grid.cell_m, 0.0), grid.shape[axis])
         for end_m in (plug.min_m, plug.max_m)
     )
-    below, above = _air_beside(columns, low, high)
+    beyond_m = max(grid.origin_m[axis] - plug.max_m[axis], plug.min_m[axis] - grid.max_m[axis])
+    below, above = _air_beside(columns if beyond_m < _MOST_WALL_M else np.zeros_like(columns), low, high)
     n_below, n_above = int(below.any(axis=0).sum()), int(above.any(axis=0).sum())
     if max(n_below, n_above) == 0:
         return _problem(plug, "air beside it", "none: it lies in a wall or outside")

@@ -16,7 +16,6 @@ Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 _N_AROUND = 32
 # Half the side of a plane that MuJoCo has without end [m].
 _PLANE_M = 50.0
-_SHAPES = {kind: kind.name.removeprefix("mjGEOM_").lower() for kind in mujoco.mjtGeom}
 
 
 def load_mjcf_parts(path: Path) -> list[Part]:
@@ -77,7 +76,7 @@ def _mesh_of(model: mujoco.MjModel, i: int, path: Path) -> Mesh:
         return _asset(model, int(model.geom_dataid[i]))
     raise EnvironmentDataError(
         f"{path.name}: geom {i}: expected a box, plane, sphere, ellipsoid, cylinder, capsule or mesh, was "
-        f"{_SHAPES[kind]}. Give it as a mesh.\nFile: {path}"
+        f"{kind.name}. Give it as a mesh.\nFile: {path}"
     )
 
 

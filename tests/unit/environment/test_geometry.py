@@ -189,7 +189,7 @@ def test_walls_with_thickness_and_holes_keep_their_air_inside(tmp_path):
         wall_with_hole(0, 4, (0, 0), (3, 2), (1, 0.4), (2, 1.4)),
     ]
     tunnels = [
-        rectangle(*(np.array(corner) + (x, 0, 0) for corner in corners))
+        rectangle(*corners).apply_translation((x, 0, 0))
         for x in (-0.3, 4)
         for corners in (
             ((0, 1, 0.4), (0.3, 1, 1.4)),
