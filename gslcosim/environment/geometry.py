@@ -3,7 +3,7 @@
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -130,7 +130,7 @@ def _problems_of_kinds(plugs: Sequence[Plug], wind: WindSpec) -> list[Problem]:
             remedy=f"List one, or name a surface of the files {kind}; or take wind.solver: uniform.",
         )
         for kind in ("inlet", "outlet")
-        if not any(plug.kind == kind for plug in plugs)
+        if not any((plug.kind == "inlet") == (kind == "inlet") for plug in plugs)
     ]
 
 
@@ -173,28 +173,30 @@ def _seeds(case: _Case, voxels: SurfaceVoxels, *, is_closed: bool) -> NDArray[np
         if not is_closed:
             _check_closed(case, voxels, surely_air(voxels, seeds), seeds)
         return seeds
-    candidates = _candidates(case, voxels)
-    best, n_best, leaking = None, 0, None
-    is_seen = np.zeros(voxels.grid.shape, dtype=np.bool_)
-    for cell in candidates:
-        if is_seen[tuple(cell)]:
-            continue
-        is_air = surely_air(voxels, cell[np.newaxis])
-        is_seen |= is_air
-        if not is_closed and has_leak(is_air):
-            leaking = cell if leaking is None else leaking
-        elif (n := int(is_air.sum())) > n_best:
-            best, n_best = cell, n
-    if best is not None:
-        return best[np.newaxis]
+    leaking = None
+    for group in _candidates(case, voxels):
+        best, n_best = None, 0
+        is_seen = np.zeros(voxels.grid.shape, dtype=np.bool_)
+        for cell in group:
+            if is_seen[tuple(cell)]:
+                continue
+            is_air = surely_air(voxels, cell[np.newaxis])
+            is_seen |= is_air
+            if not is_closed and has_leak(is_air):
+                leaking = cell if leaking is None else leaking
+            elif (n := int(is_air.sum())) > n_best:
+                best, n_best = cell, n
+        if best is not None:
+            return best[np.newaxis]
     if leaking is not None:
         _check_closed(case, voxels, surely_air(voxels, leaking[np.newaxis]), leaking[np.newaxis])
     raise_if_any([_no_air(case)])
     raise AssertionError("unreachable: raise_if_any has raised")
 
 
-# Beside the first inlet, the side towards the middle first; beside the other openings; in the middle; anywhere.
-def _candidates(case: _Case, voxels: SurfaceVoxels) -> list[NDArray[np.int64]]:
+# Beside the first inlet, the side towards the middle first; beside the other openings. Without openings: in the middle,
+# or else anywhere.
+def _candidates(case: _Case, voxels: SurfaceVoxels) -> Iterator[NDArray[np.int64]]:
     grid = voxels.grid
     if case.spec.bounds_m is not None:
         low_m, high_m = np.array(case.spec.bounds_m.min_m), np.array(case.spec.bounds_m.max_m)
@@ -207,13 +209,13 @@ def _candidates(case: _Case, voxels: SurfaceVoxels) -> list[NDArray[np.int64]]:
     ]
     shares = (np.arange(_N_TRIES) + 0.5) / _N_TRIES
     anywhere = [grid.cell_of(low_m + (high_m - low_m) * share) for share in itertools.product(shares, repeat=3)]
-    for group in (*groups, [middle.tolist()], anywhere):
+    # Without the openings' word, air in a body could be taken for the room's.
+    for group in groups or ([middle.tolist()], anywhere):
         cells = np.array(group)
         cells = cells[grid.contains_cell(cells)]
         usable = cells[(voxels.marks[tuple(cells.T)] & TOUCHED) == 0]
         if len(usable):
-            return list(usable)
-    return []
+            yield usable
 
 
 def _seed_of_point(point_m: Vec3, voxels: SurfaceVoxels) -> NDArray[np.int64]:
@@ -336,7 +338,7 @@ def _occupancy(is_air: Cells, openings: Sequence[Opening], grid: Grid) -> NDArra
     is_air = reachable_from(is_air, openings, grid) if openings else _largest(is_air)
     occupancy = np.where(is_air, np.uint8(Cell.FREE), np.uint8(Cell.SOLID))
     for opening in openings:
-        if opening.kind == "outlet":
+        if opening.kind != "inlet":
             layer = occupancy[cells_at(opening, grid)]
             layer[layer == Cell.FREE] = Cell.OUTLET
     occupancy.setflags(write=False)

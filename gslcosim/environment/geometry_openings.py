@@ -1,5 +1,6 @@
 """Openings of a geometry: surfaces that close the air in there, and their places on the sides of the grid."""
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ class Plug:
     """
 
     name: str
-    kind: Literal["inlet", "outlet"]
+    kind: Literal["inlet", "outlet", "open"]
     axis: int
     min_m: NDArray[np.float64]
     max_m: NDArray[np.float64]
@@ -76,13 +77,18 @@ def plugs_of(spec: GeometrySpec, parts: Sequence[Part]) -> tuple[list[Plug], lis
 
 
 def seeds_of(plug: Plug, grid: Grid) -> NDArray[np.int64]:
-    """Return the (n, 3) cells one to three cells before and behind the middle of an opening."""
+    """Return the (n, 3) cells one to three cells before and behind places spread over an opening."""
     middle_m = (plug.min_m + plug.max_m) / 2
     half_m = (plug.max_m[plug.axis] - plug.min_m[plug.axis]) / 2
     away_m = half_m + grid.cell_m * np.array((1.0, 2.0, 3.0))
-    points_m = np.repeat(middle_m[np.newaxis], 6, axis=0)
-    points_m[:, plug.axis] += np.concatenate((away_m, -away_m))
-    return grid.cell_of(points_m)
+    points_m: list[NDArray[np.float64]] = []
+    for shares in itertools.product((0.5, 0.1, 0.9), repeat=2):
+        point_m = middle_m.copy()
+        for axis, share in zip((axis for axis in range(3) if axis != plug.axis), shares, strict=True):
+            point_m[axis] = plug.min_m[axis] + share * (plug.max_m[axis] - plug.min_m[axis])
+        is_across = np.arange(3) == plug.axis
+        points_m += [point_m + np.where(is_across, away, 0.0) for away in (*away_m, *-away_m)]
+    return grid.cell_of(np.array(points_m))
 
 
 def place_opening(
@@ -142,7 +148,7 @@ def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> Plug:
     corners_m[:, axis] = (low_m[axis] + high_m[axis]) / 2
     return Plug(
         name=opening.name,
-        kind="inlet" if opening.kind == "inlet" else "outlet",
+        kind=opening.kind,
         axis=axis,
         min_m=low_m,
         max_m=high_m,
@@ -153,12 +159,15 @@ def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> Plug:
 
 
 def _plug_of_surface(opening: GeometryOpeningSpec, parts: Sequence[Part], path: str) -> Plug:
-    kind: Literal["inlet", "outlet"] = "inlet" if opening.kind == "inlet" else "outlet"
-    return _plug_of_parts(opening.name, kind, parts, path, opening.velocity_m_s)
+    return _plug_of_parts(opening.name, opening.kind, parts, path, opening.velocity_m_s)
 
 
 def _plug_of_parts(
-    name: str, kind: Literal["inlet", "outlet"], parts: Sequence[Part], path: str, velocity_m_s: Vec3 | None = None
+    name: str,
+    kind: Literal["inlet", "outlet", "open"],
+    parts: Sequence[Part],
+    path: str,
+    velocity_m_s: Vec3 | None = None,
 ) -> Plug:
     corners_m = np.concatenate([part.vertices_m[part.faces] for part in parts])
     low_m, high_m = corners_m.min(axis=(0, 1)), corners_m.max(axis=(0, 1))
@@ -216,7 +225,7 @@ def _duct(beside: NDArray[np.bool_], *, is_upper: bool) -> NDArray[np.bool_]:
 
 
 def _velocity_m_s(plug: Plug, face: Face, inlet_velocity_m_s: Vec3) -> Vec3:
-    if plug.kind == "outlet":
+    if plug.kind != "inlet":
         return (0.0, 0.0, 0.0)
     if plug.velocity_m_s is not None:
         return plug.velocity_m_s

@@ -19,7 +19,7 @@ class Surfaces:
 
     `corners_m` is (n, 3, 3): triangle, corner, xyz. `part` (n,) is the index into `names`, -1 where an opening is
     drawn. `body` (n,) numbers what hangs together through edges of two triangles within a part. `closed` has one
-    entry for each body: whether all of its edges are shared by two of its triangles.
+    entry for each body: whether two of its triangles meet at each of its edges.
     """
 
     corners_m: NDArray[np.float64]
@@ -101,5 +101,7 @@ def _bodies_of(corners_m: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
     join_inplace(roots, owner[pairs], owner[pairs + 1])
     _, body = np.unique(roots, return_inverse=True)
     closed = np.ones(int(body.max(initial=-1)) + 1, dtype=np.bool_)
-    closed[body[owner[np.repeat(lengths != 2, lengths)]]] = False
+    # Bodies that touch share edges: of each edge, a body's own triangles count.
+    edges, n_triangles = np.unique(np.stack((keys, np.repeat(body, 3))), axis=1, return_counts=True)
+    closed[edges[1, n_triangles != 2]] = False
     return body.astype(np.int32), closed

@@ -48,8 +48,8 @@ class BoundsSpec(Spec):
 class GeometryOpeningSpec(Spec):
     """Where air comes in or goes out: a `box` around it, or a `surface` of the files by its name.
 
-    A surface is a mesh, group, material, node, solid or geom. `kind: open` is a side where the air leaves as it wants,
-    like an outlet. `velocity_m_s` is an inlet's; without it the wind of `wind.inlet_velocity_m_s`, straight inwards.
+    A surface is a mesh, group, material, node, solid or geom. `kind: open` is a side where the outdoors go
+    on. `velocity_m_s` is an inlet's; without it the wind of `wind.inlet_velocity_m_s`, straight inwards.
     """
 
     name: Name

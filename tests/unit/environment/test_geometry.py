@@ -229,7 +229,7 @@ def test_obstacles_alone_stand_in_the_bounds(tmp_path):
     expected[5:10, 5:10, :5] = True
     expected[12:15, 2:5, :2] = True
     assert (air(room) == ~expected).all()
-    assert [o.kind for o in room.openings] == ["inlet", "outlet"]
+    assert [o.kind for o in room.openings] == ["inlet", "open"]
     inside = [box for box in room.boxes if box.kind == "obstacle"]
     assert (voxelize(inside, room.grid) == expected).all()
 
