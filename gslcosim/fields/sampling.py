@@ -5,7 +5,7 @@ GSL-Bench environment folder  occupancy/, gas_data/<name>/iteration_i_fil.npy, w
 GADEN result folder           iteration_i, wind/wind_iteration_i, OccupancyGrid3D.csv in it or above it
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -30,7 +30,8 @@ from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
-GAS_DATA = "gas_data"
+# From a project of GADEN down to the frames of one of its simulations.
+N_LEVELS_DOWN = 4
 # So many points at a time keep the working memory of readings small.
 CHUNK = 65536
 
@@ -240,7 +241,7 @@ def stored_fields_in(folder: Path, *, period_s: float | None = None) -> StoredFi
     """Return what a folder of GSL-Bench or GADEN holds; nothing when it is neither.
 
     Args:
-        folder: An environment of GSL-Bench, its gas folder, or a result folder of GADEN (or the one above it).
+        folder: An environment of GSL-Bench, its gas folder, or a result folder of GADEN, or a folder some way above it.
         period_s: Time between frames [s]; absent: 1 for GSL-Bench, 0.5 for GADEN, their usual values.
 
     Raises:
@@ -252,7 +253,7 @@ def stored_fields_in(folder: Path, *, period_s: float | None = None) -> StoredFi
     is_gsl_bench = any(gas_folder.glob("iteration_*_fil.npy"))
     playback = GasPlayback(gas_folder, period_s=usual_period_s(gas_folder) if period_s is None else period_s)
     if is_gsl_bench:
-        room_folder = gas_folder.resolve().parent.parent if gas_folder.parent.name == GAS_DATA else gas_folder
+        room_folder = _room_folder(gas_folder)
         return StoredFields(
             playback,
             walls=lambda: _gsl_bench_walls(room_folder),
@@ -266,16 +267,27 @@ def stored_fields_in(folder: Path, *, period_s: float | None = None) -> StoredFi
 
 
 def _gas_folder(folder: Path) -> Path | None:
-    gas_data = folder if folder.resolve().name == GAS_DATA else folder / GAS_DATA
-    if gas_data.is_dir():
-        candidates = sorted(path for path in gas_data.iterdir() if path.is_dir())
-    else:
-        candidates = [folder / name for name in ("", "result", "results") if (folder / name).is_dir()]
-    with_frames = [path for path in candidates if any(path.glob("iteration_*"))]
+    with_frames = sorted(path for path in _folders_below(folder) if any(path.glob("iteration_*")))
     if len(with_frames) > 1:
         names = ", ".join(str(path) for path in with_frames)
         raise EnvironmentDataError(f"gas frames: expected one folder of them, was {names}. Name one of these.")
     return with_frames[0] if with_frames else None
+
+
+# The folder itself and those a few levels below it, but none within a folder of frames.
+def _folders_below(folder: Path, n_levels: int = N_LEVELS_DOWN) -> Iterator[Path]:
+    yield folder
+    if n_levels and not any(folder.glob("iteration_*")):
+        for path in folder.iterdir():
+            if path.is_dir():
+                yield from _folders_below(path, n_levels - 1)
+
+
+# Gas lies in gas_data, or in a folder of that, beside the room's occupancy.
+def _room_folder(gas_folder: Path) -> Path:
+    above = gas_folder.resolve()
+    rooms = [path for path in (above, *above.parents[:2]) if (path / "occupancy").is_dir()]
+    return rooms[0] if rooms else gas_folder
 
 
 def _gsl_bench_walls(room_folder: Path) -> Walls:

@@ -49,7 +49,10 @@ def test_a_lattice_wider_than_the_room_is_refused():
 
 
 def test_the_folder_above_the_results_will_do(results):
-    for folder in (results, results.parent):
+    deep = results.parent / "project" / "scenario" / "result"
+    deep.mkdir(parents=True)
+    results = results.rename(deep / "FilamentSimulation_1")
+    for folder in (results, results.parent, results.parents[3]):
         fields = stored_fields_in(folder)
         assert fields.gas_ppm(PLACES, Instant(frame=1), THROUGH_WALLS)[0] == pytest.approx(10.0, rel=0.2)
 
@@ -59,7 +62,7 @@ def test_gas_data_is_found_from_the_environment_down(results, tmp_path):
     environment = tmp_path / "001"
     (environment / "gas_data").mkdir(parents=True)
     frames = results.rename(environment / "gas_data" / "wh_empty_001")
-    for folder in (environment, environment / "gas_data", frames):
+    for folder in (tmp_path, environment, environment / "gas_data", frames):
         assert stored_fields_in(folder).grid(Instant(frame=0)).shape == gaden.CELLS
     shutil.copytree(frames, environment / "gas_data" / "another")
     with pytest.raises(EnvironmentDataError, match=r"expected one folder of them, was .*another.*wh_empty_001"):
@@ -102,8 +105,9 @@ def test_without_an_occupancy_there_is_no_line_of_sight(results):
 
 def write_solid_occupancy(folder, cells):
     nx, ny, nz = cells
+    max_m = (low + n * gaden.CELL_M for low, n in zip(gaden.MIN_M, cells, strict=True))
     head = (
-        f"#env_min(m) {' '.join(map(str, gaden.MIN_M))}\n#env_max(m) 9 9 9\n"
+        f"#env_min(m) {' '.join(map(str, gaden.MIN_M))}\n#env_max(m) {' '.join(map(str, max_m))}\n"
         f"#num_cells {nx} {ny} {nz}\n#cell_size(m) {gaden.CELL_M}\n"
     )
     solid = "\n".join(["\n".join([" ".join(["1"] * ny)] * nx) + "\n;"] * nz)
