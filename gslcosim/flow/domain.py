@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gslcosim.errors import FlowError
 from gslcosim.flow.domain_kernels import flood
 from gslcosim.flow.ghosts import GhostFaces, find_ghosts
+from gslcosim.flow.lips import LipEdges, find_lips
 from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch
 from gslcosim.flow.placement import PlacedPatch, check_kinds, check_overlap, place
 from gslcosim.flow.pressure import F32
@@ -47,6 +48,7 @@ class Domain:
     placed: tuple[PlacedPatch, ...]
     friction: WallFriction
     ghosts: tuple[GhostFaces, ...]
+    lips: tuple[LipEdges, ...]
     is_closed: bool
     n_air: int
     n_cut_off: int
@@ -104,6 +106,7 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
         placed=placed,
         friction=_wall_friction(padded_air, placed, coefficients),
         ghosts=find_ghosts(padded_air, coefficients),
+        lips=find_lips(padded_air, coefficients),
         is_closed=is_closed,
         n_air=n_air,
         n_cut_off=n_free - n_air,

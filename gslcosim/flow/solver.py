@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow import momentum_kernels, pressure_kernels, wall_kernels
+from gslcosim.flow import lip_kernels, momentum_kernels, pressure_kernels, wall_kernels
 from gslcosim.flow.boundary import fill_padding, impose_inlets, impose_open_pressure
 from gslcosim.flow.domain import Domain
 from gslcosim.flow.pressure import F32, PressureSolver, SolveStats, padded
@@ -169,6 +169,11 @@ class FlowSolver:
             kernel(
                 *start, self.pressure, model.nu, domain.coefficients[axis], self.velocity[axis],
                 dt_s, domain.cell_m, weight, out[axis],
+            )  # fmt: skip
+        for lip in domain.lips:
+            lip_kernels.carry_past_lips(
+                start[lip.component].ravel(), start[lip.carrier].ravel(), lip.near, lip.behind, lip.through,
+                lip.target, lip.away, lip.inward, dt_s, domain.cell_m, weight, out[lip.component].ravel(),
             )  # fmt: skip
         for axis in range(3):
             wall_kernels.rub(
