@@ -67,8 +67,8 @@ ROOMS = {
         min_correlation=0.99,
         max_rms_relative=0.12,
     ),
-    # Doors five cells wide. Of a home with such doors both solvers' winds are 0.15 from those on cells of 0.1 m, where
-    # they agree to 0.05: the difference is the grid's.
+    # Doors five cells wide. Of a home with such doors both solvers' winds are 0.13 and 0.15 from those on cells of
+    # 0.1 m, where they agree to 0.05: the difference is the grid's.
     "three_rooms_with_doors": Room(
         size_m=(10, 6, 2.6),
         blocks=(
@@ -84,8 +84,8 @@ ROOMS = {
             Inlet(min_m=(0, 0, 0), max_m=(0, 1.6, 1.6), velocity_m_s=(1, 0, 0)),
             Outlet(min_m=(10, 0.4, 0), max_m=(10, 2, 1.6)),
         ),
-        min_correlation=0.97,
-        max_rms_relative=0.2,
+        min_correlation=0.985,
+        max_rms_relative=0.17,
     ),
 }
 
