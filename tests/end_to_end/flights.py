@@ -13,6 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
 AGENTS = Path(__file__).parent / "agents"
+EVERY_VEHICLE = Path(__file__).parent / "every_vehicle.yaml"
 COMMAND = [sys.executable, "-m", "gslcosim"]
 LIMIT_S = 110
 

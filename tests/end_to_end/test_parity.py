@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import AGENTS, TINY_ROOM, fly
+from flights import AGENTS, EVERY_VEHICLE, TINY_ROOM, fly
 
 
 def digest_of(ended):
@@ -57,3 +57,13 @@ def test_an_agent_that_fails_at_a_decision_has_one_digest_too(tmp_path):
     single = fly(TINY_ROOM, tmp_path / "single", *change, "--in-process")
     assert multi.result["end_reason"] == single.result["end_reason"] == "agent_failed"
     assert digest_of(multi) == digest_of(single)
+
+
+def test_every_vehicle_obeys_every_command_alike(tmp_path):
+    """Iris, Crazyflie, point robot and rover in one room, each with all commands that its kind obeys."""
+    multi = fly(EVERY_VEHICLE, tmp_path / "multi")
+    single = fly(EVERY_VEHICLE, tmp_path / "single", "--in-process")
+    assert digest_of(multi) == digest_of(single)
+    for agent in single.result["agents"]:
+        assert agent["outcome"] == "time_limit"
+        assert agent["path_length_m"] > 2.0
