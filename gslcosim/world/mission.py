@@ -168,6 +168,8 @@ class Mission:
     # ------------------------------------------------------------ commands
 
     def _obey(self, tick: int, command: Command) -> None:
+        if self._is_repeated(command) and not self.is_overturned:
+            return
         self.notice = self._refusal(tick, command)
         if self.notice is not None:
             self._hold(tick, self._agent.vehicle.hold_s, AS_BEFORE)
@@ -177,8 +179,9 @@ class Mission:
             self._kept_command = command
         elif self.phase == "on_ground" and command.kind not in ("attitude", "rates"):
             self._kept_command = command if command.kind != "take_off" else None
+            self._goal = command if command.kind == "take_off" else None
             self._take_off(tick)
-        elif not self._is_repeated(command):
+        else:
             self._goal = command
             self._go(tick, command)
 
@@ -364,7 +367,6 @@ class Mission:
     # Rotors or wheels stop, and the agent is asked; whoever has landed can take off again.
     def _stand(self, tick: int) -> None:
         self._forget_legs()
-        self._goal = None
         self._velocity_world_m_s = None
         self._kept_command = None
         self._is_preparing = False

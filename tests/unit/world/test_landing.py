@@ -113,7 +113,11 @@ def test_a_repeated_landing_is_one_landing(make_pilot):
     pilot.step(agent_0=LAND)
     while pilot.body().phase == "landing":
         pilot.step(agent_0=LAND)
-    assert pilot.body().phase == "on_ground"
+    body = pilot.step(agent_0=LAND)
+    assert (body.phase, body.rejected_command) == ("on_ground", None)
+    for _ in range(45):
+        body = pilot.step(agent_0={"kind": "take_off"})
+    assert (body.phase, body.rejected_command) == ("holding", None)
 
 
 # ---------------------------------------------------------------- missions
