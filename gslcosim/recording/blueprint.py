@@ -133,6 +133,7 @@ def _plots(scenario: Scenario) -> list[rrb.TimeSeriesView]:
         (entities.RESPONSE_PLOTS, response),
         (entities.WIND_PLOTS, "Wind speed at the vehicle [m/s]"),
         (entities.DISTANCE_PLOTS, "Distance to the source [m]"),
+        (entities.TRACKING_PLOTS, "Distance to the controller's reference [m]"),
     ]
     so_far = rr.TimeRange(
         start=rr.TimeRangeBoundary.absolute(seconds=0.0),

@@ -18,6 +18,7 @@ from gslcosim.contract.messages import (
     Score,
     Vec3,
     Verdict,
+    Waypoint,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
@@ -39,8 +40,9 @@ from gslcosim.recording.rows import (
     TrackRows,
 )
 from gslcosim.recording.run_file import RunFile
-from gslcosim.recording.scene import draw_map, draw_room, draw_sources, draw_vehicle
+from gslcosim.recording.scene import draw_map, draw_room, draw_sources
 from gslcosim.recording.summary import summary_text, title
+from gslcosim.recording.vehicle_shapes import draw_vehicle
 from gslcosim.recording.wind_layer import WindLayer, WindRows
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
@@ -62,6 +64,8 @@ class AgentRows:
         self.waypoints = MarkerRows(names.waypoints, radius_m=WAYPOINT_RADIUS_M)
         self.markers = MarkerRows(names.markers, radius_m=MARKER_RADIUS_M)
         self.distance = ScalarRows(names.distance)
+        self.tracking_error = ScalarRows(names.tracking_error)
+        self.mission: tuple[Waypoint, ...] | None = None
         self.gas: dict[tuple[str, str], ScalarRows] = {}
         self.response = {sensor: ScalarRows(names.response(sensor)) for sensor in names.gas_sensors}
         self.true_wind = {sensor: ScalarRows(names.true_wind(sensor)) for sensor in names.wind_sensors}
@@ -77,6 +81,7 @@ class AgentRows:
             self.waypoints,
             self.markers,
             self.distance,
+            self.tracking_error,
             *(rows for group in curves for rows in group.values()),
         ]
 
@@ -185,7 +190,10 @@ class RecorderCore:
     def _style_curves(self, file: RunFile, names: AgentEntities) -> None:
         is_alone = len(self._agents) == 1
         prefix = "" if is_alone else f"{names.agent.name} "
-        styles = [(names.distance, f"{prefix}distance", names.color)]
+        styles = [
+            (names.distance, f"{prefix}distance", names.color),
+            (names.tracking_error, f"{prefix}tracking error", names.color),
+        ]
         for sensor in names.gas_sensors:
             styles.append((names.gas(sensor, self._scenario.gas.gas), f"{prefix}{sensor}", names.color))
             styles.append((names.response(sensor), f"{prefix}{sensor}", names.color))
@@ -203,6 +211,8 @@ class RecorderCore:
                 agent.position_m = body.position_world_m
                 agent.pose.add(tick, body.position_world_m, body.quaternion_wxyz)
                 agent.track.add(tick, body.position_world_m)
+                if body.tracking_error_m is not None:
+                    agent.tracking_error.add(tick, body.tracking_error_m)
         samples = cast(FieldSamples | None, inbox.get(keys.SAMPLES))
         if samples is not None:
             self._note_samples(tick, samples)
@@ -244,6 +254,10 @@ class RecorderCore:
     def _note_command(self, tick: int, agent: AgentRows, command: Command) -> None:
         if command.kind == "waypoint" and command.position_world_m is not None:
             agent.waypoints.add(tick, command.position_world_m, "", agent.names.color)
+        elif command.kind == "mission" and command.waypoints != agent.mission:
+            agent.mission = command.waypoints
+            for point in command.waypoints or ():
+                agent.waypoints.add(tick, point.position_world_m, "", agent.names.color)
         elif command.kind == "declare_source" and command.declaration is not None:
             agent.markers.add(tick, command.declaration.position_world_m, "declared", agent.names.color)
 

@@ -17,6 +17,7 @@ GAS_PLOTS = "plots/gas_ppm"
 RESPONSE_PLOTS = "plots/response"
 WIND_PLOTS = "plots/wind_m_s"
 DISTANCE_PLOTS = "plots/distance_m"
+TRACKING_PLOTS = "plots/tracking_error_m"
 
 # Instruments that report the wind: speed [m/s] first.
 WIND_MODELS = frozenset({"anemometer"})
@@ -55,6 +56,11 @@ class AgentEntities:
     def distance(self) -> str:
         """Curve of the distance to the nearest source."""
         return f"{DISTANCE_PLOTS}/{self.agent.name}"
+
+    @property
+    def tracking_error(self) -> str:
+        """Curve of the distance to where the controller wants the vehicle."""
+        return f"{TRACKING_PLOTS}/{self.agent.name}"
 
     def gas(self, sensor: str, gas: str) -> str:
         """Curve of the true mixing ratio at a sensor."""

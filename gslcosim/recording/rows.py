@@ -20,6 +20,8 @@ MAX_FILAMENTS = 3000
 BIRTH_OPACITY = 0.2
 # Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
 SLICE_SINK_M = 0.3
+# But not into the floor, where vehicles drive on it.
+LEAST_SLICE_HEIGHT_M = 0.02
 WAYPOINT_RADIUS_M = 0.06
 MARKER_RADIUS_M = 0.12
 
@@ -252,7 +254,7 @@ class SliceRows:
         place = rr.GridMap.from_fields(
             format=picture_format(nx, ny),
             cell_size=first.cell_m,
-            translation=(*first.origin_m, first.height_m - SLICE_SINK_M),
+            translation=(*first.origin_m, max(first.height_m - SLICE_SINK_M, LEAST_SLICE_HEIGHT_M)),
         )
         file.draw(self._entity, place)
         self._is_placed = True

@@ -1,4 +1,4 @@
-"""What stands still in the recording: room, openings, source, wind, scale, and how a vehicle is drawn."""
+"""What stands still in the recording: room, openings, source, wind and scale."""
 
 import math
 
@@ -8,19 +8,13 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.model import Box, Environment, Opening
 from gslcosim.recording import colors
-from gslcosim.recording.colors import GasScale, Rgb
+from gslcosim.recording.colors import GasScale
 from gslcosim.recording.run_file import RunFile
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
 
 SOLID = rr.components.FillMode.Solid
 WIRE = rr.components.FillMode.MajorWireframe
 GLASS = rr.components.FillMode.TransparentFillMajorWireframe
-
-# An Iris spans half a metre; in a room of fifteen it would be lost in the picture.
-VEHICLE_SCALE = 2.0
-ARM_M = 0.25
-ROTOR_RADIUS_M = 0.13
 
 OBSTACLE_ALPHA = 150
 MAX_FLOOR_LINES = 25
@@ -68,31 +62,6 @@ def draw_sources(file: RunFile, scenario: Scenario) -> None:
             fill_mode=WIRE,
         )
         file.draw(f"{entity}/success_radius", radius)
-
-
-def draw_vehicle(file: RunFile, entity: str, agent: AgentSpec, color: Rgb) -> None:
-    """Draw a quadrotor around the origin of the body frame, x forward, `VEHICLE_SCALE` times its size."""
-    arm = ARM_M * VEHICLE_SCALE * math.sqrt(0.5)
-    tips_m = [(arm, arm, 0.0), (-arm, arm, 0.0), (-arm, -arm, 0.0), (arm, -arm, 0.0)]
-    rotor_m = ROTOR_RADIUS_M * VEHICLE_SCALE
-    arms = rr.LineStrips3D(
-        [[tips_m[0], tips_m[2]], [tips_m[1], tips_m[3]]], radii=[0.03 * VEHICLE_SCALE / 2], colors=[color]
-    )
-    rotors = rr.Ellipsoids3D(
-        centers=[(x, y, 0.05 * VEHICLE_SCALE) for x, y, _ in tips_m],
-        half_sizes=[(rotor_m, rotor_m, 0.012 * VEHICLE_SCALE)] * 4,
-        # The front pair is white: it shows where the vehicle looks.
-        colors=[(255, 255, 255), color, color, (255, 255, 255)],
-        fill_mode=SOLID,
-    )
-    hull_m = [(0.09 * VEHICLE_SCALE, 0.06 * VEHICLE_SCALE, 0.04 * VEHICLE_SCALE)]
-    file.draw(f"{entity}/arms", arms)
-    file.draw(f"{entity}/rotors", rotors)
-    file.draw(f"{entity}/hull", rr.Boxes3D(half_sizes=hull_m, colors=[color], fill_mode=SOLID))
-    file.draw(
-        f"{entity}/name",
-        rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.02], colors=[color], labels=[agent.name], show_labels=True),
-    )
 
 
 def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m: float) -> None:

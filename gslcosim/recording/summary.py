@@ -2,7 +2,7 @@
 
 from gslcosim.contract.messages import AgentResult, Verdict
 from gslcosim.environment.model import Environment
-from gslcosim.recording.scene import VEHICLE_SCALE
+from gslcosim.recording.vehicle_shapes import drawn_scale
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
@@ -10,7 +10,7 @@ from gslcosim.ticks import seconds_from_ticks
 def summary_text(scenario: Scenario, environment: Environment, verdict: Verdict | None = None) -> str:
     """Return the recording's text as Markdown; with a verdict it begins with the result."""
     parts = [_result(scenario, verdict)] if verdict else []
-    parts += [_mission(scenario, environment), _key()]
+    parts += [_mission(scenario, environment), _key(scenario)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -42,10 +42,13 @@ def _mission(scenario: Scenario, environment: Environment) -> str:
     return "\n".join(lines)
 
 
-def _key() -> str:
+def _key(scenario: Scenario) -> str:
+    scales = {agent.vehicle.model: drawn_scale(agent.vehicle.model) for agent in scenario.agents}
+    larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]
+    told = f" Drawn larger: {', '.join(larger)}." if larger else ""
     return (
         "Cloud: filaments of gas, each drawn at its size. Map: mixing ratio at search height on a logarithmic scale. "
-        f"Blue arrows: wind. Line: track; dots: waypoints. Vehicles are drawn {VEHICLE_SCALE:g} times their size."
+        f"Blue arrows: wind. Line: track; dots: waypoints.{told}"
     )
 
 
