@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.errors import FlowError
 from gslcosim.flow.openfoam.case import COURANT, write_case
 from gslcosim.flow.openfoam.installation import find_installation
 from gslcosim.flow.openfoam.result import read_wind
@@ -51,22 +52,27 @@ def solve_wind_openfoam(
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
 
     Raises:
-        FlowError: there is no OpenFOAM, it cannot solve this, or it failed; the case folder is then kept.
+        FlowError: there is no OpenFOAM, it cannot solve this, or it failed; the folder of a case that failed is kept.
     """
     installation = find_installation()
     folder = case_dir or Path(tempfile.mkdtemp(prefix="gslcosim-openfoam-"))
-    case = write_case(
-        free,
-        cell_m,
-        patches,
-        folder,
-        end_time_s=end_time_s,
-        average_from_s=average_from_s,
-        n_ranks=n_ranks,
-        turbulence=turbulence,
-        nu_m2_s=nu_m2_s,
-        courant=courant,
-    )
+    try:
+        case = write_case(
+            free,
+            cell_m,
+            patches,
+            folder,
+            end_time_s=end_time_s,
+            average_from_s=average_from_s,
+            n_ranks=n_ranks,
+            turbulence=turbulence,
+            nu_m2_s=nu_m2_s,
+            courant=courant,
+        )
+    except FlowError:
+        if case_dir is None:
+            shutil.rmtree(folder)
+        raise
     run_case(case, installation, on_time=lambda time_s: progress and progress(min(time_s / end_time_s, 1.0)))
     velocity_m_s = read_wind(case)
     if case_dir is None:
