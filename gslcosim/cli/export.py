@@ -15,7 +15,7 @@ EXAMPLES = """  gslcosim export hall --to gaden --out hall_gaden
   gslcosim export warehouse_empty --to vtk --out warehouse_vtk
   gslcosim export hall --to gaden --gaden-wind points --out hall_points"""
 
-FORMATS = ("gaden", "gsl_bench", "vtk", "openfoam_points", "mjcf")
+FORMATS = ("gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf")
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
@@ -60,14 +60,14 @@ def _environment_of(source: str) -> "Environment":
     from gslcosim.scenario import load_scenario
 
     if Path(source).is_dir():
-        return load_environment(Path(source))
+        return load_environment(Path(source), with_meshes=True)
     loaded = load_scenario(source)
     return load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
 
 
 COMMAND = Command(
     name="export",
-    summary="write an environment in the format of GADEN, GSL-Bench, VTK, OpenFOAM points or MJCF",
+    summary="write an environment in the format of GADEN, GSL-Bench, VTK, STL, OpenFOAM points or MJCF",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

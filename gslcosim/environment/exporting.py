@@ -1,4 +1,4 @@
-"""An environment in the formats of other programs: GADEN, GSL-Bench, VTK, OpenFOAM points and MJCF."""
+"""An environment in the formats of other programs: GADEN, GSL-Bench, VTK, OpenFOAM points, STL and MJCF."""
 
 import json
 import re
@@ -14,12 +14,13 @@ from gslcosim.environment.gaden_grid import OCCUPANCY_FILE, occupancy_text, rows
 from gslcosim.environment.gsl_bench import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
 from gslcosim.environment.mjcf import mjcf_of
 from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.stl import stl_of
 from gslcosim.environment.store import SCENE_FILE
 from gslcosim.environment.vtk import write_vtk
 from gslcosim.environment.wind_files_arrays import BINARY_MARK, cells_in_order
 from gslcosim.errors import EnvironmentDataError
 
-Format = Literal["gaden", "gsl_bench", "vtk", "openfoam_points", "mjcf"]
+Format = Literal["gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf"]
 GadenWind = Literal["components", "components_text", "points", "iterations"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 GADEN_WINDS: tuple[GadenWind, ...] = get_args(GadenWind)
@@ -70,6 +71,8 @@ def export_environment(
         return Export(files=write_vtk(environment, folder, name))
     if to == "openfoam_points":
         return Export(files=_write_points(environment, folder, "U", _FOAM_POINTS, is_place_first=True))
+    if to == "stl":
+        return Export(files=(_written(folder / f"{name}.stl", stl_of(environment)),))
     return Export(files=(_written(folder / SCENE_FILE, mjcf_of(environment).encode()),))
 
 
@@ -84,6 +87,7 @@ def _to_gaden(environment: Environment, folder: Path, name: str, wind: GadenWind
     wind_dir.mkdir(parents=True)
     files = (
         _written(folder / OCCUPANCY_FILE, occupancy_text(environment.grid, environment.occupancy).encode()),
+        _written(folder / "cad_models" / f"{name}.stl", stl_of(environment)),
         *_GADEN_WRITERS[wind](environment, wind_dir),
     )
     return Export(files=files, notices=(_timing(environment, "GADEN", "wind_time_step and allow_looping"),))

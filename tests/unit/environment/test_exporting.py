@@ -120,6 +120,16 @@ def test_mjcf_has_all_boxes(environment, tmp_path):
     assert mujoco.MjModel.from_xml_path(str(scene)).ngeom == len(environment.boxes)
 
 
+def test_stl_has_the_room(environment, tmp_path):
+    (file,) = export_environment(environment, tmp_path / "out", "stl").files
+    text = file.read_text()
+    assert [line.split()[1] for line in text.splitlines() if line.startswith("solid ")] == [
+        box.name for box in environment.boxes
+    ]
+    (gaden,) = (p for p in export_environment(environment, tmp_path / "gaden", "gaden").files if p.suffix == ".stl")
+    assert gaden.read_text() == text
+
+
 def test_a_folder_with_files_is_refused(environment, tmp_path):
     (tmp_path / "wind_3.csv_U").touch()
     with pytest.raises(EnvironmentDataError, match="expected a new folder or an empty one"):
