@@ -64,7 +64,7 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
 
     with tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
         path = Path(folder) / RECORDING
-        record_environment(load_environment(Path(arguments.run)), path)
+        record_environment(load_environment(Path(arguments.run), with_meshes=True), path)
         yield path
 
 

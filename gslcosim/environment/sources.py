@@ -4,14 +4,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from gslcosim.environment.gaden import import_gaden, load_gaden_room
+from gslcosim.environment.geometry import room_of_geometry
 from gslcosim.environment.gsl_bench import import_gsl_bench, load_gsl_bench_room
-from gslcosim.environment.model import Environment
+from gslcosim.environment.model import Environment, Opening
 from gslcosim.environment.openings import face_of, problems_of_inflow
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.environment.room import Room, build_room, problems_of_room
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
-from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.models import EnvironmentSpec, GeometrySpec, WindSpec
+from gslcosim.scenario.problems import InvalidScenarioError, Problem
 
 
 def folder_of(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
@@ -44,6 +45,8 @@ def room_of(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None 
         ScenarioError: the layout is impossible; the text lists all reasons.
         EnvironmentDataError: a folder is not what it should be.
     """
+    if spec.geometry is not None:
+        return room_of_geometry(spec.geometry, wind, base_dir=scenario_dir or Path())
     raise_if_any(problems_of_source(spec, wind, scenario_dir=scenario_dir))
     if spec.layout is not None:
         return build_room(spec.layout, wind)
@@ -54,6 +57,8 @@ def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
     """Return all that keeps a room from being made or read, with the places in the scenario."""
     if spec.layout is not None:
         return problems_of_room(spec.layout, wind)
+    if spec.geometry is not None:
+        return _problems_of_geometry(spec.geometry, wind, scenario_dir or Path())
     try:
         room = _read_room(spec, scenario_dir)
     except EnvironmentDataError as error:
@@ -72,6 +77,21 @@ def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
     return [problem for face in faces[:1] if face for problem in problems_of_inflow(wind.inlet_velocity_m_s, face)]
 
 
+# A room from geometry is known to be one only once it is made.
+def _problems_of_geometry(spec: GeometrySpec, wind: WindSpec, scenario_dir: Path) -> list[Problem]:
+    try:
+        room_of_geometry(spec, wind, base_dir=scenario_dir)
+    except InvalidScenarioError as error:
+        return [
+            Problem(path=each.path, expected=each.expected, found=each.found, remedy=each.remedy)
+            for each in (located.problem for located in error.problems)
+        ]
+    except EnvironmentDataError as error:
+        remedy = str(error).replace("\n", " ")
+        return [Problem(path="environment.geometry", expected="files of geometry", found="none", remedy=remedy)]
+    return []
+
+
 def stored_environment(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> Environment:
     """Return the environment of an imported folder with the wind it brings, which is still where it brings none.
 
@@ -88,14 +108,25 @@ def stored_environment(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
 
 
 def with_inflow(room: Room, wind: WindSpec) -> Room:
-    """Return a room whose inlets without a velocity of their own have that of the scenario's wind."""
+    """Return an imported room whose inlets have the scenario's wind, where they have none of their own.
+
+    A room that marks no inlet, as GADEN's do not, gets one in each opening that the wind blows into.
+    """
+    has_inlet = any(each.kind == "inlet" for each in room.openings)
     openings = tuple(
-        replace(each, velocity_m_s=wind.inlet_velocity_m_s)
-        if each.kind == "inlet" and not any(each.velocity_m_s)
+        replace(each, kind="inlet", velocity_m_s=wind.inlet_velocity_m_s)
+        if (each.kind == "inlet" and not any(each.velocity_m_s)) or (not has_inlet and _is_blown_into(each, room, wind))
         else each
         for each in room.openings
     )
-    return replace(room, openings=openings)
+    taken = [each.name for each in openings if each.kind == "inlet"] if not has_inlet else []
+    notices = (f"Taken as inlets, as the wind blows into them: {', '.join(taken)}.",) if taken else ()
+    return replace(room, openings=openings, notices=(*room.notices, *notices))
+
+
+def _is_blown_into(opening: Opening, room: Room, wind: WindSpec) -> bool:
+    face = face_of(opening, room.grid)
+    return face is not None and wind.inlet_velocity_m_s[face.axis] * face.inward > 0
 
 
 _MAKERS = {"gsl_bench": "GSL-Bench or AutoGDM+", "gaden": "GADEN"}

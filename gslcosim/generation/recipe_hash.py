@@ -44,7 +44,7 @@ def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
 def recipe(environment: EnvironmentSpec, wind: WindSpec) -> dict[str, Any]:
     """Return what an environment is made from as plain values."""
     wind_values = wind.model_dump(mode="json", exclude=None if wind.solves else _OF_SOLVING)
-    if wind.solver == "auto" and environment.layout is not None:
+    if wind.solver == "auto" and environment.folder_key is None:
         wind_values["solver"] = "built_in"
     packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves else {}
     made_from = environment.model_dump(mode="json", exclude_none=True)
@@ -60,6 +60,8 @@ def sources(wind: WindSpec) -> list[Path]:
 def _files_read(environment: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None) -> Iterator[Path]:
     if environment.folder_key is not None:
         yield from _files_in(folder_of(environment, scenario_dir))
+    for file in environment.geometry.files if environment.geometry is not None else ():
+        yield (scenario_dir or Path()) / Path(file).expanduser()
     if wind.file is not None:
         yield from _files_in(wind_file(wind, scenario_dir))
 

@@ -1,12 +1,13 @@
 """What stands still in the recording: room, openings, source, wind and scale."""
 
 import math
+import re
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import Box, Environment, Opening
+from gslcosim.environment.model import Box, Environment, Opening, VisualMesh
 from gslcosim.recording import colors
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.run_file import RunFile
@@ -17,6 +18,7 @@ WIRE = rr.components.FillMode.MajorWireframe
 GLASS = rr.components.FillMode.TransparentFillMajorWireframe
 
 OBSTACLE_ALPHA = 150
+MESH_ALPHA = 90
 MAX_FLOOR_LINES = 25
 # The colour scale beside the map, in fractions of the room's width.
 SCALE_GAP_FRAC = 0.12
@@ -38,7 +40,10 @@ def draw_room(file: RunFile, environment: Environment) -> None:
     file.draw("room/floor/grid", _floor_grid(environment))
     # A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
     obstacles = [box for box in environment.boxes if box.kind == "obstacle" or _stands_inside(box, low_m, high_m)]
-    if obstacles:
+    if environment.meshes:
+        for i, mesh in enumerate(environment.meshes):
+            file.draw(f"room/geometry/{i}_{entity_name(mesh.name)}", _mesh(mesh))
+    elif obstacles:
         file.draw("room/obstacles", _obstacles(obstacles))
     for opening in environment.openings:
         file.draw(f"room/openings/{opening.name}", _opening(opening))
@@ -113,6 +118,17 @@ def _floor_grid(environment: Environment) -> rr.LineStrips3D:
     xs_m, ys_m = (np.arange(math.ceil(low / step_m), high / step_m) * step_m for low, high in ((x0, x1), (y0, y1)))
     lines_m = [[(x, y0, z), (x, y1, z)] for x in xs_m] + [[(x0, y, z), (x1, y, z)] for y in ys_m]
     return rr.LineStrips3D(lines_m, colors=[colors.FLOOR_LINES], radii=[0.006 * step_m])
+
+
+def entity_name(name: str) -> str:
+    """Return a name that any file may give as a part of an entity's path."""
+    return re.sub(r"[^A-Za-z0-9_]+", "_", name) or "part"
+
+
+# Seen through, as walls and roof are among them.
+def _mesh(mesh: VisualMesh) -> rr.Mesh3D:
+    rgb = [round(255 * channel) for channel in mesh.rgba[:3]]
+    return rr.Mesh3D(vertex_positions=mesh.vertices_m, triangle_indices=mesh.faces, albedo_factor=[*rgb, MESH_ALPHA])
 
 
 def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> bool:

@@ -32,6 +32,7 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
         *_wrong_members(values),
         *_missing_programs(values, directory),
         *_missing_environment(values, directory),
+        *_missing_geometry(values, directory),
         *_missing_wind(values, directory),
         *_missing_gas_frames(values, directory),
         *_unknown_gases(values),
@@ -147,6 +148,18 @@ def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Pr
                 expected="the folder of an environment",
                 found=f"'{path}'",
                 remedy=f"There is no {'folder but a file' if folder.exists() else 'folder'} {folder.resolve()}.",
+            )
+
+
+def _missing_geometry(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
+    files = _block(values, "environment", "geometry").get("files")
+    for i, file in enumerate(_words(files)):
+        if not (path := directory / Path(file).expanduser()).is_file():
+            yield Problem(
+                path=f"environment.geometry.files[{i}]",
+                expected="a file of geometry",
+                found=f"'{file}'",
+                remedy=f"There is no file {path.resolve()}.",
             )
 
 

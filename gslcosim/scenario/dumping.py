@@ -63,6 +63,9 @@ def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:
     environment, wind = scenario.environment, scenario.wind
     if (key := environment.folder_key) is not None:
         environment = environment.model_copy(update={key: _absolute(getattr(environment, key), directory)})
+    if (geometry := environment.geometry) is not None:
+        files = tuple(_absolute(file, directory) for file in geometry.files)
+        environment = environment.model_copy(update={"geometry": geometry.model_copy(update={"files": files})})
     if wind.file is not None:
         wind = wind.model_copy(update={"solver": {"file": _absolute(wind.file, directory)}})
     agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)

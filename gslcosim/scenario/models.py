@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from gslcosim.scenario.gas_models import GasSpec as GasSpec
 from gslcosim.scenario.gas_models import SourceSpec as SourceSpec
+from gslcosim.scenario.geometry_models import GeometrySpec as GeometrySpec
 from gslcosim.scenario.layout_models import BoxSpec as BoxSpec
 from gslcosim.scenario.layout_models import Layout as Layout
 from gslcosim.scenario.layout_models import LayoutSpec as LayoutSpec
@@ -25,13 +26,14 @@ class EnvironmentSpec(Spec):
     """Where the run takes place.
 
     One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
-    AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`.
+    AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`; the user's own `geometry`.
     """
 
     layout: Layout | None = None
     path: str | None = None
     gsl_bench: str | None = None
     gaden: str | None = None
+    geometry: GeometrySpec | None = None
 
     @property
     def folder_key(self) -> str | None:
