@@ -17,7 +17,8 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
          "hall.yaml:3: environment: expected exactly one of layout, path, gsl_bench, gaden and geometry, was none. "
          "layout generates a room, path takes the folder of one made before."),
         (A_LAYOUT, f"{A_LAYOUT}\n  path: .",
-         "hall.yaml:3: environment: expected exactly one of layout, path, gsl_bench, gaden and geometry, was layout and path. "
+         "hall.yaml:3: environment: expected exactly one of layout, path, gsl_bench, gaden and geometry, was layout "
+         "and path. "
          "layout generates a room, path takes the folder of one made before."),
         ("{python: dung_beetle}", "{}",
          "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
