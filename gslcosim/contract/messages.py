@@ -33,8 +33,9 @@ class BodyState(Record):
     """True state of one vehicle; part of `BodyPoses`.
 
     `position_world_m` is the origin of the body frame, `quaternion_wxyz` turns body into world vectors,
-    `contacts` names the things touched during the tick, `phase` is what the vehicle is doing (`landing` since 1.1),
-    `awaiting_command` asks the agent for its next command, `path_length_m` is the distance flown so far,
+    `contacts` names the things touched during the tick, `phase` is what the vehicle is doing (`landing` and
+    `driving` since 1.1), `awaiting_command` asks the agent for its next command, `path_length_m` is the distance flown
+    or driven so far,
     `waypoint_world_m` is where it is going (absent: nowhere), `tracking_error_m` (since 1.1) is how far it is from
     where its controller wants it now (absent: it follows no path).
     """
@@ -44,7 +45,7 @@ class BodyState(Record):
     quaternion_wxyz: Quaternion
     velocity_world_m_s: Vec3
     angular_velocity_body_rad_s: Vec3
-    phase: Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing"]
+    phase: Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
     awaiting_command: bool
     path_length_m: float
     waypoint_world_m: Vec3 | None = None

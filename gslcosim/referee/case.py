@@ -160,7 +160,7 @@ class AgentCase:
         if self._has_taken_off or body.phase in ("on_ground", "failed"):
             return []
         self._has_taken_off = True
-        return [self._event("take_off", "takes off")]
+        return [self._event("take_off", "takes off" if body.phase == "taking_off" else "sets off")]
 
     def _note_gas(self, samples: Sequence[MountSample]) -> list[RefereeEvent]:
         if self._has_met_gas:

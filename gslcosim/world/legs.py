@@ -1,6 +1,7 @@
 """From what an agent asks for to the legs of a flight, and from a leg to the path that a vehicle follows."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -9,9 +10,12 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Command
 from gslcosim.ticks import NS_PER_S
+from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import AS_BEFORE, Heading, Limits, Trajectory, Vec3, fly_at, fly_through, fly_to
 
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
+# Shares of a path's duration at which it is looked at.
+_LOOKS_AT = np.linspace(0.1, 1.0, 10).tolist()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +86,30 @@ def refusal_of_motion(leg: Leg, limits: Limits) -> str | None:
             return f"{leg.name}.{name}: expected at most {most:g} {unit}, was {size:g} {unit}."
     if leg.hold_s and leg.is_passed:
         return f"{leg.name}.hold_s: expected 0 where the vehicle passes with a velocity, was {leg.hold_s:g} s."
+    return None
+
+
+def refusal_of_curves(
+    legs: Sequence[Leg], state: NDArray[np.float64], limits: Limits, space: FlightSpace, tick_ns: int
+) -> str | None:
+    """Return why legs that begin or end in motion cannot be flown, or nothing: their paths leave the straight line.
+
+    Args:
+        legs: The legs, one after the other.
+        state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] at their start; world frame.
+        limits: Speed and acceleration kept to.
+        space: Where the vehicle may be sent.
+        tick_ns: Length of a tick [ns].
+    """
+    for leg in legs:
+        path = plan_leg(leg, state, limits, 0, tick_ns)
+        if leg.is_passed or np.any(state[1]):
+            for share in _LOOKS_AT:
+                x_m, y_m, z_m = path.state_after(share * path.duration_s)[0].tolist()
+                refusal = space.refusal(f"{leg.name}: path to it", (x_m, y_m, z_m))
+                if refusal is not None:
+                    return refusal
+        state = leg.end
     return None
 
 

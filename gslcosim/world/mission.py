@@ -12,14 +12,14 @@ from gslcosim.contract.messages import Command
 from gslcosim.scenario.models import AgentSpec
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks, ticks_from_seconds
 from gslcosim.world.abilities import Abilities
-from gslcosim.world.legs import AT_REST, FlightPlanner, Leg, Motion, Planner, heading_of, legs_of
+from gslcosim.world.legs import AT_REST, FlightPlanner, Leg, Motion, Planner, heading_of, legs_of, refusal_of_curves
 from gslcosim.world.records import Setpoint
 from gslcosim.world.refusals import refusal_of, refusal_of_ground
 from gslcosim.world.rover_paths import RoverPlanner
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import AS_BEFORE, Heading, Trajectory, Vec3, fly_at, stay_at
 
-Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing"]
+Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
 
 # When a vehicle counts as being at its waypoint, and how long after the end of its trajectory it may take.
 ARRIVED_WITHIN_M = 0.15
@@ -67,6 +67,7 @@ class Mission:
             if abilities.has_wheels
             else FlightPlanner(limits=abilities.limits, tick_ns=tick_ns)
         )
+        self._under_way: Phase = "driving" if abilities.has_wheels else "flying"
         self.start(AT_REST)
 
     def start(self, position_world_m: Vec3) -> None:
@@ -94,7 +95,7 @@ class Mission:
     @property
     def waypoint_world_m(self) -> Vec3 | None:
         """Where the vehicle is going; nothing when it holds."""
-        return self.target_world_m if self.phase in ("taking_off", "flying", "landing") else None
+        return self.target_world_m if self.phase in ("taking_off", self._under_way, "landing") else None
 
     def begin_tick(self, tick: int, command: Command | None) -> None:
         """Leave the start at the first tick and obey a command; path or setpoint then hold for this tick.
@@ -133,7 +134,7 @@ class Mission:
             self._go_on(tick)
         elif self._velocity_world_m_s is not None or self.setpoint is not None:
             self._check_edge(tick)
-        elif self.phase in ("taking_off", "flying", "landing"):
+        elif self.phase in ("taking_off", self._under_way, "landing"):
             self._check_arrival(tick, velocity_world_m_s)
         if self._legs and self.phase == "holding" and tick >= self._hold_until_tick:
             self._begin_leg(tick)
@@ -215,11 +216,21 @@ class Mission:
             return refusal
         if command.kind == "land":
             return refusal_of_ground(self._position_m, self._space)
+        if command.kind == "mission":
+            return self._refusal_of_curves(tick, command)
         is_new_velocity = command.velocity_world_m_s != self._velocity_world_m_s
         if command.kind != "velocity" or self.phase in ("taking_off", "on_ground") or not is_new_velocity:
             return None
         path, is_preparing = self._planner.at_velocity(command.velocity_world_m_s or AT_REST, self._motion(tick), tick)
         return None if is_preparing else self._edge_ahead(tick, path)
+
+    def _refusal_of_curves(self, tick: int, command: Command) -> str | None:
+        state = self._motion(tick).state
+        if self.phase in ("taking_off", "on_ground"):
+            x_m, y_m, _ = self._position_m
+            state = np.array([(x_m, y_m, self._agent.vehicle.search_height_m), AT_REST, AT_REST])
+        legs = legs_of(command, self._hold_s(command))
+        return refusal_of_curves(legs, state, self._abilities.limits, self._space, self._tick_ns)
 
     # ------------------------------------------------------------ ways to move
 
@@ -239,7 +250,7 @@ class Mission:
         self.setpoint = None
         self.target_world_m = leg.place_world_m
         self._velocity_world_m_s = None
-        self.phase = "flying"
+        self.phase = self._under_way
 
     def _cruise(self, tick: int, velocity_m_s: Vec3, heading: Heading) -> None:
         if velocity_m_s != self._velocity_world_m_s or self._is_preparing:
@@ -251,7 +262,7 @@ class Mission:
         self._forget_legs()
         self.setpoint = None
         self._velocity_world_m_s = velocity_m_s
-        self.phase = "flying"
+        self.phase = self._under_way
 
     def _hand_over(self, tick: int, setpoint: Setpoint) -> None:
         self._forget_legs()
@@ -261,7 +272,7 @@ class Mission:
         self.has_taken_off = True
         self.setpoint = setpoint
         self.trajectory = stay_at(self._position_m, tick)
-        self.phase = "flying"
+        self.phase = self._under_way
 
     def _land(self, tick: int) -> None:
         x_m, y_m, _ = self._motion(tick).state[0].tolist()

@@ -215,6 +215,18 @@ def test_a_mission_with_a_bad_waypoint_is_refused_as_a_whole(make_pilot, point, 
     assert body.phase == "holding"
 
 
+def test_a_mission_whose_path_leaves_the_room_is_refused(make_pilot):
+    """Both places are in free air: it is the way from one velocity to the other that is not."""
+    pilot = make_pilot()
+    pilot.run_until_asked()
+    out = {"position_world_m": (14.5, 3.0, 2.0), "velocity_world_m_s": (1.0, 0.0, 0.0)}
+    back = {"position_world_m": (14.5, 5.0, 2.0), "velocity_world_m_s": (-1.0, 0.0, 0.0)}
+    body = pilot.step(agent_0=mission(out, back))
+    assert "waypoints[1]: path to it: expected x within 0 to 15 m, was 15." in body.rejected_command
+    pilot.run_until_asked()
+    assert pilot.step(agent_0=mission(out, {**back, "velocity_world_m_s": (0.0, 1.0, 0.0)})).rejected_command
+
+
 def test_limits_beyond_the_vehicles_are_kept_to_what_its_tilt_gives(make_pilot):
     """At 40 m/s^2 a leg would want a tilt of 76 degrees; the rotors are asked for no more than 0.9 of theirs."""
     pilot = make_pilot({"max_speed_m_s": 50.0, "max_acceleration_m_s2": 40.0})

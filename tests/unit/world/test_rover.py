@@ -41,7 +41,7 @@ def test_it_stands_at_its_start_until_it_is_asked(make_pilot):
 def test_it_turns_and_drives_to_a_waypoint_of_any_height(make_pilot):
     pilot = make_pilot(ROVER)
     pilot.run_until_asked()
-    pilot.step(agent_0=waypoint(2.0, 5.0, 2.0))
+    assert pilot.step(agent_0=waypoint(2.0, 5.0, 2.0)).phase == "driving"
     body = pilot.run_until_asked()
     assert body.position_world_m == pytest.approx((2.0, 5.0, ROVER_HEIGHT_M), abs=0.02)
     assert yaw_of(body) == pytest.approx(math.atan2(2.0, -1.0), abs=0.05)
