@@ -77,6 +77,7 @@ EXAMPLES: dict[str, Message] = {
                     "contacts": ("floor", "wall_x_min"),
                     "rejected_command": "the waypoint lies outside the room",
                     "tracking_error_m": 0.015625,
+                    "planned_path_world_m": ((2.5, 3.75, 2.0), (3.0, 4.0, 2.0)),
                 }
             ),
             _BODY.model_copy(update={"agent": "second", "phase": "failed"}),

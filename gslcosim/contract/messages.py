@@ -37,7 +37,9 @@ class BodyState(Record):
     `driving` since 1.1), `awaiting_command` asks the agent for its next command, `path_length_m` is the distance flown
     or driven so far,
     `waypoint_world_m` is where it is going (absent: nowhere), `tracking_error_m` (since 1.1) is how far it is from
-    where its controller wants it now (absent: it follows no path).
+    where its controller wants it now (absent: it follows no path). `rejected_command` says why the last command was
+    refused or how it was changed. `planned_path_world_m` (since 1.1) are the bends ahead and the waypoint, where the
+    vehicle avoids obstacles.
     """
 
     agent: Name
@@ -52,6 +54,7 @@ class BodyState(Record):
     contacts: tuple[str, ...] = ()
     rejected_command: str | None = None
     tracking_error_m: float | None = None
+    planned_path_world_m: tuple[Vec3, ...] = ()
 
 
 class BodyPoses(Message):
@@ -239,7 +242,8 @@ class Observation(Message):
     """All that an agent gets in a tick. Written by sensing on `agents/<id>/observation` every tick.
 
     The pose is the vehicle's own estimate. When `awaiting_command` is true, exactly one `Command` with this
-    tick is expected in return, and simulated time waits for it. `notice` says why the last command was refused.
+    tick is expected in return, and simulated time waits for it. `notice` says why the last command was refused,
+    or how it was changed.
     `incoming` (since 1.1) are the texts heard from other agents at this tick, whether or not a command is awaited;
     `radio_refusals` (since 1.1) says of each text sent in the last command that was not put on the air, why.
     """

@@ -135,6 +135,8 @@ class VehicleSpec(Spec):
     """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint.
 
     The cruising height is 2 m unless `search_height_m` says otherwise; a rover has none: it is left out.
+    `avoidance` plans the way to waypoints around obstacles: `2d` at the height of the flight, for a rover on the floor;
+    `3d` over and under them too; `none` straight on, whatever is there.
     """
 
     model: Literal["iris", "crazyflie", "holonomic", "rover"] = "iris"
@@ -143,6 +145,18 @@ class VehicleSpec(Spec):
     hold_s: NonNegative = 2.0
     max_speed_m_s: Positive = 1.0
     max_acceleration_m_s2: Positive = 2.0
+    avoidance: Literal["none", "2d", "3d"] = "none"
+
+    @model_validator(mode="after")
+    def _check_avoidance(self) -> Self:
+        if self.model == "rover" and self.avoidance == "3d":
+            raise broken_rule(
+                key="avoidance",
+                expected="none or 2d for a rover, which stays on the floor",
+                found="3d",
+                remedy="Take 2d.",
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_height(self) -> Self:

@@ -18,11 +18,13 @@ from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.world import records
-from gslcosim.world.abilities import abilities_of
+from gslcosim.world.abilities import Abilities, abilities_of
+from gslcosim.world.avoidance import Avoidance
 from gslcosim.world.flight_kernels import fly_substeps_inplace
 from gslcosim.world.mission import Mission
 from gslcosim.world.mujoco_kernels import step_address
 from gslcosim.world.ports import world_spec
+from gslcosim.world.routes import Routes, routes_of
 from gslcosim.world.scene import Scene, build_scene
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.starts import check_overlaps, check_starts
@@ -67,11 +69,14 @@ class WorldCore:
         self._constants = _constants(self._scene, self._agents, models, dt_s)
         self._states = np.zeros(len(self._agents), records.STATE)
         self._missions: list[Mission] = []
+        self._routes: dict[tuple[object, ...], Routes] = {}
         for k, agent in enumerate(self._agents):
             abilities = abilities_of(agent.vehicle, models[k], self._constants[k], self._scene.half_height_m[k])
             if abilities.has_wheels:
                 spaces[k] = replace(spaces[k], ground_height_m=self._starts[k][0][2])
-            self._missions.append(Mission(agent, spaces[k], abilities, self._tick_ns))
+            spaces[k] = replace(spaces[k], moves_places=agent.vehicle.avoidance != "none")
+            avoidance = self._avoidance(agent, spaces[k], abilities)
+            self._missions.append(Mission(agent, spaces[k], abilities, self._tick_ns, avoidance=avoidance))
         check_starts(self._agents, spaces, self._starts)
         self._data = mujoco.MjData(self._scene.model)
         self._set_loop_arguments()
@@ -131,6 +136,18 @@ class WorldCore:
             self._obey(tick, inbox)
             self._fly(tick)
         return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(self._body(k) for k in range(len(self._agents))))}
+
+    # Vehicles of a kind share what they know of the room.
+    def _avoidance(self, agent: AgentSpec, space: FlightSpace, abilities: Abilities) -> Avoidance | None:
+        mode, height_m = agent.vehicle.avoidance, space.ground_height_m
+        if mode == "none":
+            return None
+        ground = None if height_m is None else (height_m, height_m - abilities.standing_height_m)
+        key = (mode, space.radius_m, ground)
+        if key not in self._routes:
+            self._routes[key] = routes_of(self._environment, mode, radius_m=space.radius_m, ground=ground)
+        routes, has_wheels = self._routes[key], abilities.has_wheels
+        return Avoidance(routes=routes, limits=abilities.limits, tick_ns=self._tick_ns, has_wheels=has_wheels)
 
     def _place_vehicles(self) -> None:
         mujoco.mj_resetData(self._scene.model, self._data)
@@ -220,6 +237,7 @@ class WorldCore:
             contacts=tuple(sorted(touched)),
             rejected_command=mission.notice,
             tracking_error_m=self._tracking_error_m(k),
+            planned_path_world_m=mission.planned_path_world_m,
         )
 
     def _tracking_error_m(self, k: int) -> float | None:

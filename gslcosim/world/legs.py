@@ -22,7 +22,8 @@ _LOOKS_AT = np.linspace(0.1, 1.0, 10).tolist()
 class Leg:
     """The way to one place: to rest there, or to pass it with a velocity and an acceleration, world frame.
 
-    `name` is what refusals call it; `hold_s` counts only where it rests; `after_s` is the least time for it.
+    `name` is what refusals call it; `hold_s` counts only where it rests; `after_s` is the least time for it;
+    `is_bend` says that it is only on the way to where the agent sent the vehicle.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Leg:
     hold_s: float = 0.0
     after_s: float | None = None
     heading: Heading = AS_BEFORE
+    is_bend: bool = False
 
     @property
     def is_passed(self) -> bool:

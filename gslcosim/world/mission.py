@@ -12,6 +12,7 @@ from gslcosim.contract.messages import Command
 from gslcosim.scenario.models import AgentSpec
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks, ticks_from_seconds
 from gslcosim.world.abilities import Abilities
+from gslcosim.world.avoidance import Avoidance
 from gslcosim.world.legs import AT_REST, FlightPlanner, Leg, Motion, Planner, heading_of, legs_of, refusal_of_curves
 from gslcosim.world.records import Setpoint
 from gslcosim.world.refusals import refusal_of, refusal_of_ground
@@ -57,10 +58,19 @@ class Mission:
     left the ground, whether it lies overturned, and the true state at the end of the tick before.
     """
 
-    def __init__(self, agent: AgentSpec, space: FlightSpace, abilities: Abilities, tick_ns: int) -> None:
+    def __init__(
+        self,
+        agent: AgentSpec,
+        space: FlightSpace,
+        abilities: Abilities,
+        tick_ns: int,
+        *,
+        avoidance: Avoidance | None = None,
+    ) -> None:
         self._agent = agent
         self._space = space
         self._abilities = abilities
+        self._avoidance = avoidance
         self._tick_ns = tick_ns
         self._planner: Planner = (
             RoverPlanner(limits=abilities.limits, tick_ns=tick_ns, max_yaw_rate_rad_s=abilities.max_yaw_rate_rad_s)
@@ -87,6 +97,7 @@ class Mission:
         self._prepares_since_tick = 0
         self._velocity_world_m_s: Vec3 | None = None
         self._goal: Command | None = None
+        self._goal_notice: str | None = None
         self._hold_until_tick = 0
         self._kept_command: Command | None = None
         self._lies_since_tick: int | None = None
@@ -96,6 +107,13 @@ class Mission:
     def waypoint_world_m(self) -> Vec3 | None:
         """Where the vehicle is going; nothing when it holds."""
         return self.target_world_m if self.phase in ("taking_off", self._under_way, "landing") else None
+
+    @property
+    def planned_path_world_m(self) -> tuple[Vec3, ...]:
+        """The bends ahead and the place they lead to, world frame [m]; empty unless they were planned."""
+        if self._avoidance is None or self._leg is None or self.phase != self._under_way:
+            return ()
+        return tuple(leg.place_world_m for leg in self._legs_to_goal(self._leg))
 
     def begin_tick(self, tick: int, command: Command | None) -> None:
         """Leave the start at the first tick and obey a command; path or setpoint then hold for this tick.
@@ -170,6 +188,7 @@ class Mission:
 
     def _obey(self, tick: int, command: Command) -> None:
         if self._is_repeated(command) and not self.is_overturned:
+            self.notice = self._goal_notice
             return
         self.notice = self._refusal(tick, command)
         if self.notice is not None:
@@ -181,10 +200,12 @@ class Mission:
         elif self.phase == "on_ground" and command.kind not in ("attitude", "rates"):
             self._kept_command = command if command.kind != "take_off" else None
             self._goal = command if command.kind == "take_off" else None
+            self._goal_notice = None
             self._take_off(tick)
         else:
             self._goal = command
             self._go(tick, command)
+            self._goal_notice = self.notice
 
     def _go(self, tick: int, command: Command) -> None:
         if command.kind == "land":
@@ -196,8 +217,17 @@ class Mission:
             self._hand_over(tick, setpoint)
             self._hold_until_tick = tick + self._ticks(self._hold_s(command))
         else:
-            self._legs = deque(legs_of(command, self._hold_s(command)))
-            self._begin_leg(tick)
+            self._set_out(tick, legs_of(command, self._hold_s(command)))
+
+    def _set_out(self, tick: int, legs: tuple[Leg, ...]) -> None:
+        if self._avoidance is not None:
+            plan = self._avoidance.plan(legs, self._motion(tick).state)
+            self.notice, legs = plan.notice, plan.legs
+        if not legs:
+            self._hold(tick, self._agent.vehicle.hold_s, AS_BEFORE)
+            return
+        self._legs = deque(legs)
+        self._begin_leg(tick)
 
     # An agent that is asked at every tick says the same again and again; a velocity is asked for after its hold time.
     def _is_repeated(self, command: Command) -> bool:
@@ -216,7 +246,7 @@ class Mission:
             return refusal
         if command.kind == "land":
             return refusal_of_ground(self._position_m, self._space)
-        if command.kind == "mission":
+        if command.kind == "mission" and self._avoidance is None:
             return self._refusal_of_curves(tick, command)
         is_new_velocity = command.velocity_world_m_s != self._velocity_world_m_s
         if command.kind != "velocity" or self.phase in ("taking_off", "on_ground") or not is_new_velocity:
@@ -248,9 +278,15 @@ class Mission:
     def _follow_leg(self, tick: int, leg: Leg) -> None:
         self.trajectory, self._is_preparing = self._planner.along(leg, self._motion(tick), tick)
         self.setpoint = None
-        self.target_world_m = leg.place_world_m
+        self.target_world_m = self._legs_to_goal(leg)[-1].place_world_m
         self._velocity_world_m_s = None
         self.phase = self._under_way
+
+    # Bends, then the leg that ends where the agent wants to be.
+    def _legs_to_goal(self, leg: Leg) -> list[Leg]:
+        legs = [leg, *self._legs]
+        n_bends = next(i for i, ahead in enumerate(legs) if not ahead.is_bend)
+        return legs[: n_bends + 1]
 
     def _cruise(self, tick: int, velocity_m_s: Vec3, heading: Heading) -> None:
         if velocity_m_s != self._velocity_world_m_s or self._is_preparing:

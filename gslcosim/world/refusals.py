@@ -47,7 +47,7 @@ def refusal_of_ground(position_world_m: Vec3, space: FlightSpace) -> str | None:
 
 def _refusal_of_places(command: Command, abilities: Abilities, space: FlightSpace) -> str | None:
     for leg in legs_of(command, 0.0):
-        refusal = space.refusal(leg.name, leg.place_world_m) or refusal_of_motion(leg, abilities.limits)
+        refusal = space.waypoint_refusal(leg.name, leg.place_world_m) or refusal_of_motion(leg, abilities.limits)
         if refusal is not None:
             return refusal
     return None

@@ -17,11 +17,13 @@ class FlightSpace:
     """The places a vehicle of a certain radius may be sent to.
 
     `ground_height_m` is the height of a vehicle that drives: heights of places only have to lie in the room.
+    `moves_places` says that a waypoint in a solid is no reason to refuse it: the vehicle goes beside it.
     """
 
     environment: Environment
     radius_m: float
     ground_height_m: float | None = None
+    moves_places: bool = False
 
     def refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a place is refused, or nothing when it is allowed.
@@ -32,13 +34,26 @@ class FlightSpace:
             name: What the place is, for the text.
             position_world_m: The place, world frame [m].
         """
-        return self._refusal(name, position_world_m, self.radius_m if self.ground_height_m is None else 0.0)
+        margin_m = self._margin_m
+        return self._refusal_of_bounds(name, position_world_m, margin_m) or self._refusal_of_cell(
+            name, position_world_m
+        )
+
+    def waypoint_refusal(self, name: str, position_world_m: Vec3) -> str | None:
+        """Return why an agent cannot send the vehicle to a place; as `refusal`, but solids may move places."""
+        if self.moves_places:
+            return self._refusal_of_bounds(name, position_world_m, self._margin_m)
+        return self.refusal(name, position_world_m)
 
     def start_refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a vehicle cannot start at a place; as `refusal`, but it may stand on the floor."""
-        return self._refusal(name, position_world_m, 0.0)
+        return self._refusal_of_bounds(name, position_world_m, 0.0) or self._refusal_of_cell(name, position_world_m)
 
-    def _refusal(self, name: str, position_world_m: Vec3, margin_m: float) -> str | None:
+    @property
+    def _margin_m(self) -> float:
+        return self.radius_m if self.ground_height_m is None else 0.0
+
+    def _refusal_of_bounds(self, name: str, position_world_m: Vec3, margin_m: float) -> str | None:
         grid = self.environment.grid
         margins_m = (0.0, 0.0, margin_m)
         for axis, value, low, high, margin in zip(
@@ -46,6 +61,10 @@ class FlightSpace:
         ):
             if not low + margin <= value <= high - margin:
                 return f"{name}: expected {axis} within {low + margin:g} to {high - margin:g} m, was {value:g} m."
+        return None
+
+    def _refusal_of_cell(self, name: str, position_world_m: Vec3) -> str | None:
+        grid = self.environment.grid
         x_m, y_m, z_m = position_world_m
         place_m = (x_m, y_m, z_m if self.ground_height_m is None else self.ground_height_m)
         cell = np.minimum(grid.cell_of(np.array(place_m)), np.array(grid.shape) - 1)
