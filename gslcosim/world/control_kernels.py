@@ -11,6 +11,12 @@ import numba
 
 from gslcosim.world.trajectory_kernels import polynomial_at
 
+# What a vehicle is steered by: a path, or what its agent sets.
+PATH = 0
+ATTITUDE = 1
+RATES = 2
+DRIVE = 3
+
 # Bounds of the vertical specific force, in units of gravity: the vehicle never pushes downwards.
 _LEAST_LIFT = 0.3
 _MOST_LIFT = 1.7
@@ -20,7 +26,7 @@ _LEAST_PATH_SPEED_M_S = 0.05
 _SETTLED_RAD = 1e-6
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def reference_at(state, axis, t_s):
     """Return position, velocity, acceleration and jerk of one axis of a vehicle's reference.
 

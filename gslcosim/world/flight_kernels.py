@@ -4,8 +4,9 @@
 import numba
 
 from gslcosim.environment.wind_kernels import trilinear_wind
-from gslcosim.world import modes
 from gslcosim.world.control_kernels import (
+    ATTITUDE,
+    PATH,
     advance_heading_inplace,
     attitude_of_angles,
     attitude_of_force,
@@ -87,7 +88,7 @@ def fly_rotors_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, w
     """
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     thrust = t_x = t_y = t_z = 0.0
-    if state.is_armed and state.control == modes.PATH:
+    if state.is_armed and state.control == PATH:
         f_x, f_y, f_z, j_x, j_y, j_z = _path_force_inplace(vehicle, state, p, v, t_s, dt_s)
         R_d, omega_d = attitude_of_force(f_x, f_y, f_z, j_x, j_y, j_z, state.yaw_rad, state.yaw_rate_rad_s)
         thrust = thrust_along(vehicle, R, f_x, f_y, f_z)
@@ -95,7 +96,7 @@ def fly_rotors_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, w
     elif state.is_armed:
         a, b, c = state.setpoint[0], state.setpoint[1], state.setpoint[2]
         thrust = thrust_of_setpoint(vehicle, state, R, v[2])
-        if state.control == modes.ATTITUDE:
+        if state.control == ATTITUDE:
             R_d = attitude_of_angles(a, b, c)
             t_x, t_y, t_z = attitude_torque(vehicle, R, v[3], v[4], v[5], R_d, (0.0, 0.0, 0.0))
         else:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
 from gslcosim.errors import ModelError
-from gslcosim.world import modes
+from gslcosim.world.control_kernels import ATTITUDE, DRIVE, PATH, RATES
 from gslcosim.world.scene import HULL
 from gslcosim.world.trajectory import Trajectory
 from gslcosim.world.vehicle import ControlParameters, RotorParameters, VehicleModel, WheelParameters
@@ -75,7 +75,7 @@ STATE = np.dtype(
         ("yaw_rate_rad_s", np.float64),
         ("wanted_yaw_rad", np.float64),
         ("faces_path", np.int64),
-        ("control", np.int64),  # one of `modes`
+        ("control", np.int64),  # PATH, ATTITUDE, RATES or DRIVE
         ("setpoint", np.float64, (3,)),  # roll, pitch, yaw [rad]; rates [rad/s]; speed [m/s] and turn [rad/s]
         ("thrust_n", np.float64),  # of the setpoint; below 0: as much as keeps the vertical speed
         ("climb_m_s", np.float64),
@@ -156,7 +156,7 @@ def _set_rotors(
 
 def set_trajectory(record: Any, trajectory: Trajectory) -> None:
     """Write a trajectory into a record of `STATE`, which then follows it."""
-    record["control"] = modes.PATH
+    record["control"] = PATH
     record["start_tick"] = trajectory.start_tick
     record["coefficients"] = trajectory.coefficients
     record["duration_s"] = trajectory.duration_s
@@ -173,13 +173,13 @@ def set_setpoint(record: Any, setpoint: Setpoint) -> None:
     """Write what an agent sets into a record of `STATE`, which then obeys it instead of a path."""
     match setpoint:
         case AttitudeSetpoint():
-            record["control"] = modes.ATTITUDE
+            record["control"] = ATTITUDE
             record["setpoint"] = (setpoint.roll_rad, setpoint.pitch_rad, setpoint.yaw_rad)
         case RateSetpoint():
-            record["control"] = modes.RATES
+            record["control"] = RATES
             record["setpoint"] = setpoint.rates_body_rad_s
         case DriveSetpoint():
-            record["control"] = modes.DRIVE
+            record["control"] = DRIVE
             record["setpoint"] = (setpoint.speed_m_s, setpoint.yaw_rate_rad_s, 0.0)
             return
     record["thrust_n"] = -1.0 if setpoint.thrust_n is None else setpoint.thrust_n

@@ -8,8 +8,8 @@ import math
 
 import numba
 
-from gslcosim.world import modes
 from gslcosim.world.control_kernels import (
+    DRIVE,
     advance_heading_inplace,
     look_along_inplace,
     reference_at,
@@ -146,7 +146,7 @@ def drive_inplace(vehicle, state, p, v, force, t_s, dt_s):
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     speed = turn = 0.0
     if state.is_armed and R[8] > _LEAST_UPRIGHT:
-        if state.control == modes.DRIVE:
+        if state.control == DRIVE:
             step = vehicle.max_acceleration_m_s2 * dt_s
             state.drive_speed_m_s += min(max(state.setpoint[0] - state.drive_speed_m_s, -step), step)
             step /= vehicle.half_track_m
