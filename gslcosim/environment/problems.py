@@ -3,19 +3,27 @@
 from collections.abc import Sequence
 
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.problems import ProblemLike
+from gslcosim.scenario.problems import Problem
 
 
-def raise_if_any(problems: Sequence[ProblemLike]) -> None:
-    """Raise all problems as one error, one a line; do nothing when there are none.
+class ImpossibleRoomError(ScenarioError):
+    """A room cannot be built; the text lists all `problems`, one a line. The scenario or its files have to change."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(_line(problem) for problem in problems))
+
+
+def raise_if_any(problems: Sequence[Problem]) -> None:
+    """Raise all problems as one error; do nothing when there are none.
 
     Raises:
-        ScenarioError: there is at least one problem.
+        ImpossibleRoomError: there is at least one problem.
     """
     if problems:
-        raise ScenarioError("\n".join(_line(problem) for problem in problems))
+        raise ImpossibleRoomError(problems)
 
 
-def _line(problem: ProblemLike) -> str:
+def _line(problem: Problem) -> str:
     remedy = f" {problem.remedy}" if problem.remedy else ""
     return f"{problem.path}: expected {problem.expected}, was {problem.found}.{remedy}"

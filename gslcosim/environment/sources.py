@@ -8,11 +8,11 @@ from gslcosim.environment.geometry import room_of_geometry
 from gslcosim.environment.gsl_bench import import_gsl_bench, load_gsl_bench_room
 from gslcosim.environment.model import Environment, Opening
 from gslcosim.environment.openings import face_of, problems_of_inflow
-from gslcosim.environment.problems import raise_if_any
+from gslcosim.environment.problems import ImpossibleRoomError, raise_if_any
 from gslcosim.environment.room import Room, build_room, problems_of_room
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models import EnvironmentSpec, GeometrySpec, WindSpec
-from gslcosim.scenario.problems import InvalidScenarioError, Problem
+from gslcosim.scenario.problems import Problem
 
 
 def folder_of(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
@@ -81,14 +81,18 @@ def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
 def _problems_of_geometry(spec: GeometrySpec, wind: WindSpec, scenario_dir: Path) -> list[Problem]:
     try:
         room_of_geometry(spec, wind, base_dir=scenario_dir)
-    except InvalidScenarioError as error:
-        return [
-            Problem(path=each.path, expected=each.expected, found=each.found, remedy=each.remedy)
-            for each in (located.problem for located in error.problems)
-        ]
+    except ImpossibleRoomError as error:
+        return list(error.problems)
     except EnvironmentDataError as error:
         remedy = str(error).replace("\n", " ")
-        return [Problem(path="environment.geometry", expected="files of geometry", found="none", remedy=remedy)]
+        return [
+            Problem(
+                path="environment.geometry.files",
+                expected="files of geometry that can be read",
+                found=", ".join(spec.files),
+                remedy=remedy,
+            )
+        ]
     return []
 
 

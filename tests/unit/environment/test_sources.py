@@ -46,3 +46,20 @@ def test_a_folder_that_is_no_environment_is_a_problem_of_its_key(tmp_path):
     (problem,) = problems_of_source(EnvironmentSpec(gsl_bench=str(tmp_path)), WindSpec())
     assert problem.path == "environment.gsl_bench"
     assert "head.txt" in problem.remedy
+
+
+def test_what_is_wrong_with_geometry_is_told_with_its_place_in_the_scenario(tmp_path):
+    (tmp_path / "half.stl").write_text("solid x\nfacet normal 0 0")
+    (tmp_path / "lid.stl").write_text(
+        "solid lid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 0 0\nvertex 0 4 0\nendloop\nendfacet\n"
+        "endsolid lid\n"
+    )
+
+    def problems_with(file):
+        spec = EnvironmentSpec.model_validate({"geometry": {"files": (file,)}})
+        return problems_of_source(spec, WindSpec(), scenario_dir=tmp_path)
+
+    (damaged,) = problems_with("half.stl")
+    assert damaged.path == "environment.geometry.files"
+    assert "half.stl: expected a whole stl file" in damaged.remedy
+    assert {problem.path for problem in problems_with("lid.stl")} == {"environment.geometry.openings"}
