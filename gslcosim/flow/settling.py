@@ -147,9 +147,13 @@ class SettlingWatch:
             self._close(record.time_s)
 
     def result(self) -> tuple[Velocity, Settling]:
-        """Return the mean over the last two windows, padded face velocities [m/s], and how it came about."""
+        """Return the mean over the last two windows, padded face velocities [m/s], and how it came about.
+
+        A first window that was compared with no other is the start-up: it does not count where there is a second one.
+        """
         window = self._current
-        if self._previous is not None:
+        is_start_up = not self._checks and window.mean.duration_s > 0
+        if self._previous is not None and not is_start_up:
             if window.mean.duration_s:
                 self._previous.join(window)
             window = self._previous

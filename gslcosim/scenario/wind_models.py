@@ -72,7 +72,7 @@ class WindSpec(Spec):
     max_step_s: Positive | None = None
     end_time_s: Positive | None = None
     average_from_s: NonNegative | None = None
-    max_time_s: Positive = 600.0
+    max_time_s: Positive = 120.0
     save_every_s: Positive | None = None
     save_from_s: NonNegative = 0.0
     loops: bool = True

@@ -111,3 +111,13 @@ def test_options_that_make_no_sense_are_refused():
     assert "average_from_s" in refusal(average_from_s=1.0)
     assert "max_time_s" in refusal(max_time_s=0.0)
     assert "settle_tolerance_frac" in refusal(settle_tolerance_frac=0.0)
+
+
+def test_the_start_up_does_not_count_where_a_second_window_has_begun():
+    probe = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=1.0).settling
+    until_s = 1.5 * probe.window_s
+    report = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=until_s)
+    assert report.settling.checks == ()
+    assert report.settling.average_from_s == pytest.approx(probe.window_s)
+    same = solve_wind(AIR, CELL_M, [INLET, OUTLET], end_time_s=until_s, average_from_s=probe.window_s)
+    assert report.velocity_m_s == pytest.approx(same, abs=1e-4)

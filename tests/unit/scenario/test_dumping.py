@@ -21,7 +21,7 @@ def test_every_default_is_written(scenario_file):
     scenario = load_scenario(scenario_file()).scenario
     values = yaml.safe_load(dump_resolved(scenario))
     assert values["agents"][0]["vehicle"]["hold_s"] == 2.0
-    assert values["wind"]["max_time_s"] == 600.0
+    assert values["wind"]["max_time_s"] == 120.0
     assert Scenario.model_validate(values) == scenario
 
 
