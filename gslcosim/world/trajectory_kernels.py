@@ -220,7 +220,9 @@ def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_accel
     allowed = 1.02 if is_passing else 1.0 + 1e-9
     speed_limit = max(max_speed_m_s, speed)
     acceleration_limit = max(max_acceleration_m_s2, acceleration)
-    duration = max(_SHORTEST_S if step_s == 0.0 else step_s, 0.3 * shortest, least_s)
+    # From one velocity to another it may be far quicker than from rest to rest, but not quicker than its way needs.
+    quickest = 0.5 * change / speed_limit if is_passing else 0.3 * shortest
+    duration = max(_SHORTEST_S if step_s == 0.0 else step_s, quickest, least_s)
     best_duration = duration
     least = np.inf
     for _ in range(_N_DURATIONS):

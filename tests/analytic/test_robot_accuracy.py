@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.contract.messages import Waypoint
+
 
 def test_a_vehicle_is_as_accurate_as_promised(figure):
     assert figure.measure() <= figure.target
@@ -39,3 +41,30 @@ def test_the_report_says_what_is_missed(robot_study, monkeypatch, capsys, measur
         robot_study.main()
     assert ended.value.code == code
     assert ("missed" in capsys.readouterr().out) == bool(code)
+
+
+def test_an_ellipse_can_be_given_place_by_place(robot_study):
+    """At every tick the state 0.2 s ahead, as an agent does that answers every tick: rms below 5 cm."""
+    ellipse = robot_study.Ellipse(centre_m=(7.0, 5.0, 2.0), a_m=2.0, b_m=1.0, speed_m_s=1.0)
+    limits = {"max_speed_m_s": 1.2, "max_acceleration_m_s2": 2.5}
+    flight = robot_study.Flight(robot_study.closed_room(), mode="lockstep", start_m=(9.0, 5.0, 0.1), **limits)
+    for _ in range(60):
+        flight.step()
+    flight.step(kind="mission", waypoints=(passed(ellipse, 0.0, 3.0),))
+    squares = []
+    for _ in range(29):
+        flight.step()
+    for i in range(100):
+        body = flight.step(kind="mission", waypoints=(passed(ellipse, 0.1 * i + 0.2, 0.2),))
+        squares.append(math.dist(body.position_world_m, ellipse.state_at(0.1 * i + 0.1)[0]) ** 2)
+    assert math.sqrt(np.mean(squares)) < 0.05
+
+
+def passed(ellipse, t_s, after_s):
+    place_m, velocity_m_s, acceleration_m_s2 = ellipse.state_at(t_s)
+    return Waypoint(
+        position_world_m=place_m,
+        velocity_world_m_s=velocity_m_s,
+        acceleration_world_m_s2=acceleration_m_s2,
+        after_s=after_s,
+    )
