@@ -111,7 +111,7 @@ def _map_view(scenario: Scenario, environment: Environment, agents: Iterable[Age
     )
 
 
-# Tracks, waypoints and markers stay: all rows up to the cursor are drawn, not only the last.
+# Tracks, plans, waypoints and markers stay: all rows up to the cursor are drawn, not only the last.
 def _histories(agents: Iterable[AgentEntities]) -> dict[Any, Any]:
     history = rrb.VisibleTimeRanges(
         [
@@ -121,7 +121,7 @@ def _histories(agents: Iterable[AgentEntities]) -> dict[Any, Any]:
             for timeline in (TIME_TIMELINE, TICK_TIMELINE)
         ]
     )
-    return {path: [history] for agent in agents for path in (agent.track, agent.waypoints, agent.markers)}
+    return {path: [history] for agent in agents for path in (agent.track, agent.plan, agent.waypoints, agent.markers)}
 
 
 def _plots(scenario: Scenario) -> list[rrb.TimeSeriesView]:

@@ -32,6 +32,12 @@ def agent_color(index: int) -> Rgb:
     return AGENTS[index % len(AGENTS)]
 
 
+def plan_color(color: Rgb) -> Rgb:
+    """Return the colour of what a vehicle of a colour plans: half of that colour, half white."""
+    red, green, blue = ((channel + 255) // 2 for channel in color)
+    return red, green, blue
+
+
 @dataclass(frozen=True, kw_only=True)
 class GasScale:
     """A logarithmic colour scale of mixing ratios [ppm]: `DECADES` powers of ten up to `max_ppm`."""

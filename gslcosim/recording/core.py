@@ -32,6 +32,7 @@ from gslcosim.recording.rows import (
     WAYPOINT_RADIUS_M,
     FilamentRows,
     MarkerRows,
+    PlanRows,
     PoseRows,
     Rows,
     ScalarRows,
@@ -61,6 +62,7 @@ class AgentRows:
         self.names = names
         self.pose = PoseRows(names.vehicle)
         self.track = TrackRows(names.track)
+        self.plan = PlanRows(names.plan)
         self.waypoints = MarkerRows(names.waypoints, radius_m=WAYPOINT_RADIUS_M)
         self.markers = MarkerRows(names.markers, radius_m=MARKER_RADIUS_M)
         self.distance = ScalarRows(names.distance)
@@ -78,6 +80,7 @@ class AgentRows:
         return [
             self.pose,
             self.track,
+            self.plan,
             self.waypoints,
             self.markers,
             self.distance,
@@ -184,6 +187,9 @@ class RecorderCore:
             names = agent.names
             draw_vehicle(file, names.vehicle, names.agent, names.color)
             file.draw(names.track, rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
+            if names.agent.vehicle.avoidance != "none":
+                color = colors.plan_color(names.color)
+                file.draw(names.plan, rr.LineStrips3D.from_fields(colors=[color], radii=[0.015]))
             self._style_curves(file, names)
         self._write_summary(file, tick=0, verdict=None)
 
@@ -211,6 +217,7 @@ class RecorderCore:
                 agent.position_m = body.position_world_m
                 agent.pose.add(tick, body.position_world_m, body.quaternion_wxyz)
                 agent.track.add(tick, body.position_world_m)
+                agent.plan.add(tick, body.position_world_m, body.planned_path_world_m)
                 if body.tracking_error_m is not None:
                     agent.tracking_error.add(tick, body.tracking_error_m)
         samples = cast(FieldSamples | None, inbox.get(keys.SAMPLES))

@@ -43,6 +43,11 @@ class AgentEntities:
         return f"tracks/{self.agent.name}"
 
     @property
+    def plan(self) -> str:
+        """The paths that it planned around obstacles."""
+        return f"plans/{self.agent.name}"
+
+    @property
     def waypoints(self) -> str:
         """Where it was sent."""
         return f"waypoints/{self.agent.name}"

@@ -116,6 +116,30 @@ class TrackRows:
             self._ticks, self._strips_m = [], []
 
 
+class PlanRows:
+    """Planned paths, each from where the vehicle was when it was planned, through its bends."""
+
+    def __init__(self, entity: str) -> None:
+        self._entity = entity
+        self._ticks: list[int] = []
+        self._strips_m: list[tuple[Vec3, ...]] = []
+        self._path_m: tuple[Vec3, ...] = ()
+
+    def add(self, tick: int, position_world_m: Vec3, path_world_m: tuple[Vec3, ...]) -> None:
+        """Append the path ahead at the end of a tick, unless it is the rest of the one before."""
+        if path_world_m and self._path_m[-len(path_world_m) :] != path_world_m:
+            self._ticks.append(tick)
+            self._strips_m.append((position_world_m, *path_world_m))
+        self._path_m = path_world_m
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting paths, if any, and forget them."""
+        if self._ticks:
+            strips = [np.array(strip, dtype=np.float32) for strip in self._strips_m]
+            file.send(self._entity, self._ticks, rr.LineStrips3D.columns(strips=strips))
+            self._ticks, self._strips_m = [], []
+
+
 class MarkerRows:
     """Points that stay once they have come, each with a text (which may be empty)."""
 

@@ -55,10 +55,11 @@ def scenario(n_agents=1, channels=()):
 
 
 class ScriptedFlight:
-    """A flight of `n_ticks` ticks; the last one carries the verdict."""
+    """A flight of `n_ticks` ticks; the last one carries the verdict. `plans` are the paths planned at its ticks."""
 
-    def __init__(self, *, n_ticks=40, n_filaments=50, n_agents=1, channels=()):
+    def __init__(self, *, n_ticks=40, n_filaments=50, n_agents=1, channels=(), plans=()):
         self.n_ticks = n_ticks
+        self._plans = plans
         self.scenario = scenario(n_agents, channels)
         self._names = [agent.name for agent in self.scenario.agents]
         rng = stream(0, "test.filaments")
@@ -104,6 +105,7 @@ class ScriptedFlight:
             phase="flying",
             awaiting_command=False,
             path_length_m=0.04 * tick,
+            planned_path_world_m=self._plans[tick] if tick < len(self._plans) else (),
         )
 
     def _samples(self, tick):

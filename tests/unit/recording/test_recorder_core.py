@@ -102,6 +102,18 @@ def test_the_track_has_no_gaps(record):
     np.testing.assert_allclose(joined, [flight.position_m(tick) for tick in range(35)], rtol=1e-6)
 
 
+def test_a_planned_path_is_drawn_once_from_where_it_was_planned(record):
+    bend, other, goal = (1.0, 0.0, 2.0), (2.0, 2.0, 2.0), (3.0, 0.0, 2.0)
+    plans = ((), (bend, goal), (bend, goal), (goal,), (), (other, goal), (goal,), (goal, bend))
+    path = record(n_ticks=12, plans=plans)
+    ticks, _, strips = _column(path, "/plans/agent_0", "LineStrips3D:strips")
+    position_m = ScriptedFlight().position_m
+    assert ticks == [1, 5, 7]
+    expected = [[position_m(1), bend, goal], [position_m(5), other, goal], [position_m(7), goal, bend]]
+    for (strip,), points_m in zip(strips, expected, strict=True):
+        np.testing.assert_allclose(strip, points_m, rtol=1e-6)
+
+
 def test_large_clouds_are_thinned_evenly_and_stay_in_the_file_size(record):
     n_filaments = 2 * MAX_FILAMENTS + 1
     _, _, centres = _column(record(n_ticks=1, n_filaments=n_filaments), "/gas/filaments", "GaussianSplats3D:centers")
