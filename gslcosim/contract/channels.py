@@ -33,7 +33,7 @@ CHANNELS = (
         key=keys.BODIES,
         message="BodyPoses",
         writer="world",
-        readers="fields, sensing, radio, referee, recorder",
+        readers="fields, sensing, radio, cameras, referee, recorder",
         when="every tick",
     ),
     Channel(
@@ -56,6 +56,13 @@ CHANNELS = (
         writer="radio",
         readers="sensing, recorder",
         when="every tick, in runs with channels",
+    ),
+    Channel(
+        key=keys.IMAGES,
+        message="CameraFrames",
+        writer="cameras",
+        readers="sensing",
+        when="every tick, in runs with cameras",
     ),
     Channel(
         key=keys.briefing(AGENT),

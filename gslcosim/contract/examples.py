@@ -14,6 +14,9 @@ from gslcosim.contract.messages import (
     BodyState,
     Bounds,
     Briefing,
+    CameraFrame,
+    CameraFrames,
+    CameraImage,
     ChannelDescription,
     Command,
     ConcentrationSlice,
@@ -64,6 +67,17 @@ _RESULT = AgentResult(
     final_distance_m=4.5,
     declared_error_m=None,
 )
+_IMAGE = CameraImage(
+    encoding="png",
+    width_px=64,
+    height_px=48,
+    focal_px=55.5,
+    centre_px=(32.0, 24.0),
+    position_body_m=(0.1, 0.0, 0.02),
+    quaternion_body_wxyz=(0.5, -0.5, 0.5, -0.5),
+    taken_tick=64,
+    data=b"\x89PNG\r\n\x1a\n\x00\xff",
+)
 EXAMPLES: dict[str, Message] = {
     "bodies_flying": BodyPoses(tick=7, bodies=(_BODY,)),
     "bodies_all_fields": BodyPoses(
@@ -78,6 +92,7 @@ EXAMPLES: dict[str, Message] = {
                     "rejected_command": "the waypoint lies outside the room",
                     "tracking_error_m": 0.015625,
                     "planned_path_world_m": ((2.5, 3.75, 2.0), (3.0, 4.0, 2.0)),
+                    "inertial_body": NumericArray.from_array(np.arange(18, dtype=np.float64).reshape(2, 9)),
                 }
             ),
             _BODY.model_copy(update={"agent": "second", "phase": "failed"}),
@@ -118,6 +133,8 @@ EXAMPLES: dict[str, Message] = {
             ),
         ),
     ),
+    "images_none": CameraFrames(tick=1),
+    "images": CameraFrames(tick=64, frames=(CameraFrame(agent="beetle", sensor="eye", image=_IMAGE),)),
     "radio_silence": RadioTraffic(tick=0),
     "radio": RadioTraffic(
         tick=66,
@@ -160,6 +177,15 @@ EXAMPLES: dict[str, Message] = {
             SensorDescription(
                 name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.05)
             ),
+            SensorDescription(
+                name="ahead",
+                model="range_finder",
+                quantity="range",
+                unit="m",
+                mount_body_m=(0.1, 0.0, 0.0),
+                mount_rpy_rad=(0.0, 0.5, 0.0),
+                directions_body=NumericArray.from_array(np.array([[0.75, 0.0, -0.5]], np.float32)),
+            ),
         ),
         contract_hash="00112233445566778899aabbccddeeff",
         channels=(
@@ -179,6 +205,14 @@ EXAMPLES: dict[str, Message] = {
         readings=(
             Reading(sensor="nose", quantity="resistance", unit="ohm", values=(48_211.5,), is_saturated=True),
             Reading(sensor="wind", quantity="wind", unit="m/s, rad", values=(0.25, 3.0), is_warming_up=True),
+            Reading(
+                sensor="scan",
+                quantity="range",
+                unit="m",
+                values=(1.5,),
+                array=NumericArray.from_array(np.array([[1.5, 2.5]], np.float32)),
+            ),
+            Reading(sensor="eye", quantity="picture", unit="1", values=(), image=_IMAGE),
         ),
         notice="Ω outside the room",
         incoming=(RadioReception(sender="second", channel="radio", text="here", sent_tick=64, to="beetle"),),

@@ -4,6 +4,7 @@ BODIES = "truth/bodies"
 SAMPLES = "truth/samples"
 FILAMENTS = "truth/filaments"
 RADIO = "truth/radio"
+IMAGES = "truth/images"
 SCORE = "referee/score"
 VERDICT = "referee/verdict"
 

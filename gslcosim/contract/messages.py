@@ -40,6 +40,9 @@ class BodyState(Record):
     where its controller wants it now (absent: it follows no path). `rejected_command` says why the last command was
     refused or how it was changed. `planned_path_world_m` (since 1.1) are the bends ahead and the waypoint, where the
     vehicle avoids obstacles.
+    `inertial_body` (since 1.1) is there for a vehicle with an IMU: (n, 9) float64, a row for each physics step of the
+    tick, of specific force [m/s^2], angular velocity [rad/s] and angular acceleration [rad/s^2] at the origin of the
+    body frame, in its axes.
     """
 
     agent: Name
@@ -55,6 +58,7 @@ class BodyState(Record):
     rejected_command: str | None = None
     tracking_error_m: float | None = None
     planned_path_world_m: tuple[Vec3, ...] = ()
+    inertial_body: NumericArray | None = None
 
 
 class BodyPoses(Message):
@@ -117,6 +121,43 @@ class FilamentCloud(Message):
     sigma_m: NumericArray
     gas_index: NumericArray
     slices: tuple[ConcentrationSlice, ...] = ()
+
+
+class CameraImage(Record):
+    """A picture with its calibration; part of `Reading` and `CameraFrame`. Since contract 1.1.
+
+    `data` is a file: colours as PNG or JPEG, or (`depth_png`) a PNG of 16-bit depths along the optical axis [mm], 0
+    where nothing is in range. A pinhole without distortion: the point of the picture (u, v), right and down from its
+    upper left corner [pixels], shows what lies in the direction ((u - centre) / focal, (v - centre) / focal, 1) of the
+    optical frame, x right, y down, z ahead, which `quaternion_body_wxyz` turns into the body frame; the eye is at
+    `position_body_m`. `taken_tick` is the tick at whose end the picture was taken.
+    """
+
+    encoding: Literal["png", "jpeg", "depth_png"]
+    width_px: int
+    height_px: int
+    focal_px: float
+    centre_px: tuple[float, float]
+    position_body_m: Vec3
+    quaternion_body_wxyz: Quaternion
+    taken_tick: Tick
+    data: bytes
+
+
+class CameraFrame(Record):
+    """What one camera sees; part of `CameraFrames`. Since contract 1.1."""
+
+    agent: Name
+    sensor: Name
+    image: CameraImage
+
+
+class CameraFrames(Message):
+    """The pictures taken at this tick, often none. Written by cameras on `truth/images` every tick, in runs with
+    cameras. Truth. Since contract 1.1.
+    """
+
+    frames: tuple[CameraFrame, ...] = ()
 
 
 class RadioReception(Record):
@@ -182,13 +223,20 @@ class ChannelDescription(Record):
 
 
 class SensorDescription(Record):
-    """One sensor of the agent's vehicle, as told in the briefing."""
+    """One sensor of the agent's vehicle, as told in the briefing.
+
+    `mount_rpy_rad` (since 1.1) turns the sensor's axes against the body's, by roll, then pitch, then yaw about fixed
+    axes. `directions_body` (since 1.1) are the unit directions in which ranges are measured, in the body frame, in the
+    order of the ranges: (n, 3) float32 for range finders, (elevations, azimuths, 3) for lidars.
+    """
 
     name: Name
     model: str
     quantity: str
     unit: str
     mount_body_m: Vec3
+    mount_rpy_rad: Vec3 = (0.0, 0.0, 0.0)
+    directions_body: NumericArray | None = None
 
 
 class Bounds(Record):
@@ -227,7 +275,9 @@ class Reading(Record):
     """What one instrument reports: one or several numbers in `unit` (see the sensor's description).
 
     `is_saturated` says that the instrument is at the end of its range; `is_warming_up` (since 1.1) that it does not
-    measure yet, and that its values mean nothing.
+    measure yet, and that its values mean nothing. `array` and `image` (since 1.1) are what does not fit `values`:
+    an IMU's samples, a lidar's ranges, a camera's picture. They come when they are new, and again where a command is
+    awaited.
     """
 
     sensor: Name
@@ -236,6 +286,8 @@ class Reading(Record):
     values: tuple[float, ...]
     is_saturated: bool = False
     is_warming_up: bool = False
+    array: NumericArray | None = None
+    image: CameraImage | None = None
 
 
 class Observation(Message):

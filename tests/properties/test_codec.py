@@ -63,6 +63,8 @@ def scalars_of(annotation: Any, constraints: tuple[Any, ...]) -> st.SearchStrate
         if text.pattern:
             return st.from_regex(text.pattern, fullmatch=True)
         return st.text(max_size=min(20, text.max_length or 20))
+    if annotation is bytes:
+        return st.binary(max_size=20)
     assert annotation is types.NoneType, annotation
     return st.none()
 
