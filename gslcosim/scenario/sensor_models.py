@@ -6,13 +6,19 @@ from typing import Self
 
 from pydantic import model_validator
 
+from gslcosim.scenario.onboard_models import OnBoardFields
 from gslcosim.scenario.rules import broken_rule
-from gslcosim.scenario.spec import Name, NonNegative, Positive, Spec, Vec3, shown
+from gslcosim.scenario.spec import Name, NonNegative, Positive, Vec3, shown
 
+# Sensors of the vehicle itself and of what is around it: they look at bodies and the scene, not at gas and wind.
+ON_BOARD_SENSORS = (
+    "imu", "gps", "barometer", "magnetometer", "pose", "range_finder", "four_range_finders", "lidar_2d", "lidar_3d",
+    "bump",
+)  # fmt: skip
 # The sensors that there are; the table with their models is in gslcosim.sensing.
 SENSORS = (
     "tgs2600", "tgs2602", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "pid", "threshold", "binary", "hit_counter",
-    "averaging", "second_order", "tdlas", "anemometer", "anemometer_3d",
+    "averaging", "second_order", "tdlas", "anemometer", "anemometer_3d", *ON_BOARD_SENSORS,
 )  # fmt: skip
 # Third parties add theirs under this name; each entry point is a `gslcosim.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
@@ -24,14 +30,16 @@ def sensor_names() -> tuple[str, ...]:
     return (*SENSORS, *sorted(point.name for point in entry_points(group=SENSOR_ENTRY_POINTS)))
 
 
-class SensorSpec(Spec):
+class SensorSpec(OnBoardFields):
     """A sensor on the vehicle; `mount_m` is its place in the body frame [m].
 
     Any sensor, in the unit of its readings: `period_s` between readings (absent: every tick), `delay_s`, `noise_std`,
     `bias`, `drift_per_s` added to the bias, `max_value` at which it saturates, `warm_up_s` until it measures.
     Some only: `speed_noise_std_m_s`, `direction_noise_std_rad` of anemometers; `threshold_ppm` of threshold, binary;
     `hits_per_s_per_ppm` of hit_counter; `averaging_s` of averaging; the two time constants each of `response_s` and
-    `recovery_s` of second_order; `beam_body`, the direction of the beam in the body frame, and `max_range_m` of tdlas.
+    `recovery_s` of second_order; `beam_body`, the direction of the beam in the body frame, of tdlas and range_finder;
+    `max_range_m` of these, lidars and depth_camera; `mount_rpy_rad` of what looks around: its axes are turned against
+    the body's by roll, then pitch, then yaw about fixed axes. Blocks such as `imu` are those of the models so named.
     """
 
     model: str

@@ -1,7 +1,7 @@
 """The sensing core: from the true fields to what each agent is told."""
 
-from dataclasses import dataclass
-from typing import cast
+from dataclasses import dataclass, field
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.briefings import briefing_of
 from gslcosim.sensing.models import SensorModel, build_sensor, sensor_names
 from gslcosim.sensing.models.base import Estimator
+from gslcosim.sensing.models.surroundings import Surroundings
 from gslcosim.sensing.ports import sensing_spec
+from gslcosim.sensing.rays import RayScene
 from gslcosim.sensing.table import kind_in
 from gslcosim.ticks import seconds_from_ticks
 
@@ -36,14 +38,67 @@ Vec3 = tuple[float, float, float]
 class _Instrument:
     spec: SensorSpec
     model: SensorModel
+    is_on_board: bool
     estimate: Estimator | None
+
+    def look(self, surroundings: Surroundings, samples: "_Samples", tick: int) -> Reading:
+        """Return the reading at the end of the tick."""
+        body = surroundings.body
+        sample: Any = surroundings if self.is_on_board else samples.get((body.agent, self.spec.name))
+        if sample is None:
+            raise ModelError(f"sensing: expected a sample for {body.agent}.{self.spec.name} in tick {tick}, was none.")
+        return self.model.read(sample, mount_velocity_world_m_s(body, self.spec.mount_m))
+
+
+_Samples = dict[tuple[str, str], MountSample]
+
+
+@dataclass
+class _Panel:
+    """The instruments of one agent and what they showed last."""
+
+    instruments: tuple[_Instrument, ...]
+    last: list[Reading | None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.last = [None] * len(self.instruments)
+
+    def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
+        readings = [instrument.look(surroundings, samples, tick) for instrument in self.instruments]
+        is_asked = surroundings.body.awaiting_command
+        told = [
+            _without_payload(reading) if reading is before and not is_asked else reading
+            for reading, before in zip(readings, self.last, strict=True)
+        ]
+        self.last = [*readings]
+        estimates = [
+            instrument.estimate(reading)
+            for instrument, reading in zip(self.instruments, readings, strict=True)
+            if instrument.estimate
+        ]
+        return told + estimates
+
+    # What the first pose sensor said last.
+    @property
+    def pose(self) -> Reading | None:
+        models = (instrument.spec.model for instrument in self.instruments)
+        return next((last for model, last in zip(models, self.last, strict=True) if model == "pose"), None)
+
+
+def _without_payload(reading: Reading) -> Reading:
+    if reading.array is None and reading.image is None:
+        return reading
+    return reading.model_copy(update={"array": None, "image": None})
 
 
 class SensingCore:
     """Reads all instruments every tick and tells each agent what its own show.
 
     Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio` of the same tick. Writes a
-    briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact.
+    briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact, unless
+    the vehicle has a `pose` sensor: then it is what the first of them said last.
+
+    Arrays and images come with the tick at which they are new, and again where a command is awaited.
 
     After the readings of all sensors come the estimates: what a MOX sensor's resistance suggests as mixing ratio of the
     gas that is searched for, under the sensor's name with `_ppm` behind.
@@ -62,8 +117,9 @@ class SensingCore:
         self._scenario = scenario
         self._environment = environment
         self._spec = sensing_spec(scenario)
+        self._scene = RayScene(scenario, environment)
         # Built once already to refuse here, and not in the run, what does not fit together.
-        self._instruments = self._new_instruments(scenario.seed)
+        self._panels = self._new_panels(scenario.seed)
 
     @property
     def spec(self) -> ParticipantSpec:
@@ -72,7 +128,7 @@ class SensingCore:
 
     def reset(self, episode: Episode) -> Outbox:
         """Switch all instruments on and return the agents' briefings."""
-        self._instruments = self._new_instruments(episode.seed)
+        self._panels = self._new_panels(episode.seed)
         return {
             keys.briefing(agent.name): briefing_of(agent, self._scenario, self._environment, seed=episode.seed)
             for agent in self._scenario.agents
@@ -84,21 +140,18 @@ class SensingCore:
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
         traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
         outbox: dict[str, Observation] = {}
-        for agent, instruments in self._instruments.items():
+        for agent, panel in self._panels.items():
             if agent not in bodies:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
-            readings = tuple(self._read(instrument, bodies[agent], samples, tick) for instrument in instruments)
-            estimates = tuple(
-                instrument.estimate(reading)
-                for instrument, reading in zip(instruments, readings, strict=True)
-                if instrument.estimate
-            )
-            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], readings + estimates, traffic)
+            others = tuple(body for name, body in bodies.items() if name != agent)
+            surroundings = Surroundings(body=bodies[agent], scene=self._scene, others=others)
+            readings = tuple(panel.read(surroundings, samples, tick))
+            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)
         return outbox
 
-    def _new_instruments(self, seed: int) -> dict[str, tuple[_Instrument, ...]]:
+    def _new_panels(self, seed: int) -> dict[str, _Panel]:
         return {
-            agent.name: tuple(self._instrument(agent.name, sensor, seed) for sensor in agent.sensors)
+            agent.name: _Panel(tuple(self._instrument(agent.name, sensor, seed) for sensor in agent.sensors))
             for agent in self._scenario.agents
         }
 
@@ -107,28 +160,22 @@ class SensingCore:
         kind = kind_in(self._scenario, sensor.model)
         model = build_sensor(kind, sensor, self._scenario.tick_ns, rng)
         estimate = kind.estimator(self._scenario.gas.gas) if kind.estimator else None
-        return _Instrument(spec=sensor, model=model, estimate=estimate)
-
-    def _read(
-        self, instrument: _Instrument, body: BodyState, samples: dict[tuple[str, str], MountSample], tick: int
-    ) -> Reading:
-        sample = samples.get((body.agent, instrument.spec.name))
-        if sample is None:
-            raise ModelError(
-                f"sensing: expected a sample for {body.agent}.{instrument.spec.name} in tick {tick}, was none."
-            )
-        return instrument.model.read(sample, mount_velocity_world_m_s(body, instrument.spec.mount_m))
+        return _Instrument(spec=sensor, model=model, is_on_board=kind.is_on_board, estimate=estimate)
 
     def _observation(
-        self, tick: int, body: BodyState, readings: tuple[Reading, ...], traffic: RadioTraffic
+        self, tick: int, body: BodyState, pose: Reading | None, readings: tuple[Reading, ...], traffic: RadioTraffic
     ) -> Observation:
+        position_m, quaternion, velocity_m_s = body.position_world_m, body.quaternion_wxyz, body.velocity_world_m_s
+        if pose is not None:
+            x, y, z, qw, qx, qy, qz, vx, vy, vz = pose.values
+            position_m, quaternion, velocity_m_s = (x, y, z), (qw, qx, qy, qz), (vx, vy, vz)
         return Observation(
             tick=tick,
             agent=body.agent,
             time_s=seconds_from_ticks(tick, self._scenario.tick_ns),
-            position_world_m=body.position_world_m,
-            yaw_rad=yaw_from_quaternion(body.quaternion_wxyz),
-            velocity_world_m_s=body.velocity_world_m_s,
+            position_world_m=position_m,
+            yaw_rad=yaw_from_quaternion(quaternion),
+            velocity_world_m_s=velocity_m_s,
             status=body.phase,
             awaiting_command=body.awaiting_command,
             readings=readings,

@@ -1,11 +1,15 @@
 """The sensors of a scenario as rows of the table, and as agents are told of them."""
 
+import numpy as np
+
+from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import SensorDescription
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models import AgentSpec, SensorSpec
 from gslcosim.sensing.models import SensorKind, sensor_kind
 from gslcosim.sensing.models.base import estimate_name
 from gslcosim.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT
+from gslcosim.sensing.models.ranging import directions_body
 
 
 def kind_in(scenario: Scenario, model: str) -> SensorKind:
@@ -23,7 +27,13 @@ def descriptions_of(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescrip
     kinds = [(sensor, kind_in(scenario, sensor.model)) for sensor in agent.sensors]
     sensors = tuple(
         SensorDescription(
-            name=sensor.name, model=sensor.model, quantity=kind.quantity, unit=kind.unit, mount_body_m=sensor.mount_m
+            name=sensor.name,
+            model=sensor.model,
+            quantity=kind.quantity,
+            unit=kind.unit,
+            mount_body_m=sensor.mount_m,
+            mount_rpy_rad=sensor.mount_rpy_rad,
+            directions_body=_directions(sensor) if kind.has_rays else None,
         )
         for sensor, kind in kinds
     )
@@ -39,3 +49,7 @@ def descriptions_of(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescrip
         if kind.estimator and kind.estimator(scenario.gas.gas)
     )
     return sensors + estimates
+
+
+def _directions(sensor: SensorSpec) -> NumericArray:
+    return NumericArray.from_array(directions_body(sensor).astype(np.float32))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract import keys
+from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
@@ -25,7 +26,7 @@ from gslcosim.world.mission import Mission
 from gslcosim.world.mujoco_kernels import step_address
 from gslcosim.world.ports import world_spec
 from gslcosim.world.routes import Routes, routes_of
-from gslcosim.world.scene import Scene, build_scene
+from gslcosim.world.scene import GRAVITY_M_S2, Scene, build_scene
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.starts import check_overlaps, check_starts
 from gslcosim.world.vehicle import VehicleModel, load_vehicle
@@ -68,6 +69,9 @@ class WorldCore:
         ]
         self._constants = _constants(self._scene, self._agents, models, dt_s)
         self._states = np.zeros(len(self._agents), records.STATE)
+        self._has_imu = [any(sensor.model == "imu" for sensor in agent.sensors) for agent in self._agents]
+        n_rows = self._n_substeps if any(self._has_imu) else 0
+        self._inertial = np.zeros((len(self._agents), n_rows, 9))
         self._missions: list[Mission] = []
         self._routes: dict[tuple[object, ...], Routes] = {}
         for k, agent in enumerate(self._agents):
@@ -108,6 +112,9 @@ class WorldCore:
             if is_flying:
                 self._states[k]["rotor_speed_rad_s"] = records.hover_rotor_speed_rad_s(self._constants[k])
         self._place_vehicles()
+        # At rest nothing is felt but what carries it.
+        self._inertial[:] = 0.0
+        self._inertial[:, :, 2] = GRAVITY_M_S2
         self._path_length_m = [0.0] * len(self._agents)
         self._positions_m = [position_m for position_m, _ in self._starts]
         self._touched: list[set[str]] = [set() for _ in self._agents]
@@ -178,7 +185,7 @@ class WorldCore:
         while i_substep < self._n_substeps:
             i_substep, i_unsound = fly_substeps_inplace(
                 i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self._states,
-                *self._views, frame, *self._loop_arguments,
+                self._inertial, *self._views, frame, *self._loop_arguments,
             )  # fmt: skip
             if i_unsound >= 0:
                 raise ModelError(self._unsound_text(i_unsound))
@@ -238,6 +245,7 @@ class WorldCore:
             rejected_command=mission.notice,
             tracking_error_m=self._tracking_error_m(k),
             planned_path_world_m=mission.planned_path_world_m,
+            inertial_body=NumericArray.from_array(self._inertial[k]) if self._has_imu[k] else None,
         )
 
     def _tracking_error_m(self, k: int) -> float | None:
@@ -279,7 +287,7 @@ class WorldCore:
             raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
         self._wind_m_s = wind.view()
         self._wind_m_s.flags.writeable = False
-        self._views = (data.qpos, data.qvel, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
+        self._views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
         addresses = (step_address(), model._address, data._address)
         self._loop_arguments = (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
 

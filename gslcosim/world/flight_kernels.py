@@ -192,8 +192,35 @@ def is_touched(vehicle, qfrc_constraint, sensordata):
 
 
 @numba.njit(cache=True, nogil=True)
+def note_inertial_inplace(vehicle, p, v, a, row):
+    """Write what an inertial measurement unit at a vehicle's origin would feel after a sub-step.
+
+    f_B = R' (a_W - g_W)      [m/s^2], g downwards
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        p: (7 or more,) position, world frame [m], and attitude quaternion wxyz, after the sub-step.
+        v: (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s], after the sub-step.
+        a: (6 or more,) their rates of change during the sub-step.
+        row: (9,) written: specific force [m/s^2], angular velocity [rad/s] and acceleration [rad/s^2], body frame.
+
+    Held by:
+        tests/unit/world/test_inertial.py
+    """
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_from_quaternion(p[3], p[4], p[5], p[6])
+    f_x, f_y, f_z = a[0], a[1], a[2] + vehicle.gravity_m_s2
+    row[0] = r00 * f_x + r10 * f_y + r20 * f_z
+    row[1] = r01 * f_x + r11 * f_y + r21 * f_z
+    row[2] = r02 * f_x + r12 * f_y + r22 * f_z
+    for i in range(3):
+        row[3 + i] = v[3 + i]
+        row[6 + i] = a[3 + i]
+
+
+@numba.njit(cache=True, nogil=True)
 def fly_substeps_inplace(
-    first, n_substeps, tick, tick_s, vehicles, states, qpos, qvel, qfrc_applied, qfrc_constraint, sensordata,
+    first, n_substeps, tick, tick_s, vehicles, states, inertial, qpos, qvel, qacc, qfrc_applied, qfrc_constraint,
+    sensordata,
     wind_velocity_m_s, wind_origin_m, wind_cell_m, step_address, model_address, data_address,
 ):  # fmt: skip
     """Run sub-steps of a tick until its end, the first contact, or the first unsound state.
@@ -207,9 +234,11 @@ def fly_substeps_inplace(
         tick_s: Length of a tick [s].
         vehicles: (n,) records of `records.CONSTANTS`; they say where a vehicle's numbers begin in those of MuJoCo.
         states: (n,) records of `records.STATE`; advanced.
+        inertial: (n, n_substeps or 0, 9) written where it has rows: see `note_inertial_inplace`.
         qpos: (n_qpos,) view of MuJoCo's positions: per vehicle xyz [m] and quaternion wxyz, world frame, then wheels.
         qvel: (n_qvel,) view of MuJoCo's velocities: xyz [m/s], world frame, and angular [rad/s], body frame, then
             wheels.
+        qacc: (n_qvel,) view of MuJoCo's accelerations, in the axes of qvel.
         qfrc_applied: (n_qvel,) view of MuJoCo's applied forces, in the axes of qvel [N, N m]; written.
         qfrc_constraint: (n_qvel,) view of MuJoCo's contact forces, in the axes of qvel [N, N m].
         sensordata: View of MuJoCo's sensors of touch [N].
@@ -244,6 +273,13 @@ def fly_substeps_inplace(
             else:
                 push_inplace(vehicle, state, p, v, force, t_s, dt_s)
         call_step(step_address, model_address, data_address)  # pyright: ignore[reportCallIssue]
+        if inertial.shape[1]:
+            for k in range(n_vehicles):
+                vehicle = vehicles[k]
+                note_inertial_inplace(
+                    vehicle, qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :], qacc[vehicle.i_qvel :],
+                    inertial[k, i_substep],
+                )  # fmt: skip
         for k in range(n_vehicles):
             if is_touched(vehicles[k], qfrc_constraint, sensordata):
                 return i_substep + 1, -1

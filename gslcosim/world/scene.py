@@ -2,14 +2,13 @@
 # MuJoCo is compiled and comes without stubs.
 # pyright: reportAttributeAccessIssue=false
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 
 from gslcosim.environment.model import Box, Environment
-from gslcosim.errors import EnvironmentDataError
+from gslcosim.environment.solids import solid_boxes
 from gslcosim.world.vehicle import VehicleModel
 
 GRAVITY_M_S2 = 9.81
@@ -67,7 +66,7 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
     spec.option.timestep = dt_s
     spec.option.gravity = [0.0, 0.0, -GRAVITY_M_S2]
     spec.option.disableflags = int(_DISABLED)
-    for box in _boxes(environment):
+    for box in solid_boxes(environment):
         _add_box(spec, box)
     if any(vehicle.wheels for _, vehicle in vehicles):
         spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
@@ -88,18 +87,6 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
         is_rolling=tuple(name.split("/")[-1] in _ROLLING and "/" in name for name in geom_names),
         half_height_m=tuple(_half_height_m(model, agent) for agent in agents),
     )
-
-
-# A room without a floor of its own (an imported one, say) gets one, so that vehicles have something to stand on.
-def _boxes(environment: Environment) -> list[Box]:
-    boxes = list(environment.boxes)
-    doubles = sorted(name for name, n in Counter(box.name for box in boxes).items() if n > 1)
-    if doubles:
-        raise EnvironmentDataError(f"environment {environment.name}: expected boxes of different names, was {doubles}.")
-    if not any(box.kind == "floor" for box in boxes):
-        (x0, y0, z0), (x1, y1, _) = environment.grid.origin_m, environment.grid.max_m
-        boxes.append(Box(name="floor", kind="floor", min_m=(x0, y0, z0 - 0.2), max_m=(x1, y1, z0)))
-    return boxes
 
 
 def _add_box(spec: mujoco.MjSpec, box: Box) -> None:

@@ -57,6 +57,9 @@ def scalars_of(annotation: Any, constraints: tuple[Any, ...]) -> st.SearchStrate
     if annotation is int:
         return st.integers(-(2**63) if low is None else low, 2**64 - 1 if high is None else high)
     if annotation is float:
+        above = max((item.gt for item in flat if getattr(item, "gt", None) is not None), default=None)
+        if above is not None:
+            return st.floats(above, high, exclude_min=True, allow_nan=False, allow_infinity=False)
         return st.floats(low, high, allow_nan=False, allow_infinity=False)
     if annotation is str:
         text = next((item for item in flat if isinstance(item, StringConstraints)), StringConstraints())

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.contract.messages import Reading
 from gslcosim.scenario.gas_models import GasDefinition
 from gslcosim.scenario.models import SensorSpec
 
@@ -17,11 +17,11 @@ Vec3 = tuple[float, float, float]
 class SensorModel(Protocol):
     """One instrument on one vehicle, new in every run; it is read once a tick, from tick 0 on."""
 
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+    def read(self, sample: Any, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return what the instrument shows at the end of the tick.
 
         Args:
-            sample: True gas and wind at the mount.
+            sample: True gas and wind at the mount, a `MountSample`; for on-board sensors their `Surroundings`.
             mount_velocity_world_m_s: How the mount moves, world frame [m/s].
         """
         ...
@@ -46,7 +46,7 @@ class SensorKind:
     those of its readings, `description` says what it stands for and what the reading's values are. `has_own_noise`
     says that the model itself applies the scenario's `noise_std`. `n_with_errors` says how many of a reading's values,
     from the first on, have the scenario's bias, drift, noise and limit (absent: all of them), `least_value` below which
-    they never are.
+    they never are. `is_on_board` says that it looks at the vehicle and what is around it; `has_rays` along rays.
 
     `for_gases(definitions)` returns the row for a scenario that defines gases of its own, where that matters.
     `estimator(gas)` returns how to turn a reading into a second one that tells the mixing ratio [ppm] of a gas, as the
@@ -62,5 +62,7 @@ class SensorKind:
     has_own_noise: bool = False
     n_with_errors: int | None = None
     least_value: float = -math.inf
+    is_on_board: bool = False
+    has_rays: bool = False
     for_gases: "Callable[[tuple[GasDefinition, ...]], SensorKind] | None" = None
     estimator: Callable[[str], Estimator | None] | None = None

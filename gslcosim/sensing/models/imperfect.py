@@ -1,10 +1,11 @@
 """What real instruments add to any model: delay, noise, bias, drift, saturation and a rate of their own."""
 
 from collections import deque
+from typing import Any
 
 import numpy as np
 
-from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.contract.messages import Reading
 from gslcosim.errors import GslCosimError, ScenarioError
 from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
@@ -37,13 +38,13 @@ class ImperfectSensor:
         self._rng = rng
         self._period_ticks = _ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
         delay_ticks = _ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
-        self._seen: deque[tuple[MountSample, Vec3]] = deque(maxlen=delay_ticks + 1)
+        self._seen: deque[tuple[Any, Vec3]] = deque(maxlen=delay_ticks + 1)
         self._warm_up_ticks = _ticks(spec.warm_up_s or None, tick_ns, f"sensor {spec.name}: warm_up_s")
         self._tick = -1
         self._last: Reading | None = None
         self._cold: Reading | None = None
 
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+    def read(self, sample: Any, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the reading that holds at the end of the tick; see `SensorModel.read`."""
         self._tick += 1
         self._seen.append((sample, mount_velocity_world_m_s))

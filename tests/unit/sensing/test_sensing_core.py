@@ -251,3 +251,40 @@ def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
     assert observation.reading("nose").values[0] == pytest.approx(25000.0, rel=1e-6)
     assert observation.reading("nose_ppm").values[0] == pytest.approx(4.0, rel=1e-5)
     assert observation.reading("wind").values == (1.6,)
+
+
+def test_on_board_sensors_need_no_samples_and_a_pose_is_what_the_agent_is_told(make_room):
+    """An agent with a noisy pose sensor is told that pose; arrays come when they are new or a command is awaited."""
+    sensors = [
+        {"model": "pose", "name": "pose", "pose": {"position_noise_m": 0.5}},
+        {"model": "lidar_2d", "name": "scan", "period_s": 0.2},
+    ]
+    values = {
+        "schema": "gslcosim/scenario/1",
+        "name": "test",
+        "environment": {"layout": {}},
+        "gas": {"sources": [{"position_m": (5.0, 1.0, 2.0)}]},
+        "agents": [
+            {
+                "name": "beetle",
+                "start": {"python": "dung_beetle"},
+                "mode": "on_request",
+                "vehicle": {"start_m": (1.0, 1.0, 0.2)},
+                "sensors": sensors,
+            }
+        ],
+    }
+    core = SensingCore(Scenario.model_validate(values), make_room())
+    briefing = core.reset(Episode(seed=1))[keys.briefing("beetle")]
+    assert briefing.sensors[1].directions_body.shape == (1, 360, 3)
+    arrays = []
+    for tick, is_asked in enumerate((False, False, False, True)):
+        observation = core.step(tick, inbox(tick, ("beetle",), (), awaiting_command=is_asked))[
+            "agents/beetle/observation"
+        ]
+        pose = observation.reading("pose").values
+        assert observation.position_world_m == pose[:3] != (1.0, 2.0, 3.0)
+        assert observation.velocity_world_m_s == pose[7:]
+        arrays.append(observation.reading("scan").array)
+    assert [array is not None for array in arrays] == [True, False, True, True]
+    assert arrays[3] == arrays[2]

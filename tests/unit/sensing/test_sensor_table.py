@@ -1,4 +1,5 @@
 import pytest
+from staged import surroundings_in
 
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.rng import stream
@@ -12,12 +13,15 @@ def test_scenarios_know_the_same_sensors():
 
 
 @pytest.mark.parametrize("name", sorted(SENSOR_MODELS))
-def test_every_model_reads_what_its_row_promises(name):
+def test_every_model_reads_what_its_row_promises(name, make_room):
     kind = SENSOR_MODELS[name]
     spec = SensorSpec(model=name, name="s")
     truth = MountSample(
         agent="a", sensor="s", gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=5.0),), wind_world_m_s=(1.0, 0.0, 0.0)
     )
+
+    if kind.is_on_board:
+        truth = surroundings_in(make_room())
 
     def readings(seed):
         sensor = kind.build(spec, 0.1, stream(seed, "test"))

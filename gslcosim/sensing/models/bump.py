@@ -1,0 +1,40 @@
+"""Bumper: whether the vehicle touches something."""
+
+from collections import deque
+
+import numpy as np
+
+from gslcosim.contract.messages import Reading, Vec3
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.models.base import SensorKind
+from gslcosim.sensing.models.surroundings import Surroundings
+
+
+class BumpSensor:
+    """values = (1 or 0,): whether anything touched the vehicle in the last `period_s`; without a period, in the tick.
+
+    What wheels roll on does not count; what a vehicle in the air stands on before its take-off does. State: the
+    contacts of each tick within the period. Draws nothing. Held by: tests/unit/sensing/test_bump.py
+    """
+
+    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        del rng
+        self._sensor = spec.name
+        self._touched: deque[bool] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return 1 after a contact, else 0; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        self._touched.append(bool(sample.body.contacts))
+        return Reading(sensor=self._sensor, quantity="contact", unit="1", values=(float(any(self._touched)),))
+
+
+BUMP = SensorKind(
+    name="bump",
+    quantity="contact",
+    unit="1",
+    description="Bumper: values = (1 or 0,), whether something touched the vehicle since the last reading.",
+    build=BumpSensor,
+    is_on_board=True,
+    n_with_errors=0,
+)

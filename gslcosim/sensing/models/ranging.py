@@ -1,0 +1,124 @@
+"""Range finders and lidars: how far it is to what is around, along rays."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import Reading, Vec3
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.models.base import SensorKind
+from gslcosim.sensing.models.surroundings import Surroundings, body_from_sensor
+
+# Front, left, back, right.
+FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+LIDAR_3D_ELEVATIONS = 16
+
+
+class RangeSensor:
+    """Rays from one mount: each range = distance to what is nearest + N(0, noise_std), within 0 to `max_range_m`.
+
+    Boxes of the room reflect exactly where they are, other vehicles as upright cylinders (see `RayScene`), its own
+    vehicle not at all. Where nothing is in range, the range is `max_range_m`; where that is so of every ray, the
+    reading `is_saturated`. Range finders have their ranges in `values`; lidars have the least of them there, and all in
+    `array`, (elevations, azimuths) float32, lowest elevation first, azimuths counter-clockwise.
+
+    State: none. Draws a number for each ray in each tick where `noise_std` is not 0.
+
+    Source:
+        Four beams as on the drones of Sniffy Bug (Duisterhof et al. 2021), Bitcraze's Multi-ranger deck, which reaches
+        4 m. The default 16 elevations over 30 degrees are those of Velodyne's VLP-16.
+    Left out:
+        Width of beams, materials, and the turning of a lidar during a scan: all rays are of one instant.
+    Held by:
+        tests/unit/sensing/test_ranging.py (closed forms in a box with three different side lengths)
+    """
+
+    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+        self._spec = spec
+        self._rng = rng
+        self._directions_body = directions_body(spec)
+        self._rays_body = self._directions_body.reshape(-1, 3)
+        self._is_lidar = self._directions_body.ndim == 3
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the ranges at the end of the tick; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        limit_m, noise_m = self._spec.max_range_m, self._spec.noise_std
+        rays_world = self._rays_body @ sample.world_from_body.T
+        start_m = sample.place_world_m(self._spec.mount_m)
+        ranges_m = sample.scene.ranges_m(start_m, rays_world, sample.others, limit_m)
+        is_hit = ranges_m < limit_m
+        if noise_m:
+            noisy_m = ranges_m + noise_m * self._rng.standard_normal(len(ranges_m))
+            ranges_m = np.where(is_hit, np.clip(noisy_m, 0.0, limit_m), limit_m)
+        shape = self._directions_body.shape[:-1]
+        return Reading(
+            sensor=self._spec.name,
+            quantity="range",
+            unit="m",
+            values=(float(ranges_m.min()),) if self._is_lidar else tuple(ranges_m.tolist()),
+            is_saturated=not is_hit.any(),
+            array=NumericArray.from_array(ranges_m.reshape(shape).astype(np.float32)) if self._is_lidar else None,
+        )
+
+
+def directions_body(spec: SensorSpec) -> NDArray[np.float64]:
+    """Return the unit directions of a sensor's rays in the body frame: (n, 3), or (elevations, azimuths, 3) of lidars.
+
+    Args:
+        spec: A range finder or a lidar.
+    """
+    if spec.model == "range_finder":
+        directions = np.array([spec.beam_body]) / np.linalg.norm(spec.beam_body)
+    elif spec.model == "four_range_finders":
+        directions = np.array(FOUR_BEAMS)
+    else:
+        directions = _lidar_directions(spec)
+    return directions @ body_from_sensor(spec.mount_rpy_rad).T
+
+
+def _lidar_directions(spec: SensorSpec) -> NDArray[np.float64]:
+    lidar = spec.lidar
+    n_elevations = 1 if spec.model == "lidar_2d" else lidar.n_elevations or LIDAR_3D_ELEVATIONS
+    azimuth = _evenly(lidar.n_azimuths, lidar.azimuth_span_rad)[None, :]
+    elevation = _evenly(n_elevations, lidar.elevation_span_rad)[:, None]
+    level = np.cos(elevation)
+    up = np.broadcast_to(np.sin(elevation), (n_elevations, lidar.n_azimuths))
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
+
+
+# Angles over a span around 0; a full turn has no end of its own.
+def _evenly(n: int, span_rad: float) -> NDArray[np.float64]:
+    if n == 1:
+        return np.zeros(1)
+    is_turn = math.isclose(span_rad, 2 * math.pi)
+    return np.linspace(-span_rad / 2, span_rad / 2, n, endpoint=not is_turn)
+
+
+def _build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> RangeSensor:
+    del tick_s
+    return RangeSensor(spec, rng)
+
+
+def _kind(name: str, description: str) -> SensorKind:
+    return SensorKind(
+        name=name,
+        quantity="range",
+        unit="m",
+        description=description,
+        build=_build,
+        is_on_board=True,
+        has_own_noise=True,
+        has_rays=True,
+        least_value=0.0,
+    )
+
+
+RANGE_KINDS = (
+    _kind("range_finder", "Range finder: values = (range_m,) along `beam_body`."),
+    _kind("four_range_finders", "Four range finders: values = (front, left, back, right) in m."),
+    _kind("lidar_2d", "Lidar of one level: values = (least range,); array = ranges in m, (1, azimuths)."),
+    _kind("lidar_3d", "Lidar of several levels: values = (least range,); array = ranges in m, (elevations, azimuths)."),
+)

@@ -1,0 +1,50 @@
+"""What on-board sensors look at: the vehicle itself, what is around it, and pictures."""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import BodyState, CameraImage, Vec3
+from gslcosim.frames import world_from_body_rotation
+from gslcosim.sensing.rays import RayScene
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The truth around one vehicle at the end of a tick; what on-board sensors get in the place of a gas sample.
+
+    `others` are the other vehicles; `images` are the pictures just taken, by the sensor's name.
+    """
+
+    body: BodyState
+    scene: RayScene
+    others: tuple[BodyState, ...] = ()
+    images: dict[str, CameraImage] = field(default_factory=dict)
+
+    @cached_property
+    def world_from_body(self) -> NDArray[np.float64]:
+        """The (3, 3) matrix that turns body-frame vectors into world-frame vectors."""
+        return world_from_body_rotation(self.body.quaternion_wxyz)
+
+    def place_world_m(self, mount_body_m: Vec3) -> NDArray[np.float64]:
+        """Return where a mount is, world frame [m]."""
+        place_m = np.array(self.body.position_world_m)
+        return place_m + self.world_from_body @ np.array(mount_body_m) if any(mount_body_m) else place_m
+
+
+def body_from_sensor(rpy_rad: Vec3) -> NDArray[np.float64]:
+    """Return the (3, 3) matrix that turns vectors in a sensor's axes into body-frame vectors.
+
+    R = Rz(yaw) Ry(pitch) Rx(roll)
+    """
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in rpy_rad)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

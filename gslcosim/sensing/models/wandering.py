@@ -1,0 +1,47 @@
+"""A bias that wanders and is forgotten."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Vec3
+
+
+class WanderingBias:
+    """A first-order Gauss-Markov process in three axes, exact for any length of the step.
+
+    db = -b/T dt + q dW;   over dt: b <- e^(-dt/T) b + N(0, q^2 T/2 (1 - e^(-2 dt/T)))
+    [x] = [x s^(-1/2)] [s^(1/2)]
+
+    It starts at N(0, start_std). Draws x, y, z at the start and in each step.
+
+    Source:
+        RotorS and PX4's Gazebo plug-ins for the IMU, which Pegasus follows.
+    Held by:
+        tests/unit/sensing/test_imu.py, tests/unit/sensing/test_navigation_sensors.py
+    """
+
+    def __init__(
+        self, walk: Vec3, correlation_s: float, dt_s: float, rng: np.random.Generator, *, start_std: float = 0.0
+    ) -> None:
+        self._keeps = math.exp(-dt_s / correlation_s)
+        self._kick = np.array(walk) * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))
+        self._rng = rng
+        self.value = start_std * rng.standard_normal(3)
+
+    def step(self) -> NDArray[np.float64]:
+        """Advance by one step and return the (3,) bias."""
+        self.value = self._keeps * self.value + self._kick * self._rng.standard_normal(3)
+        return self.value
+
+    def steps(self, n: int) -> NDArray[np.float64]:
+        """Advance by n steps, far fewer than there are in a correlation time, and return the (n, 3) biases.
+
+        b_i = k^i (b_0 + sum of e_j k^-j over j <= i), which is `step` n times.
+        """
+        powers = self._keeps ** np.arange(1, n + 1)[:, None]
+        kicks = self._kick * self._rng.standard_normal((n, 3))
+        biases = powers * (self.value + np.cumsum(kicks / powers, axis=0))
+        self.value = biases[-1]
+        return biases

@@ -1,0 +1,93 @@
+"""Range finders and lidars in a box with three different side lengths: 15 x 10 x 6 m."""
+
+import math
+
+import numpy as np
+import pytest
+from staged import surroundings_in
+
+from gslcosim.rng import stream
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.sensing.models.ranging import directions_body
+from gslcosim.sensing.rays import VEHICLE_SIZES_M
+from gslcosim.world.scene import build_scene
+from gslcosim.world.vehicle import VEHICLES_DIR, load_vehicle
+
+STILL = (0.0, 0.0, 0.0)
+YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+R2 = math.sqrt(0.5)
+
+
+def read(room, model, spec=None, **around):
+    spec = SensorSpec.model_validate({"model": model, "name": "s", **(spec or {})})
+    return SENSOR_MODELS[model].build(spec, 0.1, stream(1, "test")).read(surroundings_in(room, **around), STILL)
+
+
+def test_four_beams_are_front_left_back_right(make_room):
+    assert read(make_room(), "four_range_finders").values == pytest.approx((14.0, 8.0, 1.0, 2.0))
+    turned = read(make_room(), "four_range_finders", quaternion_wxyz=YAW_90)
+    assert turned.values == pytest.approx((8.0, 1.0, 2.0, 14.0))
+
+
+def test_a_single_beam_goes_where_it_points(make_room):
+    assert read(make_room(), "range_finder", {"beam_body": (0, 0, -2)}).values == pytest.approx((3.0,))
+    assert read(make_room(), "range_finder", {"beam_body": (0, 0, 1)}).values == pytest.approx((3.0,))
+    slanted = {"beam_body": (-1, 0, 1), "mount_m": (0.5, 0, 0)}
+    assert read(make_room(), "range_finder", slanted).values == pytest.approx((1.5 * math.sqrt(2),))
+
+
+def test_nothing_in_range_is_the_longest_range_and_told(make_room):
+    reading = read(make_room(), "range_finder", {"max_range_m": 4.0, "noise_std": 0.1})
+    assert (reading.values, reading.is_saturated) == ((4.0,), True)
+    one_of_four = read(make_room(), "four_range_finders", {"max_range_m": 4.0})
+    assert (one_of_four.values, one_of_four.is_saturated) == ((4.0, 4.0, 1.0, 2.0), False)
+
+
+def test_noise_is_that_of_the_scenario(make_room):
+    spec = SensorSpec(model="range_finder", name="s", noise_std=0.02, beam_body=(0, 0, -1))
+    sensor = SENSOR_MODELS["range_finder"].build(spec, 0.1, stream(1, "test"))
+    around = surroundings_in(make_room())
+    ranges = [sensor.read(around, STILL).values[0] for _ in range(2000)]
+    assert (np.mean(ranges), np.std(ranges)) == (pytest.approx(3.0, abs=0.002), pytest.approx(0.02, rel=0.06))
+
+
+def test_a_level_lidar_sees_the_walls(make_room):
+    """Each range is the least way to one of the four walls along its azimuth."""
+    reading = read(make_room(), "lidar_2d", {"lidar": {"n_azimuths": 72}})
+    ranges = reading.array.to_array()
+    azimuths = np.deg2rad(np.arange(-180, 180, 5))
+    with np.errstate(divide="ignore"):
+        ways = np.stack([14 / np.cos(azimuths), -1 / np.cos(azimuths), 8 / np.sin(azimuths), -2 / np.sin(azimuths)])
+    expected = np.where(ways > 0, ways, np.inf).min(axis=0)
+    assert ranges.shape == (1, 72)
+    assert ranges[0] == pytest.approx(expected, rel=1e-5)
+    assert reading.values[0] == pytest.approx(1.0)
+
+
+def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
+    """Mount plus range times direction, turned with vehicle and mount, is on a face of the box."""
+    settings = {"mount_m": (0.1, 0.2, 0.3), "mount_rpy_rad": (0.3, -0.2, 0.5), "lidar": {"n_azimuths": 90}}
+    spec = SensorSpec.model_validate({"model": "lidar_3d", "name": "s", **settings})
+    around = surroundings_in(make_room(), quaternion_wxyz=(0.5, 0.5, 0.5, 0.5))
+    ranges = read(make_room(), "lidar_3d", settings, quaternion_wxyz=(0.5, 0.5, 0.5, 0.5)).array.to_array()
+    directions = directions_body(spec)
+    assert (ranges.shape, directions.shape) == ((16, 90), (16, 90, 3))
+    assert np.linalg.norm(directions, axis=-1) == pytest.approx(np.ones((16, 90)))
+    points_body_m = np.array(spec.mount_m) + ranges[..., None] * directions
+    points_m = np.array(around.body.position_world_m) + points_body_m @ around.world_from_body.T
+    gaps_m = np.minimum(np.abs(points_m), np.abs(np.array([15.0, 10.0, 6.0]) - points_m)).min(axis=-1)
+    assert gaps_m == pytest.approx(np.zeros((16, 90)), abs=1e-5)
+
+
+def test_a_pitched_sensor_looks_down():
+    spec = SensorSpec(model="range_finder", name="s", mount_rpy_rad=(0.0, math.pi / 4, 0.0))
+    assert directions_body(spec) == pytest.approx(np.array([[R2, 0.0, -R2]]))
+
+
+def test_cylinders_have_the_size_of_the_vehicles(make_room):
+    assert set(VEHICLE_SIZES_M) == {path.name for path in VEHICLES_DIR.iterdir() if path.is_dir()}
+    for name, size_m in VEHICLE_SIZES_M.items():
+        vehicle = load_vehicle(name)
+        half_height_m = build_scene(make_room(), [("beetle", vehicle)], 0.004).half_height_m[0]
+        assert size_m == pytest.approx((vehicle.body.radius_m, half_height_m)), name
