@@ -31,7 +31,7 @@ class Imu:
     the one, of the other, and then the noise of all samples.
 
     Source:
-        Law and numbers as in Pegasus, after RotorS; thesis and numbers in `ImuSpec`.
+        Law and numbers as in Pegasus, after RotorS; the numbers are in `ImuSpec`.
     Left out:
         Scale errors, cross-axis sensitivity, vibration, temperature.
     Held by:

@@ -1,4 +1,4 @@
-"""A bias that wanders and is forgotten."""
+"""A bias: a constant, and a part that wanders and is forgotten."""
 
 import math
 
@@ -14,7 +14,8 @@ class WanderingBias:
     db = -b/T dt + q dW;   over dt: b <- e^(-dt/T) b + N(0, q^2 T/2 (1 - e^(-2 dt/T)))
     [x] = [x s^(-1/2)] [s^(1/2)]
 
-    It starts at N(0, start_std). Draws x, y, z at the start and in each step.
+    b starts at 0; the bias is b and a constant of N(0, start_std), which stays. Draws x, y, z at the start and in each
+    step.
 
     Source:
         RotorS and PX4's Gazebo plug-ins for the IMU, which Pegasus follows.
@@ -28,12 +29,13 @@ class WanderingBias:
         self._keeps = math.exp(-dt_s / correlation_s)
         self._kick = np.array(walk) * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))
         self._rng = rng
-        self.value = start_std * rng.standard_normal(3)
+        self._constant = start_std * rng.standard_normal(3)
+        self._wandering = np.zeros(3)
 
     def step(self) -> NDArray[np.float64]:
         """Advance by one step and return the (3,) bias."""
-        self.value = self._keeps * self.value + self._kick * self._rng.standard_normal(3)
-        return self.value
+        self._wandering = self._keeps * self._wandering + self._kick * self._rng.standard_normal(3)
+        return self._constant + self._wandering
 
     def steps(self, n: int) -> NDArray[np.float64]:
         """Advance by n steps, far fewer than there are in a correlation time, and return the (n, 3) biases.
@@ -42,6 +44,6 @@ class WanderingBias:
         """
         powers = self._keeps ** np.arange(1, n + 1)[:, None]
         kicks = self._kick * self._rng.standard_normal((n, 3))
-        biases = powers * (self.value + np.cumsum(kicks / powers, axis=0))
-        self.value = biases[-1]
-        return biases
+        wandering = powers * (self._wandering + np.cumsum(kicks / powers, axis=0))
+        self._wandering = wandering[-1]
+        return self._constant + wandering
