@@ -1,11 +1,10 @@
 """A bias: a constant, and a part that wanders and is forgotten."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-
-from gslcosim.contract.messages import Vec3
 
 
 class WanderingBias:
@@ -24,7 +23,13 @@ class WanderingBias:
     """
 
     def __init__(
-        self, walk: Vec3, correlation_s: float, dt_s: float, rng: np.random.Generator, *, start_std: float = 0.0
+        self,
+        walk: Sequence[float],
+        correlation_s: float,
+        dt_s: float,
+        rng: np.random.Generator,
+        *,
+        start_std: float = 0.0,
     ) -> None:
         self._keeps = math.exp(-dt_s / correlation_s)
         self._kick = np.array(walk) * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))
