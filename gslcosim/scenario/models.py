@@ -136,7 +136,8 @@ class VehicleSpec(Spec):
 
     The cruising height is 2 m unless `search_height_m` says otherwise; a rover has none: it is left out.
     `avoidance` plans the way to waypoints around obstacles: `2d` at the height of the flight, for a rover on the floor;
-    `3d` over and under them too; `none` straight on, whatever is there.
+    `3d` over and under them too; `none` straight on, whatever is there. `separation_m` is how far its centre keeps from
+    those of other vehicles on its way to waypoints and at a velocity; 0: it does not look out for them.
     """
 
     model: Literal["iris", "crazyflie", "holonomic", "rover"] = "iris"
@@ -146,6 +147,7 @@ class VehicleSpec(Spec):
     max_speed_m_s: Positive = 1.0
     max_acceleration_m_s2: Positive = 2.0
     avoidance: Literal["none", "2d", "3d"] = "none"
+    separation_m: NonNegative = 0.0
 
     @model_validator(mode="after")
     def _check_avoidance(self) -> Self:
@@ -155,6 +157,13 @@ class VehicleSpec(Spec):
                 expected="none or 2d for a rover, which stays on the floor",
                 found="3d",
                 remedy="Take 2d.",
+            )
+        if self.model == "rover" and self.separation_m:
+            raise broken_rule(
+                key="separation_m",
+                expected="0 for a rover: only vehicles in the air go out of the way of others",
+                found=f"{self.separation_m:g}",
+                remedy="Leave it out.",
             )
         return self
 

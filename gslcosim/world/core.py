@@ -27,7 +27,8 @@ from gslcosim.world.mujoco_kernels import step_address
 from gslcosim.world.ports import world_spec
 from gslcosim.world.routes import Routes, routes_of
 from gslcosim.world.scene import GRAVITY_M_S2, Scene, build_scene
-from gslcosim.world.space import FlightSpace
+from gslcosim.world.separation import Neighbour
+from gslcosim.world.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.starts import check_overlaps, check_starts
 from gslcosim.world.vehicle import VehicleModel, load_vehicle
 
@@ -59,6 +60,7 @@ class WorldCore:
         self._agents = scenario.agents
         models = [load_vehicle(agent.vehicle.model) for agent in self._agents]
         spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
+        self._radii_m = [space.radius_m for space in spaces]
         step_ms = _physics_step_ms(models, scenario.tick_ms)
         self._n_substeps = scenario.tick_ms // step_ms
         dt_s = step_ms * 1e-3
@@ -141,6 +143,7 @@ class WorldCore:
             self._supports = [frozenset(touched) for touched in self._touched]
         else:
             self._obey(tick, inbox)
+            self._keep_apart(tick)
             self._fly(tick)
         return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(self._body(k) for k in range(len(self._agents))))}
 
@@ -169,6 +172,28 @@ class WorldCore:
             mission.begin_tick(tick, command if isinstance(command, Command) else None)
             if mission.trajectory is not path or mission.setpoint is not setpoint:
                 self._follow(k)
+
+    # All look at where the others are now, then all decide.
+    def _keep_apart(self, tick: int) -> None:
+        if not any(mission.gives_way for mission in self._missions):
+            return
+        gives_way = [mission.gives_way for mission in self._missions]
+        for k, mission in enumerate(self._missions):
+            if not gives_way[k]:
+                continue
+            path = mission.trajectory
+            mission.keep_apart(
+                tick - 1, [self._neighbour(k, i, gives_way=gives_way[i]) for i in range(len(gives_way)) if i != k]
+            )
+            if mission.trajectory is not path:
+                self._follow(k)
+
+    def _neighbour(self, k: int, i: int, *, gives_way: bool) -> Neighbour:
+        x_m, y_m, z_m = np.subtract(self._positions_m[i], self._positions_m[k]).tolist()
+        separation_m = max(self._agents[n].vehicle.separation_m for n in (k, i))
+        least_m = max(separation_m, self._radii_m[k] + self._radii_m[i] + CLEARANCE_M)
+        velocity_m_s = self._velocity_m_s(i)
+        return Neighbour(offset_m=(x_m, y_m, z_m), velocity_m_s=velocity_m_s, least_m=least_m, gives_way=gives_way)
 
     def _follow(self, k: int) -> None:
         mission, state = self._missions[k], self._states[k]

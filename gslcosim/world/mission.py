@@ -17,6 +17,7 @@ from gslcosim.world.legs import AT_REST, FlightPlanner, Leg, Motion, Planner, he
 from gslcosim.world.records import Setpoint
 from gslcosim.world.refusals import refusal_of, refusal_of_ground
 from gslcosim.world.rover_paths import RoverPlanner
+from gslcosim.world.separation import LOOKS_AHEAD_S, Neighbour, meets_within, passing_velocity
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import AS_BEFORE, Heading, Trajectory, Vec3, fly_at, stay_at
 
@@ -27,6 +28,8 @@ ARRIVED_WITHIN_M = 0.15
 ARRIVED_BELOW_M_S = 0.2
 GIVE_UP_AFTER_S = 10.0
 BACK_OFF_M = 0.1
+# How long a vehicle may go out of the way of others on one leg, before it holds.
+GIVES_WAY_FOR_S = 20.0
 # A vehicle that lies on its side or back this long, and hardly moves, will not get up.
 OVERTURNED_BELOW = 0.3
 OVERTURNED_FOR_S = 1.0
@@ -96,6 +99,8 @@ class Mission:
         self._is_preparing = False
         self._prepares_since_tick = 0
         self._velocity_world_m_s: Vec3 | None = None
+        self._evasion: Trajectory | None = None
+        self._evades_until_tick = 0
         self._goal: Command | None = None
         self._goal_notice: str | None = None
         self._hold_until_tick = 0
@@ -132,6 +137,32 @@ class Mission:
         elif command.kind != "noop":
             self._obey(tick - 1, command)
 
+    @property
+    def gives_way(self) -> bool:
+        """Whether the vehicle goes out of the way of others now, if it has to."""
+        return self._agent.vehicle.separation_m > 0 and self.phase == "flying" and self.setpoint is None
+
+    def keep_apart(self, tick: int, neighbours: Sequence[Neighbour]) -> None:
+        """Go out of the way of others where that is needed, and back to the leg when it no longer is.
+
+        Args:
+            tick: The tick that ended; the path holds from its end on.
+            neighbours: The others, as this vehicle sees them.
+        """
+        if not self.gives_way:
+            return
+        wanted_m_s, within_s = self._wanted(tick)
+        if not meets_within(wanted_m_s, neighbours, within_s):
+            if self._is_evading:
+                self._go_back(tick)
+        elif self._leg is not None and self._is_evading and tick >= self._evades_until_tick:
+            self._hold(tick, self._agent.vehicle.hold_s, AS_BEFORE)
+            self.notice = f"separation: expected a way past other vehicles within {GIVES_WAY_FOR_S:g} s; it holds."
+        else:
+            velocity_m_s = passing_velocity(wanted_m_s, self._velocity_m_s, neighbours, self._is_open)
+            self._evasion = fly_at(self._motion(tick).state, velocity_m_s, self._abilities.limits, tick)
+            self.trajectory = self._evasion
+
     def end_tick(
         self, tick: int, position_world_m: Vec3, velocity_world_m_s: Vec3, *, yaw_rad: float, uprightness: float
     ) -> None:
@@ -152,7 +183,7 @@ class Mission:
             self._go_on(tick)
         elif self._velocity_world_m_s is not None or self.setpoint is not None:
             self._check_edge(tick)
-        elif self.phase in ("taking_off", self._under_way, "landing"):
+        elif self.phase in ("taking_off", self._under_way, "landing") and not self._is_evading:
             self._check_arrival(tick, velocity_world_m_s)
         if self._legs and self.phase == "holding" and tick >= self._hold_until_tick:
             self._begin_leg(tick)
@@ -219,6 +250,41 @@ class Mission:
         else:
             self._set_out(tick, legs_of(command, self._hold_s(command)))
 
+    @property
+    def _is_evading(self) -> bool:
+        return self._evasion is not None and self.trajectory is self._evasion
+
+    # The velocity straight to where it is going, slower on the last metre, and how far ahead that counts.
+    def _wanted(self, tick: int) -> tuple[Vec3, float]:
+        if self._velocity_world_m_s is not None or self._leg is None:
+            return self._velocity_world_m_s or AT_REST, LOOKS_AHEAD_S
+        way_m = np.subtract(self._leg.place_world_m, self._motion(tick).state[0])
+        distance_m = float(np.linalg.norm(way_m))
+        if distance_m < ARRIVED_WITHIN_M:
+            return AT_REST, 0.0
+        u, v, w = (way_m * (self._abilities.limits.max_speed_m_s * min(1.0, distance_m) / distance_m)).tolist()
+        return (u, v, w), min(LOOKS_AHEAD_S, distance_m / math.hypot(u, v, w))
+
+    # Half a second and a second ahead, as wide as the vehicle.
+    def _is_open(self, velocity_m_s: Vec3) -> bool:
+        ahead_m = [np.add(self._position_m, np.multiply(t_s, velocity_m_s)) for t_s in (0.5, 1.0)]
+        sides_m = self._space.radius_m * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+        places_m = [tuple((place_m + side_m).tolist()) for place_m in ahead_m for side_m in sides_m]
+        return all(self._space.refusal("", place_m) is None for place_m in places_m)
+
+    def _go_back(self, tick: int) -> None:
+        velocity_m_s, leg = self._velocity_world_m_s, self._leg
+        if velocity_m_s is not None:
+            self._velocity_world_m_s = None
+            self._cruise(tick, velocity_m_s, AS_BEFORE)
+        elif leg is not None and self._avoidance is None:
+            self._follow_leg(tick, leg)
+        elif leg is not None and self._avoidance is not None:
+            ahead = [further for further in (leg, *self._legs) if not further.is_bend]
+            until_tick, notice = self._evades_until_tick, self.notice
+            self._set_out(tick, tuple(ahead))
+            self._evades_until_tick, self.notice = until_tick, self.notice or notice
+
     def _set_out(self, tick: int, legs: tuple[Leg, ...]) -> None:
         if self._avoidance is not None:
             plan = self._avoidance.plan(legs, self._motion(tick).state)
@@ -272,6 +338,7 @@ class Mission:
 
     def _begin_leg(self, tick: int) -> None:
         self._leg = self._legs.popleft()
+        self._evades_until_tick = tick + self._ticks(GIVES_WAY_FOR_S)
         self._follow_leg(tick, self._leg)
         self._prepares_since_tick = tick
 

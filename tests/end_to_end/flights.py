@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
 AGENTS = Path(__file__).parent / "agents"
 EVERY_VEHICLE = Path(__file__).parent / "every_vehicle.yaml"
+AROUND_A_WALL = Path(__file__).parent / "around_a_wall.yaml"
 COMMAND = [sys.executable, "-m", "gslcosim"]
 LIMIT_S = 110
 

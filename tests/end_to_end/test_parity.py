@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import AGENTS, EVERY_VEHICLE, TINY_ROOM, fly
+from flights import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, TINY_ROOM, fly
 
 
 def digest_of(ended):
@@ -67,3 +67,13 @@ def test_every_vehicle_obeys_every_command_alike(tmp_path):
     for agent in single.result["agents"]:
         assert agent["outcome"] == "time_limit"
         assert agent["path_length_m"] > 2.0
+
+
+def test_ways_around_obstacles_and_each_other_are_alike(tmp_path):
+    """Two vehicles change places across a wall, by planned ways that cross."""
+    multi = fly(AROUND_A_WALL, tmp_path / "multi")
+    single = fly(AROUND_A_WALL, tmp_path / "single", "--in-process")
+    assert digest_of(multi) == digest_of(single)
+    for agent in single.result["agents"]:
+        assert agent["outcome"] == "time_limit"
+        assert agent["path_length_m"] > 6.0

@@ -57,7 +57,7 @@ def test_the_seed_option_replaces_the_seed(scenario_file):
         ("agents[0].vehicle.hold=1",
          "--set: agents[0].vehicle.hold: expected one of the keys model, start_m, search_height_m, hold_s, "
          "max_speed_m_s, "
-         "max_acceleration_m_s2, avoidance, was an unknown key. Did you mean hold_s? It is in seconds."),
+         "max_acceleration_m_s2, avoidance, separation_m, was an unknown key. Did you mean hold_s? It is in seconds."),
         ("wnd.cell_m=1", "--set: wnd: expected one of the keys schema, name, seed, tick_ms, environment, wind, gas, "
          "agents, "
          "referee, recording, channels, was an unknown key. Did you mean wind?"),
