@@ -65,6 +65,10 @@ class Avoidance:
             return Plan(notice=str(reason))
         return Plan(legs=tuple(planned), notice=" ".join(notices) or None)
 
+    def is_way_free(self, a_m: Vec3, b_m: Vec3) -> bool:
+        """Return whether the straight way between two places, world frame [m], keeps clear."""
+        return self.routes.space.sees(a_m, b_m)
+
     # A place that is too near to something becomes the nearest one outside that the vehicle can reach.
     def _moved(self, leg: Leg, from_m: Vec3) -> tuple[Leg, str | None]:
         place_m = self.routes.level(leg.place_world_m)

@@ -189,11 +189,16 @@ class WorldCore:
                 self._follow(k)
 
     def _neighbour(self, k: int, i: int, *, gives_way: bool) -> Neighbour:
-        x_m, y_m, z_m = np.subtract(self._positions_m[i], self._positions_m[k]).tolist()
+        (x_m, y_m, z_m), (own_x_m, own_y_m, own_z_m) = self._positions_m[i], self._positions_m[k]
         separation_m = max(self._agents[n].vehicle.separation_m for n in (k, i))
         least_m = max(separation_m, self._radii_m[k] + self._radii_m[i] + CLEARANCE_M)
         velocity_m_s = self._velocity_m_s(i)
-        return Neighbour(offset_m=(x_m, y_m, z_m), velocity_m_s=velocity_m_s, least_m=least_m, gives_way=gives_way)
+        return Neighbour(
+            offset_m=(x_m - own_x_m, y_m - own_y_m, z_m - own_z_m),
+            velocity_m_s=velocity_m_s,
+            least_m=least_m,
+            gives_way=gives_way,
+        )
 
     def _follow(self, k: int) -> None:
         mission, state = self._missions[k], self._states[k]

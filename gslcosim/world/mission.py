@@ -34,6 +34,8 @@ GIVES_WAY_FOR_S = 20.0
 OVERTURNED_BELOW = 0.3
 OVERTURNED_FOR_S = 1.0
 
+# The middle of a vehicle and its sides, in radii.
+_SIDES = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
 # What makes a command the same as the one before.
 _GOAL_FIELDS = (
     "kind",
@@ -265,12 +267,14 @@ class Mission:
         u, v, w = (way_m * (self._abilities.limits.max_speed_m_s * min(1.0, distance_m) / distance_m)).tolist()
         return (u, v, w), min(LOOKS_AHEAD_S, distance_m / math.hypot(u, v, w))
 
-    # Half a second and a second ahead, as wide as the vehicle.
+    # A second ahead, as wide as the vehicle.
     def _is_open(self, velocity_m_s: Vec3) -> bool:
-        ahead_m = [np.add(self._position_m, np.multiply(t_s, velocity_m_s)) for t_s in (0.5, 1.0)]
-        sides_m = self._space.radius_m * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
-        places_m = [tuple((place_m + side_m).tolist()) for place_m in ahead_m for side_m in sides_m]
-        return all(self._space.refusal("", place_m) is None for place_m in places_m)
+        if self._avoidance is not None:
+            u, v, w = velocity_m_s
+            x_m, y_m, z_m = self._position_m
+            return self._avoidance.is_way_free(self._position_m, (x_m + u, y_m + v, z_m + w))
+        ahead_m = np.multiply.outer((0.5, 1.0), velocity_m_s)[:, np.newaxis] + self._position_m
+        return self._space.is_open((ahead_m + self._space.radius_m * _SIDES).reshape(-1, 3))
 
     def _go_back(self, tick: int) -> None:
         velocity_m_s, leg = self._velocity_world_m_s, self._leg

@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslcosim.environment.model import Cell, Environment
 
 Vec3 = tuple[float, float, float]
 
+_SOLID = int(Cell.SOLID)
 # What a vehicle may stray from its reference while it brakes.
 CLEARANCE_M = 0.1
 
@@ -44,6 +46,13 @@ class FlightSpace:
         if self.moves_places:
             return self._refusal_of_bounds(name, position_world_m, self._margin_m)
         return self.refusal(name, position_world_m)
+
+    def is_open(self, places_m: NDArray[np.float64]) -> bool:
+        """Return whether (n, 3) places, world frame [m], all lie in the room and in free cells."""
+        cells = self.environment.grid.cell_of(places_m)
+        if not self.environment.grid.contains_cell(cells).all():
+            return False
+        return not (self.environment.occupancy[tuple(cells.T)] == _SOLID).any()
 
     def start_refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a vehicle cannot start at a place; as `refusal`, but it may stand on the floor."""

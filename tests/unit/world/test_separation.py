@@ -155,3 +155,15 @@ def test_the_same_encounter_comes_back_to_the_bit(make_pilot):
 def test_a_rover_does_not_look_out(make_scenario):
     with pytest.raises(ValueError, match="only vehicles in the air"):
         make_scenario({"model": "rover", "separation_m": 1.0})
+
+
+def test_nobody_is_pushed_into_a_wall(make_pilot):
+    """In a corridor 1.9 m wide there is no room to pass: they keep off the walls and each other."""
+    walls = [("south", (5.0, 0.0, 0.0), (10.0, 4.0, 6.0)), ("north", (5.0, 6.0, 0.0), (10.0, 10.0, 6.0))]
+    spec = {"separation_m": 1.5, "avoidance": "2d"}
+    pilot = make_pilot({"start_m": (3.0, 5.0, 0.2), **spec}, {"start_m": (12.0, 5.0, 0.2), **spec}, obstacles=walls)
+    pilot.run_until(lambda _: all(body.awaiting_command for body in pilot.log[-1].bodies))
+    pilot.step(agent_0=go((12.0, 5.0, 2.0)), agent_1=go((3.0, 5.0, 2.0)))
+    pilot.run(400)
+    assert not touched(pilot)
+    assert nearest_m(pilot) > 1.0
