@@ -54,6 +54,10 @@ def closed_room(*, wind_m_s: tuple[Vec3, ...] = ((0.0, 0.0, 0.0),), period_s: fl
     )
 
 
+# No sensor wants what an IMU would feel.
+NOT_MEASURED = np.empty((1, 0, 9))
+
+
 class FreeBody:
     """One vehicle in a room with its rotors off, or held at a place, without a mission."""
 
@@ -90,9 +94,9 @@ class FreeBody:
         """Fly a number of sub-steps as one tick."""
         data = self.data
         done, unsound = fly_substeps_inplace(
-            0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, data.qpos, data.qvel,
-            data.qfrc_applied, data.qfrc_constraint, data.sensordata, self.wind, np.zeros(3), 0.25, step_address(),
-            self.scene.model._address, data._address,
+            0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, NOT_MEASURED, data.qpos, data.qvel,
+            data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata, self.wind, np.zeros(3), 0.25,
+            step_address(), self.scene.model._address, data._address,
         )  # fmt: skip
         if (done, unsound) != (n_substeps, -1):
             raise RuntimeError(f"expected {n_substeps} sub-steps without contact, was {done}, unsound: {unsound}.")
