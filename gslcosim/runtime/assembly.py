@@ -20,6 +20,7 @@ from gslcosim.scenario.models import AgentSpec
 
 RECORDER = "recorder"
 RADIO = "radio"
+CAMERAS = "cameras"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +72,8 @@ def service_names(scenario: Scenario) -> tuple[str, ...]:
     """Return the services a run needs, from upstream to downstream."""
     radio = (RADIO,) if scenario.channels else ()
     recorder = (RECORDER,) if scenario.recording.enabled else ()
-    return ("world", "fields", *radio, "sensing", "referee", *recorder)
+    cameras = (CAMERAS,) if scenario.cameras else ()
+    return ("world", "fields", *radio, *cameras, "sensing", "referee", *recorder)
 
 
 def dataflow_of(scenario: Scenario) -> Dataflow:
@@ -85,12 +87,14 @@ def dataflow_of(scenario: Scenario) -> Dataflow:
     from gslcosim.recording.ports import recorder_spec
     from gslcosim.referee.ports import referee_spec
     from gslcosim.sensing.ports import sensing_spec
+    from gslcosim.world.camera_ports import cameras_spec
     from gslcosim.world.ports import world_spec
 
     specs = {
         "world": world_spec,
         "fields": fields_spec,
         RADIO: radio_spec,
+        CAMERAS: cameras_spec,
         "sensing": sensing_spec,
         "referee": referee_spec,
         RECORDER: recorder_spec,
@@ -120,6 +124,10 @@ def _build(name: str, setup: Setup) -> Core:
         from gslcosim.radio.core import RadioCore
 
         return RadioCore(setup.scenario)
+    if name == CAMERAS:
+        from gslcosim.world.cameras import CamerasCore
+
+        return CamerasCore(setup.scenario, setup.environment)
     if name == "sensing":
         from gslcosim.sensing.core import SensingCore
 

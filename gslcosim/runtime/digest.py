@@ -136,7 +136,7 @@ def first_divergence(a: RunDigest, b: RunDigest, *, order: tuple[str, ...] = ())
     return None
 
 
-DEFAULT_ORDER = ("world", "fields", "radio", "sensing", "agent", "referee")
+DEFAULT_ORDER = ("world", "fields", "radio", "cameras", "sensing", "agent", "referee")
 
 
 def _port_divergence(port: str, writer: str, a: Trail | None, b: Trail | None) -> Divergence | None:

@@ -12,6 +12,7 @@ from gslcosim.scenario.layout_models import Layout as Layout
 from gslcosim.scenario.layout_models import LayoutSpec as LayoutSpec
 from gslcosim.scenario.layout_models import OpeningSpec as OpeningSpec
 from gslcosim.scenario.rules import broken_rule
+from gslcosim.scenario.sensor_models import CAMERA_SENSORS
 from gslcosim.scenario.sensor_models import SensorSpec as SensorSpec
 from gslcosim.scenario.spec import Name, NonNegative, Positive, Vec3
 from gslcosim.scenario.spec import Spec as Spec
@@ -281,6 +282,12 @@ class Scenario(Spec):
     def tick_ns(self) -> int:
         """Length of a tick [ns]."""
         return self.tick_ms * 1_000_000
+
+    @property
+    def cameras(self) -> tuple[tuple[AgentSpec, SensorSpec], ...]:
+        """All cameras, with the agents that they belong to."""
+        sensors = ((agent, sensor) for agent in self.agents for sensor in agent.sensors)
+        return tuple((agent, sensor) for agent, sensor in sensors if sensor.model in CAMERA_SENSORS)
 
     def members_of(self, channel: ChannelSpec) -> tuple[str, ...]:
         """Return the names of the agents that send and hear on a channel, by name."""

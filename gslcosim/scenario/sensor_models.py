@@ -10,10 +10,12 @@ from gslcosim.scenario.onboard_models import OnBoardFields
 from gslcosim.scenario.rules import broken_rule
 from gslcosim.scenario.spec import Name, NonNegative, Positive, Vec3, shown
 
+# Cameras, which a core of their own renders.
+CAMERA_SENSORS = ("camera", "depth_camera")
 # Sensors of the vehicle itself and of what is around it: they look at bodies and the scene, not at gas and wind.
 ON_BOARD_SENSORS = (
     "imu", "gps", "barometer", "magnetometer", "pose", "range_finder", "four_range_finders", "lidar_2d", "lidar_3d",
-    "bump",
+    "bump", *CAMERA_SENSORS,
 )  # fmt: skip
 # The sensors that there are; the table with their models is in gslcosim.sensing.
 SENSORS = (

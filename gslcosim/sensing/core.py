@@ -9,6 +9,8 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import (
     BodyPoses,
     BodyState,
+    CameraFrames,
+    CameraImage,
     FieldSamples,
     MountSample,
     Observation,
@@ -94,7 +96,8 @@ def _without_payload(reading: Reading) -> Reading:
 class SensingCore:
     """Reads all instruments every tick and tells each agent what its own show.
 
-    Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio` of the same tick. Writes a
+    Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio`, where they have cameras,
+    `truth/images` of the same tick. Writes a
     briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact, unless
     the vehicle has a `pose` sensor: then it is what the first of them said last.
 
@@ -139,12 +142,13 @@ class SensingCore:
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
         traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
+        images = _images_of(cast(CameraFrames | None, inbox.get(keys.IMAGES)))
         outbox: dict[str, Observation] = {}
         for agent, panel in self._panels.items():
             if agent not in bodies:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
             others = tuple(body for name, body in bodies.items() if name != agent)
-            surroundings = Surroundings(body=bodies[agent], scene=self._scene, others=others)
+            surroundings = Surroundings(bodies[agent], self._scene, others, images.get(agent, {}))
             readings = tuple(panel.read(surroundings, samples, tick))
             outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)
         return outbox
@@ -202,6 +206,14 @@ def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
     swing = world_from_body_rotation(body.quaternion_wxyz) @ swing_body_m_s
     v = body.velocity_world_m_s
     return (v[0] + float(swing[0]), v[1] + float(swing[1]), v[2] + float(swing[2]))
+
+
+# Pictures by agent and sensor.
+def _images_of(frames: CameraFrames | None) -> dict[str, dict[str, CameraImage]]:
+    images: dict[str, dict[str, CameraImage]] = {}
+    for frame in frames.frames if frames else ():
+        images.setdefault(frame.agent, {})[frame.sensor] = frame.image
+    return images
 
 
 def _check_models(scenario: Scenario) -> None:

@@ -13,5 +13,6 @@ def sensing_spec(scenario: Scenario) -> ParticipantSpec:
         writes.append(Write(port=keys.briefing(agent.name), message_type=Briefing, announced_in="once"))
         writes.append(Write(port=keys.observation(agent.name), message_type=Observation))
     radio = (Read(port=keys.RADIO),) if scenario.channels else ()
-    reads = (Read(port=keys.BODIES), Read(port=keys.SAMPLES), *radio)
+    images = (Read(port=keys.IMAGES),) if scenario.cameras else ()
+    reads = (Read(port=keys.BODIES), Read(port=keys.SAMPLES), *radio, *images)
     return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes))

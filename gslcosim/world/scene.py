@@ -61,22 +61,9 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
     Raises:
         EnvironmentDataError: two boxes of the room have one name.
     """
-    spec = mujoco.MjSpec()
-    spec.modelname = environment.name
-    spec.option.timestep = dt_s
-    spec.option.gravity = [0.0, 0.0, -GRAVITY_M_S2]
-    spec.option.disableflags = int(_DISABLED)
-    for box in solid_boxes(environment):
-        _add_box(spec, box)
-    if any(vehicle.wheels for _, vehicle in vehicles):
-        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-    for agent, vehicle in vehicles:
-        # The body's specification must outlive the compilation.
-        body = vehicle.body_spec().worldbody.first_body()
-        spec.worldbody.add_frame(name=f"{agent}/frame").attach_body(body, f"{agent}/", "")
-        if vehicle.wheels:
-            _add_touch(spec, f"{agent}/{HULL}")
+    spec, kept = scene_spec(environment, vehicles, dt_s)
     model = spec.compile()
+    del kept
     agents = [agent for agent, _ in vehicles]
     geom_names = [model.geom(i).name for i in range(model.ngeom)]
     owners = [name.split("/")[0] if "/" in name and name.split("/")[0] in agents else None for name in geom_names]
@@ -87,6 +74,28 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
         is_rolling=tuple(name.split("/")[-1] in _ROLLING and "/" in name for name in geom_names),
         half_height_m=tuple(_half_height_m(model, agent) for agent in agents),
     )
+
+
+def scene_spec(
+    environment: Environment, vehicles: Sequence[tuple[str, VehicleModel]], dt_s: float
+) -> tuple[mujoco.MjSpec, list[mujoco.MjSpec]]:
+    """Return a scene as it can still be added to, and what must live until it is compiled; see `build_scene`."""
+    spec = mujoco.MjSpec()
+    spec.modelname = environment.name
+    spec.option.timestep = dt_s
+    spec.option.gravity = [0.0, 0.0, -GRAVITY_M_S2]
+    spec.option.disableflags = int(_DISABLED)
+    for box in solid_boxes(environment):
+        _add_box(spec, box)
+    if any(vehicle.wheels for _, vehicle in vehicles):
+        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    kept = [vehicle.body_spec() for _, vehicle in vehicles]
+    for (agent, vehicle), vehicle_spec in zip(vehicles, kept, strict=True):
+        body = vehicle_spec.worldbody.first_body()
+        spec.worldbody.add_frame(name=f"{agent}/frame").attach_body(body, f"{agent}/", "")
+        if vehicle.wheels:
+            _add_touch(spec, f"{agent}/{HULL}")
+    return spec, kept
 
 
 def _add_box(spec: mujoco.MjSpec, box: Box) -> None:

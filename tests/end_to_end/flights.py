@@ -12,6 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
+ON_BOARD = TINY_ROOM.with_name("on_board_sensors.yaml")
 AGENTS = Path(__file__).parent / "agents"
 EVERY_VEHICLE = Path(__file__).parent / "every_vehicle.yaml"
 AROUND_A_WALL = Path(__file__).parent / "around_a_wall.yaml"

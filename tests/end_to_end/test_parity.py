@@ -77,3 +77,13 @@ def test_ways_around_obstacles_and_each_other_are_alike(tmp_path):
     for agent in single.result["agents"]:
         assert agent["outcome"] == "time_limit"
         assert agent["path_length_m"] > 6.0
+
+
+def test_parity_holds_with_every_on_board_sensor(tmp_path):
+    """Pictures, ranges and inertial samples are the same to the bit in one process and in many."""
+    change = ("--set", "referee.stop.time_limit_s=6")
+    multi = fly(ON_BOARD, tmp_path / "multi", *change)
+    if "expected EGL or OSMesa" in multi.errors:
+        pytest.skip("cameras need EGL or OSMesa")
+    single = fly(ON_BOARD, tmp_path / "single", *change, "--in-process")
+    assert digest_of(multi) == digest_of(single)

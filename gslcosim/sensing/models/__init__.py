@@ -7,6 +7,7 @@ from gslcosim.scenario.sensor_models import SENSOR_ENTRY_POINTS
 from gslcosim.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
 from gslcosim.sensing.models.base import SensorKind, SensorModel
 from gslcosim.sensing.models.bump import BUMP
+from gslcosim.sensing.models.camera import CAMERA_KINDS
 from gslcosim.sensing.models.imperfect import build_sensor
 from gslcosim.sensing.models.imu import IMU
 from gslcosim.sensing.models.mox import MOX_PARAMETERS, mox_kind
@@ -17,7 +18,7 @@ from gslcosim.sensing.models.tdlas import TDLAS
 
 _MOX_KINDS = tuple(mox_kind(parameters) for parameters in MOX_PARAMETERS.values())
 
-_ON_BOARD_KINDS = (IMU, GPS, BAROMETER, MAGNETOMETER, POSE, *RANGE_KINDS, BUMP)
+_ON_BOARD_KINDS = (IMU, GPS, BAROMETER, MAGNETOMETER, POSE, *RANGE_KINDS, BUMP, *CAMERA_KINDS)
 
 SENSOR_MODELS: dict[str, SensorKind] = {
     kind.name: kind for kind in (*_MOX_KINDS, *PPM_KINDS, TDLAS, ANEMOMETER, ANEMOMETER_3D, *_ON_BOARD_KINDS)

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
+from gslcosim.frames import rotation_from_rpy
 from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.models.base import SensorKind
-from gslcosim.sensing.models.surroundings import Surroundings, body_from_sensor
+from gslcosim.sensing.models.surroundings import Surroundings
 
 # Front, left, back, right.
 FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
@@ -76,7 +77,7 @@ def directions_body(spec: SensorSpec) -> NDArray[np.float64]:
         directions = np.array(FOUR_BEAMS)
     else:
         directions = _lidar_directions(spec)
-    return directions @ body_from_sensor(spec.mount_rpy_rad).T
+    return directions @ rotation_from_rpy(spec.mount_rpy_rad).T
 
 
 def _lidar_directions(spec: SensorSpec) -> NDArray[np.float64]:

@@ -1,6 +1,5 @@
 """What on-board sensors look at: the vehicle itself, what is around it, and pictures."""
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -33,18 +32,3 @@ class Surroundings:
         """Return where a mount is, world frame [m]."""
         place_m = np.array(self.body.position_world_m)
         return place_m + self.world_from_body @ np.array(mount_body_m) if any(mount_body_m) else place_m
-
-
-def body_from_sensor(rpy_rad: Vec3) -> NDArray[np.float64]:
-    """Return the (3, 3) matrix that turns vectors in a sensor's axes into body-frame vectors.
-
-    R = Rz(yaw) Ry(pitch) Rx(roll)
-    """
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in rpy_rad)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )

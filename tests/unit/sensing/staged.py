@@ -54,5 +54,5 @@ def scenario_of(*models):
     )
 
 
-def surroundings_in(environment, *others, models=("iris", "iris", "iris"), **changes):
-    return Surroundings(body=body(**changes), scene=RayScene(scenario_of(*models), environment), others=others)
+def surroundings_in(environment, *others, models=("iris", "iris", "iris"), images=None, **changes):
+    return Surroundings(body(**changes), RayScene(scenario_of(*models), environment), others, images or {})

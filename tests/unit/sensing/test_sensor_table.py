@@ -1,6 +1,7 @@
 import pytest
 from staged import surroundings_in
 
+from gslcosim.contract.examples import EXAMPLES
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.rng import stream
 from gslcosim.scenario.models import SensorSpec
@@ -21,7 +22,7 @@ def test_every_model_reads_what_its_row_promises(name, make_room):
     )
 
     if kind.is_on_board:
-        truth = surroundings_in(make_room())
+        truth = surroundings_in(make_room(), images={"s": EXAMPLES["images"].frames[0].image})
 
     def readings(seed):
         sensor = kind.build(spec, 0.1, stream(seed, "test"))

@@ -1,0 +1,52 @@
+"""Cameras as an agent has them: pictures with their calibration."""
+
+import numpy as np
+
+from gslcosim.contract.messages import CameraImage, Reading, Vec3
+from gslcosim.errors import ModelError
+from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.models.base import SensorKind
+from gslcosim.sensing.models.surroundings import Surroundings
+
+
+class Camera:
+    """Shows the last picture that was taken: `image`, no values; the cameras' own core renders it.
+
+    State: the last picture. Draws nothing: pictures have no noise but that of their encoding.
+
+    Held by:
+        tests/unit/sensing/test_camera.py, tests/unit/world/test_cameras.py
+    """
+
+    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        del tick_s, rng
+        self._spec = spec
+        self._image: CameraImage | None = None
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the last picture; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        self._image = sample.images.get(self._spec.name, self._image)
+        if self._image is None:
+            raise ModelError(f"sensing: expected a picture of {sample.body.agent}.{self._spec.name}, was none.")
+        kind = CAMERAS_BY_NAME[self._spec.model]
+        return Reading(sensor=self._spec.name, quantity=kind.quantity, unit=kind.unit, values=(), image=self._image)
+
+
+def _kind(name: str, quantity: str, unit: str, description: str) -> SensorKind:
+    return SensorKind(
+        name=name,
+        quantity=quantity,
+        unit=unit,
+        description=description,
+        build=Camera,
+        is_on_board=True,
+        n_with_errors=0,
+    )
+
+
+CAMERA_KINDS = (
+    _kind("camera", "picture", "1", "Colour camera: no values; image = PNG or JPEG with its calibration."),
+    _kind("depth_camera", "depth", "mm", "Depth camera: no values; image = PNG of 16-bit depths, 0 out of range."),
+)
+CAMERAS_BY_NAME = {kind.name: kind for kind in CAMERA_KINDS}
