@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, TINY_ROOM, fly
+from flights import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, ON_BOARD, TINY_ROOM, fly
 
 
 def digest_of(ended):
