@@ -48,7 +48,7 @@ def rotation_from_rpy(rpy_rad: tuple[float, float, float]) -> NDArray[np.float64
 def quaternion_from_rotation(rotation: NDArray[np.float64]) -> Quaternion:
     """Return the unit quaternion (w >= 0) of a (3, 3) rotation matrix.
 
-    The largest of the four components is taken from the trace, the others from sums and differences (Shepperd 1978).
+    The largest of the four components is taken from the trace, the others from sums and differences.
     """
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation.tolist()
     squares = (1 + r00 + r11 + r22, 1 + r00 - r11 - r22, 1 - r00 + r11 - r22, 1 - r00 - r11 + r22)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
+from gslcosim.frames import quaternion_from_rotation, rotation_from_rpy, world_from_body_rotation, yaw_from_quaternion
 
 
 def about(axis: tuple[float, float, float], angle_rad: float) -> tuple[float, float, float, float]:
@@ -38,3 +38,18 @@ def test_yaw_is_where_the_forward_axis_points_also_when_pitched():
     forward = world_from_body_rotation(both)[:, 0]
     assert math.atan2(forward[1], forward[0]) == pytest.approx(1.0)
     assert yaw_from_quaternion(both) == pytest.approx(1.0)
+
+
+def test_a_quaternion_comes_back_from_its_matrix():
+    rng = np.random.default_rng(1)
+    for q in [*rng.normal(size=(50, 4)), *np.eye(4)]:
+        unit = q / np.linalg.norm(q)
+        rotation = world_from_body_rotation(tuple(unit))
+        assert world_from_body_rotation(quaternion_from_rotation(rotation)) == pytest.approx(rotation, abs=1e-12)
+
+
+def test_roll_pitch_and_yaw_turn_about_fixed_axes():
+    """After a roll of a quarter turn, y points up; a yaw of a quarter turn about the world's z leaves it there."""
+    quarter = math.pi / 2
+    assert rotation_from_rpy((quarter, 0.0, quarter)) @ (0.0, 1.0, 0.0) == pytest.approx((0.0, 0.0, 1.0))
+    assert rotation_from_rpy((0.0, quarter, 0.0)) @ (1.0, 0.0, 0.0) == pytest.approx((0.0, 0.0, -1.0))
