@@ -125,7 +125,7 @@ def _histories(agents: Iterable[AgentEntities]) -> dict[Any, Any]:
 
 
 def _plots(scenario: Scenario) -> list[rrb.TimeSeriesView]:
-    models = sorted({s.model for a in scenario.agents for s in a.sensors if s.model not in entities.WIND_MODELS})
+    models = sorted({s.model for a in scenario.agents for s in a.sensors if s.model not in entities.NOT_GAS_MODELS})
     unit = " [ohm]" if all(model.startswith(entities.RESISTIVE_MODELS) for model in models) else ""
     response = f"Reading of {' and '.join(model.upper() for model in models)}{unit}"
     plots = [

@@ -26,6 +26,7 @@ from gslcosim.recording import colors, entities
 from gslcosim.recording.blueprint import default_blueprint
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import AgentEntities, entities_of
+from gslcosim.recording.onboard_rows import ImageRows, LidarRows
 from gslcosim.recording.ports import recorder_spec
 from gslcosim.recording.rows import (
     MARKER_RADIUS_M,
@@ -46,6 +47,7 @@ from gslcosim.recording.summary import summary_text, title
 from gslcosim.recording.vehicle_shapes import draw_vehicle
 from gslcosim.recording.wind_layer import WindLayer, WindRows
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models import SensorSpec
 from gslcosim.ticks import seconds_from_ticks
 
 # Rows are sent together: a call costs some 100 us, whether it carries one row or many.
@@ -72,6 +74,11 @@ class AgentRows:
         self.response = {sensor: ScalarRows(names.response(sensor)) for sensor in names.gas_sensors}
         self.true_wind = {sensor: ScalarRows(names.true_wind(sensor)) for sensor in names.wind_sensors}
         self.measured_wind = {sensor: ScalarRows(names.measured_wind(sensor)) for sensor in names.wind_sensors}
+        self.seen: dict[str, LidarRows | ImageRows] = {
+            sensor.name: _seen_rows(names, sensor)
+            for sensor in names.agent.sensors
+            if sensor.model in entities.LIDAR_MODELS | entities.CAMERA_MODELS
+        }
         self.position_m: Vec3 = names.agent.vehicle.start_m
 
     def all(self) -> list[Rows]:
@@ -85,8 +92,15 @@ class AgentRows:
             self.markers,
             self.distance,
             self.tracking_error,
+            *self.seen.values(),
             *(rows for group in curves for rows in group.values()),
         ]
+
+
+def _seen_rows(names: AgentEntities, sensor: SensorSpec) -> LidarRows | ImageRows:
+    if sensor.model in entities.LIDAR_MODELS:
+        return LidarRows(names.on_board(sensor.name), sensor, names.color)
+    return ImageRows(names.on_board(sensor.name))
 
 
 class RecorderCore:
@@ -250,6 +264,8 @@ class RecorderCore:
             if observation is None:
                 continue
             for reading in observation.readings:
+                if reading.sensor in agent.seen:
+                    agent.seen[reading.sensor].add(tick, reading)
                 rows = agent.response.get(reading.sensor) or agent.measured_wind.get(reading.sensor)
                 if rows is not None and reading.values:
                     rows.add(tick, reading.values[0])

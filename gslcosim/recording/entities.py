@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from gslcosim.recording.colors import Rgb, agent_color
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.sensor_models import CAMERA_SENSORS, ON_BOARD_SENSORS
 
 FILAMENTS = "gas/filaments"
 SLICES = "gas/slices"
@@ -21,6 +22,10 @@ TRACKING_PLOTS = "plots/tracking_error_m"
 
 # Instruments that report the wind: speed [m/s] first.
 WIND_MODELS = frozenset({"anemometer"})
+# Sensors whose first value is no curve beside those of gas.
+NOT_GAS_MODELS = WIND_MODELS | frozenset(ON_BOARD_SENSORS)
+LIDAR_MODELS = frozenset({"lidar_2d", "lidar_3d"})
+CAMERA_MODELS = frozenset(CAMERA_SENSORS)
 # Figaro's metal oxide sensors: they report their resistance.
 RESISTIVE_MODELS = "tgs"
 
@@ -67,6 +72,10 @@ class AgentEntities:
         """Curve of the distance to where the controller wants the vehicle."""
         return f"{TRACKING_PLOTS}/{self.agent.name}"
 
+    def on_board(self, sensor: str) -> str:
+        """What an on-board sensor sees, in the frame of the vehicle."""
+        return f"{self.vehicle}/{sensor}"
+
     def gas(self, sensor: str, gas: str) -> str:
         """Curve of the true mixing ratio at a sensor."""
         return f"{GAS_PLOTS}/{self.agent.name}/{sensor}/{gas}"
@@ -85,8 +94,8 @@ class AgentEntities:
 
     @property
     def gas_sensors(self) -> tuple[str, ...]:
-        """Names of the instruments that do not report the wind."""
-        return tuple(sensor.name for sensor in self.agent.sensors if sensor.model not in WIND_MODELS)
+        """Names of the instruments that report gas."""
+        return tuple(sensor.name for sensor in self.agent.sensors if sensor.model not in NOT_GAS_MODELS)
 
     @property
     def wind_sensors(self) -> tuple[str, ...]:
