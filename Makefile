@@ -9,8 +9,9 @@ run: .venv/ready            # fly the quickstart
 
 test: .venv/ready-dev       # the fast tests, then the slow ones and those with real processes
 	@tests/install_debian_packages.sh
-	$(BIN)/pytest -q -m "not slow and not end_to_end and not soak"
-	$(BIN)/pytest -q -m "(slow or end_to_end) and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and not soak"
+	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not soak" --reruns 2
+	$(BIN)/pytest -q -m "end_to_end and not soak" --reruns 2
 
 check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell

@@ -52,7 +52,7 @@ def test_a_scenario_may_name_the_sensor_of_a_package(package, make_room):
 
 
 def test_without_the_package_the_name_is_unknown():
-    with pytest.raises(ScenarioError, match=r"expected one of tgs2600, .*bump, was 'sniffer'"):
+    with pytest.raises(ScenarioError, match=r"expected one of tgs2600, .*, was 'sniffer'"):
         sensor_kind("sniffer")
 
 
