@@ -11,7 +11,7 @@ test: .venv/ready-dev       # the fast tests, then the slow ones and those with 
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and not soak"
 	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not soak" --reruns 2
-	$(BIN)/pytest -q -m "end_to_end and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 -m "end_to_end and not soak" --reruns 2
 
 check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
