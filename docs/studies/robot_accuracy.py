@@ -21,7 +21,8 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
 from gslcosim.scenario.models import Scenario
-from gslcosim.world import PHYSICS_STEP_MS, WorldCore, records
+from gslcosim.world import records
+from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
 from gslcosim.world.flight_kernels import fly_substeps_inplace
 from gslcosim.world.mujoco_kernels import step_address
 from gslcosim.world.scene import GRAVITY_M_S2, build_scene

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gslcosim.contract.participant import Episode
-from gslcosim.world import WorldCore
+from gslcosim.world.core import WorldCore
 from gslcosim.world.scene import GRAVITY_M_S2
 
 DT_S = 0.004

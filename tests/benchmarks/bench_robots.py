@@ -13,7 +13,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
 from gslcosim.scenario.models import Scenario
-from gslcosim.world import PHYSICS_STEP_MS, WorldCore
+from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
 
 TICK_MS = 100
 N_TICKS = 500

@@ -1,5 +1,6 @@
 """The agents in other languages as tests see them: what they need, how they are built, what they answer."""
 
+import fcntl
 import hashlib
 import json
 import os
@@ -77,7 +78,9 @@ class LanguageAgent:
         """Build the agent, or skip the test when something is missing for it."""
         if self.lacks:
             pytest.skip(f"{self.folder.name} is not tested: this machine has no {self.lacks}")
-        if self.build_command and (problem := build_once(self.folder, self._filled(self.build_command))):
+        if not self.build_command:
+            return
+        if problem := build_once(self.folder, self.build_folder, self._filled(self.build_command)):
             pytest.fail(problem)
 
     def started_by(self) -> list[str]:
@@ -126,8 +129,26 @@ def has_library(name: str) -> bool:
 
 
 @cache
-def build_once(folder: Path, command: tuple[str, ...]) -> str:
-    """Build an agent the first time it is asked for; return what went wrong, empty when nothing."""
+def build_once(folder: Path, build_folder: Path, command: tuple[str, ...]) -> str:
+    """Build an agent the first time it is asked for; return what went wrong, empty when nothing.
+
+    Once in all processes of a test run: a second build would take away the program that the first one's test flies.
+    """
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
+    build_folder.parent.mkdir(parents=True, exist_ok=True)
+    with build_folder.with_name(f"{build_folder.name}.built").open("a+") as built:
+        fcntl.flock(built, fcntl.LOCK_EX)
+        built.seek(0)
+        built_by, _, problem = built.read().partition("\n")
+        if built_by != run:
+            problem = build(folder, command)
+            built.truncate(0)
+            built.write(f"{run}\n{problem}")
+    return problem
+
+
+def build(folder: Path, command: tuple[str, ...]) -> str:
+    """Build an agent; return what went wrong, empty when nothing."""
     outcome = subprocess.run(
         command,
         cwd=folder,

@@ -16,7 +16,7 @@ from gslcosim.environment.planning import free_space
 from gslcosim.environment.room import build_room, with_wind
 from gslcosim.scenario.layout_models import ComplexWarehouseSpec
 from gslcosim.scenario.models import WindSpec
-from gslcosim.world import WorldCore
+from gslcosim.world.core import WorldCore
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[3] / "shared" / "reference"))
 ENVIRONMENTS_DIR = REFERENCE_DIR / "gsl-bench" / "environments"

@@ -3,7 +3,8 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.world import WorldCore, records
+from gslcosim.world import records
+from gslcosim.world.core import WorldCore
 from gslcosim.world.scene import build_scene
 from gslcosim.world.vehicle import load_vehicle
 

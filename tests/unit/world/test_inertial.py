@@ -5,7 +5,7 @@ import pytest
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models import Scenario
-from gslcosim.world import WorldCore
+from gslcosim.world.core import WorldCore
 
 G = 9.81
 

@@ -7,7 +7,7 @@ import pytest
 
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.models import ROVER_HEIGHT_M, VehicleSpec
-from gslcosim.world import WorldCore
+from gslcosim.world.core import WorldCore
 from gslcosim.world.mission import OVERTURNED
 
 ROVER = {"model": "rover"}

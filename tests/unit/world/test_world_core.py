@@ -11,7 +11,7 @@ from gslcosim.contract.codec import encode
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError, ScenarioError
-from gslcosim.world import WorldCore
+from gslcosim.world.core import WorldCore
 
 CRATE = ("crate", (5.0, 5.0, 0.0), (6.0, 6.5, 1.0))
 
