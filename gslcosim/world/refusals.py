@@ -2,9 +2,13 @@
 
 import math
 
+import numpy as np
+
 from gslcosim.contract.messages import Command, DriveSetpoint
 from gslcosim.world.abilities import Abilities
-from gslcosim.world.legs import legs_of, refusal_of_motion
+from gslcosim.world.course import Course
+from gslcosim.world.edges import Edges
+from gslcosim.world.legs import AT_REST, legs_of, refusal_of_curves, refusal_of_motion
 from gslcosim.world.space import FlightSpace, Vec3
 
 
@@ -32,8 +36,37 @@ def refusal_of(command: Command, abilities: Abilities, space: FlightSpace, *, is
             return None
 
 
-def refusal_of_ground(position_world_m: Vec3, space: FlightSpace) -> str | None:
-    """Return why a vehicle cannot land below a place, or nothing: it needs level ground as wide as itself."""
+def refusal_from_here(
+    tick: int, command: Command, course: Course, edges: Edges, *, rises_to_m: float | None, avoids: bool
+) -> str | None:
+    """Return why a vehicle cannot obey a command from where it is and as it moves, or nothing.
+
+    Args:
+        tick: The tick that ended.
+        command: A command that the vehicle could obey somewhere.
+        course: What it follows now.
+        edges: The space around it.
+        rises_to_m: The height at which the command takes effect, after a take-off [m]; nothing in the air.
+        avoids: Whether ways are planned, so that they need not be free as they are said.
+    """
+    match command.kind:
+        case "land":
+            return _refusal_of_ground(course.position_m, edges.space)
+        case "mission" if not avoids:
+            state = course.motion(tick).state
+            if rises_to_m is not None:
+                state = np.array([(*course.position_m[:2], rises_to_m), AT_REST, AT_REST])
+            return refusal_of_curves(legs_of(command, 0.0), state, edges.abilities.limits, edges.space, edges.tick_ns)
+        case "velocity" if rises_to_m is None and command.velocity_world_m_s != course.kept_velocity_m_s:
+            wanted_m_s = command.velocity_world_m_s or AT_REST
+            path, is_preparing = course.planner.at_velocity(wanted_m_s, course.motion(tick), tick)
+            return None if is_preparing else edges.ahead_on(tick, path)
+        case _:
+            return None
+
+
+# Level ground as wide as the vehicle.
+def _refusal_of_ground(position_world_m: Vec3, space: FlightSpace) -> str | None:
     x_m, y_m, z_m = position_world_m
     corners = [(x_m + i * space.radius_m, y_m + j * space.radius_m, z_m) for i in (-1, 1) for j in (-1, 1)]
     heights_m = {space.support_height_m(corner) for corner in (position_world_m, *corners)}

@@ -95,8 +95,7 @@ def fly_to(start: NDArray[np.float64], end_world_m: Vec3, limits: Limits, start_
         limits: Speed and acceleration kept to.
         start_tick: The tick at whose end it starts.
     """
-    end = np.array([end_world_m, _NOTHING, _NOTHING])
-    return _planned(start, end, limits, start_tick)
+    return fly_through(start, np.array([end_world_m, _NOTHING, _NOTHING]), limits, start_tick)
 
 
 def fly_through(
@@ -118,7 +117,15 @@ def fly_through(
         least_s: It takes at least this long [s].
         step_s: It takes a whole multiple of this [s]; 0: any time.
     """
-    return _planned(start, end, limits, start_tick, least_s=least_s, step_s=step_s)
+    coefficients, duration_s = _planned(start, end, limits, is_velocity=_TO_POINT, least_s=least_s, step_s=step_s)
+    return Trajectory(
+        start_tick=start_tick,
+        coefficients=coefficients,
+        duration_s=duration_s,
+        end_world_m=_vec3(end[0]),
+        end_velocity_world_m_s=_vec3(end[1]),
+        end_acceleration_world_m_s2=_vec3(end[2]),
+    )
 
 
 def fly_at(start: NDArray[np.float64], velocity_world_m_s: Vec3, limits: Limits, start_tick: int) -> Trajectory:
@@ -130,9 +137,8 @@ def fly_at(start: NDArray[np.float64], velocity_world_m_s: Vec3, limits: Limits,
         limits: Speed and acceleration kept to.
         start_tick: The tick at whose end it starts.
     """
-    coefficients = np.empty((3, 6))
     end = np.array([_NOTHING, velocity_world_m_s, _NOTHING])
-    duration_s = _plan(coefficients, start, end, limits, is_velocity=_TO_VELOCITY)
+    coefficients, duration_s = _planned(start, end, limits, is_velocity=_TO_VELOCITY)
     end_x_m, end_y_m, end_z_m = (float(polynomial_at(coefficients, axis, duration_s)[0]) for axis in range(3))
     return Trajectory(
         start_tick=start_tick,
@@ -147,35 +153,15 @@ def _planned(
     start: NDArray[np.float64],
     end: NDArray[np.float64],
     limits: Limits,
-    start_tick: int,
-    *,
-    least_s: float = 0.0,
-    step_s: float = 0.0,
-) -> Trajectory:
-    coefficients = np.empty((3, 6))
-    duration_s = _plan(coefficients, start, end, limits, is_velocity=_TO_POINT, least_s=least_s, step_s=step_s)
-    return Trajectory(
-        start_tick=start_tick,
-        coefficients=coefficients,
-        duration_s=duration_s,
-        end_world_m=_vec3(end[0]),
-        end_velocity_world_m_s=_vec3(end[1]),
-        end_acceleration_world_m_s2=_vec3(end[2]),
-    )
-
-
-def _plan(
-    coefficients: NDArray[np.float64],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    limits: Limits,
     *,
     is_velocity: bool,
     least_s: float = 0.0,
     step_s: float = 0.0,
-) -> float:
+) -> tuple[NDArray[np.float64], float]:
+    coefficients = np.empty((3, 6))
     speed, acceleration = limits.max_speed_m_s, limits.max_acceleration_m_s2
-    return float(plan_inplace(coefficients, start, end, is_velocity, speed, acceleration, least_s, step_s))
+    duration_s = plan_inplace(coefficients, start, end, is_velocity, speed, acceleration, least_s, step_s)
+    return coefficients, float(duration_s)
 
 
 def _vec3(row: NDArray[np.float64]) -> Vec3:
