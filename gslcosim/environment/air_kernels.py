@@ -11,6 +11,12 @@ _NEW_AIR, _NEW_OTHER = 3, 4
 
 
 @numba.njit(cache=True, nogil=True)
+def _shape_and_strides(marks):
+    shape = np.array(marks.shape)
+    return shape, np.array((shape[1] * shape[2], shape[2], 1))
+
+
+@numba.njit(cache=True, nogil=True)
 def _step(shape, strides, cell, side):
     # The neighbour on one of six sides as flat index (-1: outside), the lower of both, and the axis.
     axis = side // 2
@@ -40,8 +46,7 @@ def flood_untouched(marks, seeds):
     Held by:
         tests/unit/environment/test_air_kernels.py
     """
-    shape = np.array(marks.shape)
-    strides = np.array((shape[1] * shape[2], shape[2], 1))
+    shape, strides = _shape_and_strides(marks)
     flat = marks.reshape(-1)
     is_reached = np.zeros(flat.size, np.bool_)
     stack = np.empty(flat.size, np.int64)
@@ -82,8 +87,7 @@ def share_touched(marks, is_air):
     Held by:
         tests/unit/environment/test_air_kernels.py
     """
-    shape = np.array(marks.shape)
-    strides = np.array((shape[1] * shape[2], shape[2], 1))
+    shape, strides = _shape_and_strides(marks)
     flat, was_air = marks.reshape(-1), is_air.reshape(-1)
     label = np.zeros(flat.size, np.uint8)
     front = np.empty(flat.size, np.int64)
@@ -118,8 +122,7 @@ def share_touched(marks, is_air):
 @numba.njit(cache=True, nogil=True)
 def clearances(marks, is_reached, n_most):
     """Return how many steps each reached cell is away from a surface, at most `n_most`; 0 where it was not reached."""
-    shape = np.array(marks.shape)
-    strides = np.array((shape[1] * shape[2], shape[2], 1))
+    shape, strides = _shape_and_strides(marks)
     flat, reached = marks.reshape(-1), is_reached.reshape(-1)
     steps = np.zeros(flat.size, np.uint8)
     front = np.empty(flat.size, np.int64)
@@ -170,8 +173,7 @@ def split_at_narrows(marks, clearance, seed):
     Held by:
         tests/unit/environment/test_leaks.py
     """
-    shape = np.array(marks.shape)
-    strides = np.array((shape[1] * shape[2], shape[2], 1))
+    shape, strides = _shape_and_strides(marks)
     flat, width = marks.reshape(-1), clearance.reshape(-1)
     label = np.zeros(flat.size, np.uint8)
     n_levels = int(width.max()) + 1

@@ -1,4 +1,4 @@
-"""Line of sight through the cells of an occupancy grid; called by other kernels."""
+"""Ways through the cells of a grid, border after border; called by other kernels."""
 # pyright: basic
 
 import math
@@ -7,6 +7,28 @@ import numba
 import numpy as np
 
 SOLID = 1
+
+
+@numba.njit(cache=True, nogil=True)
+def to_next_border(start, i, direction):
+    """Return the way along a ray to the border of the cell ahead, and that between two borders; infinity across it.
+
+    Args:
+        start: Coordinate of the ray's start along one axis [cells].
+        i: Index of the cell that it lies in.
+        direction: Component of the ray's direction along that axis.
+
+    Returns:
+        Both ways in lengths of the direction [cells].
+
+    Held by:
+        tests/unit/fields/test_beams.py, tests/unit/sensing/test_ray_kernels.py (walks that use it)
+    """
+    if direction > 0.0:
+        return (i + 1.0 - start) / direction, 1.0 / direction
+    if direction < 0.0:
+        return (i - start) / direction, -1.0 / direction
+    return np.inf, np.inf
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

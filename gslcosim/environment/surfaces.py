@@ -65,8 +65,19 @@ def surfaces_of(parts: Sequence[Part], opening_corners_m: NDArray[np.float64]) -
 
 def _clean_faces(part: Part) -> NDArray[np.int64]:
     faces = part.faces[_areas_m2(part.vertices_m[part.faces]) > 0]
-    _, first = np.unique(np.sort(_merged(part.vertices_m)[faces], axis=1), axis=0, return_index=True)
-    return faces[np.sort(first)]
+    a, b, c = np.sort(_merged(part.vertices_m)[faces], axis=1).T
+    order, is_first = _in_groups(a, b, c)
+    return faces[np.sort(order[is_first])]
+
+
+# The order by several keys, equal ones as they were, and where in that order a new combination of them begins.
+def _in_groups(*keys: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    order = np.lexsort(keys[::-1])
+    is_first = np.zeros(len(order), np.bool_)
+    is_first[:1] = True
+    for key in keys:
+        is_first[1:] |= np.diff(key[order]) != 0
+    return order, is_first
 
 
 # Zero where the triangle is thinner than a nanometre.
@@ -80,10 +91,9 @@ def _areas_m2(corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
 # The number of each vertex when those at one place are one.
 def _merged(vertices_m: NDArray[np.float64]) -> NDArray[np.int64]:
     cells = np.round(vertices_m / SAME_M).astype(np.int64)
-    order = np.lexsort(cells.T)
-    is_new = np.any(np.diff(cells[order], axis=0, prepend=cells[order][:1] - 1) != 0, axis=1)
+    order, is_first = _in_groups(*cells.T[::-1])
     merged = np.empty(len(cells), dtype=np.int64)
-    merged[order] = np.cumsum(is_new) - 1
+    merged[order] = np.cumsum(is_first) - 1
     return merged
 
 
@@ -102,6 +112,9 @@ def _bodies_of(corners_m: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
     _, body = np.unique(roots, return_inverse=True)
     closed = np.ones(int(body.max(initial=-1)) + 1, dtype=np.bool_)
     # Bodies that touch share edges: of each edge, a body's own triangles count.
-    edges, n_triangles = np.unique(np.stack((keys, np.repeat(body, 3))), axis=1, return_counts=True)
-    closed[edges[1, n_triangles != 2]] = False
+    owners = np.repeat(body, 3)
+    order, is_first = _in_groups(keys, owners)
+    starts = np.flatnonzero(is_first)
+    n_triangles = np.diff(starts, append=len(order))
+    closed[owners[order[starts[n_triangles != 2]]]] = False
     return body.astype(np.int32), closed

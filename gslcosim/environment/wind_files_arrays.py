@@ -74,6 +74,30 @@ def read_array(path: Path, grid: Grid) -> NDArray[np.float32]:
     Raises:
         EnvironmentDataError: the file is truncated, holds no real numbers, or does not fit the grid.
     """
+    frames = _stored_frames(path, grid)
+    _check_amount(path, len(frames), grid)
+    if frames.ndim == 3:
+        return np.stack([_as_cells(path, frame, grid) for frame in frames])
+    check_velocities(path, frames)
+    return np.array(frames, np.float32)
+
+
+def read_array_frame(path: Path, grid: Grid, number: int) -> NDArray[np.float32]:
+    """Return (nx, ny, nz, 3), one frame of what `read_array` returns; after the last comes the first [m/s].
+
+    Raises:
+        EnvironmentDataError: see `read_array`; of the other frames nothing is read.
+    """
+    frames = _stored_frames(path, grid)
+    frame = frames[number % len(frames)]
+    if frame.ndim == 2:
+        return _as_cells(path, frame, grid)
+    check_velocities(path, frame[np.newaxis])
+    return np.array(frame, np.float32)
+
+
+# (t, cells, 3) or (t, nx, ny, nz, 3) as they lie in the file, mapped into memory.
+def _stored_frames(path: Path, grid: Grid) -> NDArray[Any]:
     array = load_npy(path)
     n = n_cells_of(grid)
     frames = array[np.newaxis] if array.ndim in (2, 4) else array
@@ -81,11 +105,7 @@ def read_array(path: Path, grid: Grid) -> NDArray[np.float32]:
     if array.dtype.kind != "f" or not (is_flat or frames.shape[1:] == (*grid.shape, 3)) or not len(frames):
         expected = f"real numbers of (t, {n}, 3) or (t, {', '.join(map(str, grid.shape))}, 3)"
         raise data_error(path, expected, f"{array.dtype} {array.shape}")
-    _check_amount(path, len(frames), grid)
-    if is_flat:
-        return np.stack([_as_cells(path, frame, grid) for frame in frames])
-    check_velocities(path, frames)
-    return np.array(frames, np.float32)
+    return frames
 
 
 def cells_in_order(values: NDArray[Any]) -> NDArray[Any]:

@@ -4,19 +4,8 @@
 import math
 
 import numba
-import numpy as np
 
-SOLID = 1
-
-
-@numba.njit(cache=True, nogil=True)
-def _to_next_border(start, i, direction):
-    # Distance in lengths of the direction to the border of the cell ahead, and between two borders.
-    if direction > 0.0:
-        return (i + 1.0 - start) / direction, 1.0 / direction
-    if direction < 0.0:
-        return (i - start) / direction, -1.0 / direction
-    return np.inf, np.inf
+from gslcosim.environment.sight_kernels import SOLID, to_next_border
 
 
 @numba.njit(cache=True, nogil=True)
@@ -44,9 +33,9 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
     nx, ny, nz = occupancy.shape
     sx, sy, sz = (x - origin_m[0]) / cell_m, (y - origin_m[1]) / cell_m, (z - origin_m[2]) / cell_m
     i, j, k = math.floor(sx), math.floor(sy), math.floor(sz)
-    next_x, gap_x = _to_next_border(sx, i, dx)
-    next_y, gap_y = _to_next_border(sy, j, dy)
-    next_z, gap_z = _to_next_border(sz, k, dz)
+    next_x, gap_x = to_next_border(sx, i, dx)
+    next_y, gap_y = to_next_border(sy, j, dy)
+    next_z, gap_z = to_next_border(sz, k, dz)
     way = 0.0
     while 0 <= i < nx and 0 <= j < ny and 0 <= k < nz and occupancy[i, j, k] != SOLID:
         way = min(next_x, next_y, next_z)

@@ -50,12 +50,24 @@ def sums_of_solids(occupancy: NDArray[np.uint8]) -> NDArray[np.int32]:
     return sums
 
 
-NO_WALLS = Walls(
+_NO_WALLS = Walls(
     occupancy=np.zeros((1, 1, 1), np.uint8),
     solid_sums=np.zeros((2, 2, 2), np.int32),
     origin_m=(0.0, 0.0, 0.0),
     cell_m=1.0,
 )
+
+
+def as_kernels_take_them(walls: Walls | None) -> tuple[bool, NDArray[np.uint8], NDArray[np.int32], Vec3, float]:
+    """Return whether there are walls, and what kernels need of them: arrays of their kind also where there are none."""
+    seen_through = _NO_WALLS if walls is None else walls
+    return (
+        walls is not None,
+        seen_through.occupancy,
+        seen_through.solid_sums,
+        seen_through.origin_m,
+        seen_through.cell_m,
+    )
 
 
 def strength_ppm_m3(amount_mol: NDArray[np.float64], air_mol_m3: float | None = None) -> NDArray[np.float64]:
@@ -93,7 +105,6 @@ def mixing_ratio_ppm_at(
     """
     points = checked_points(points_world_m)
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
-    seen_through = NO_WALLS if walls is None else walls
     add_filaments_at_points_inplace(
         points,
         filaments.position_world_m,
@@ -102,11 +113,7 @@ def mixing_ratio_ppm_at(
         strength_ppm_m3(filaments.amount_mol, air_mol_m3),
         filaments.gas_index,
         float(cutoff_sigma),
-        walls is not None,
-        seen_through.occupancy,
-        seen_through.solid_sums,
-        seen_through.origin_m,
-        seen_through.cell_m,
+        *as_kernels_take_them(walls),
         mixing_ratio_ppm,
     )
     return mixing_ratio_ppm

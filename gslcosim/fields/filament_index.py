@@ -4,7 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Vec3
-from gslcosim.fields.concentration import CUTOFF_SIGMA, NO_WALLS, Walls, checked_points, float3, strength_ppm_m3
+from gslcosim.fields.concentration import (
+    CUTOFF_SIGMA,
+    Walls,
+    as_kernels_take_them,
+    checked_points,
+    float3,
+    strength_ppm_m3,
+)
 from gslcosim.fields.filaments import Filaments
 from gslcosim.fields.index_kernels import add_indexed_filaments_at_points_inplace, sort_into_blocks_inplace
 
@@ -66,7 +73,6 @@ class FilamentIndex:
         """Return the (m, n_gases) mixing ratio [ppm by volume] at (m, 3) points; see `mixing_ratio_ppm_at`."""
         points = checked_points(points_world_m)
         mixing_ratio_ppm = np.zeros((len(points), self._n_gases))
-        seen_through = NO_WALLS if walls is None else walls
         add_indexed_filaments_at_points_inplace(
             points,
             self._origin_m,
@@ -81,11 +87,7 @@ class FilamentIndex:
             self._shares,
             float(self._largest_sigma_m.max()),
             float(cutoff_sigma),
-            walls is not None,
-            seen_through.occupancy,
-            seen_through.solid_sums,
-            seen_through.origin_m,
-            seen_through.cell_m,
+            *as_kernels_take_them(walls),
             mixing_ratio_ppm,
         )
         return mixing_ratio_ppm

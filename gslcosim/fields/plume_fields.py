@@ -26,7 +26,38 @@ class Plume:
     mixing_ratio_ppm_at: Formula
 
 
-class FormulaField:
+class _TimedField:
+    # What fields have in common that are read off at a time rather than moved.
+    def __init__(self, gases: tuple[str, ...], step_s: float) -> None:
+        self._gases = gases
+        self._step_s = step_s
+        self._step = 0
+
+    @property
+    def gases(self) -> tuple[str, ...]:
+        """Names of the gases."""
+        return self._gases
+
+    @property
+    def step(self) -> int:
+        """Number of steps made."""
+        return self._step
+
+    @property
+    def _time_s(self) -> float:
+        return self._step * self._step_s
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Go on by steps."""
+        self._step += n_steps
+
+    def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return nothing: the room's wind holds."""
+        del points_world_m
+        return None
+
+
+class FormulaField(_TimedField):
     """The sum of closed forms; see `GasField`. Walls and cut-offs have no meaning for it."""
 
     def __init__(
@@ -40,20 +71,9 @@ class FormulaField:
             step_s: Length of a step [s].
             seed: The first seed.
         """
+        super().__init__(gases, step_s)
         self._plumes_of = plumes_of
-        self._gases = gases
-        self._step_s = step_s
         self.reset(seed)
-
-    @property
-    def gases(self) -> tuple[str, ...]:
-        """Names of the gases."""
-        return self._gases
-
-    @property
-    def step(self) -> int:
-        """Number of steps made."""
-        return self._step
 
     @property
     def filaments(self) -> Filaments:
@@ -65,27 +85,18 @@ class FormulaField:
         self._plumes = self._plumes_of(seed)
         self._step = 0
 
-    def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
-        self._step += n_steps
-
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""
         points = checked_points(points_world_m)
         ppm = np.zeros((len(points), len(self._gases)))
         for plume in self._plumes:
-            ppm[:, plume.gas_index] += plume.mixing_ratio_ppm_at(points, self._step * self._step_s)
+            ppm[:, plume.gas_index] += plume.mixing_ratio_ppm_at(points, self._time_s)
         return ppm
 
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
         """Return the mixing ratio of one gas on a grid; see `GasField`."""
         del cutoff_sigma
         return self.mixing_ratio_ppm_at(grid.points_m())[:, gas].reshape(grid.shape)
-
-    def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return nothing: the room's wind holds."""
-        del points_world_m
-        return None
 
 
 class StoredGas(Protocol):
@@ -96,7 +107,7 @@ class StoredGas(Protocol):
         ...
 
 
-class PlaybackField:
+class PlaybackField(_TimedField):
     """Stored gas at its true speed; see `GasField`. The seed has no meaning for it.
 
     Filaments are seen as live ones are; stored grids give the value of the cell that holds a point, and 0 outside.
@@ -106,23 +117,11 @@ class PlaybackField:
         self, stored: StoredGas, gas: str, room: Grid, *, step_s: float, sight: Sight, other_gases: Sequence[str] = ()
     ) -> None:
         """Play frames of one gas; of the others there is none."""
+        super().__init__((gas, *other_gases), step_s)
         self._stored = stored
-        self._gases = (gas, *other_gases)
-        self._step_s = step_s
         self._sight = sight
         self._index = FilamentIndex(min_m=room.origin_m, max_m=room.max_m)
         self._indexed: GasFrame | None = None
-        self._step = 0
-
-    @property
-    def gases(self) -> tuple[str, ...]:
-        """Names of the gases."""
-        return self._gases
-
-    @property
-    def step(self) -> int:
-        """Number of steps made."""
-        return self._step
 
     @property
     def filaments(self) -> Filaments:
@@ -134,10 +133,6 @@ class PlaybackField:
         """Return to time 0."""
         del seed
         self._step = 0
-
-    def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps."""
-        self._step += n_steps
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""
@@ -171,10 +166,5 @@ class PlaybackField:
             cutoff_sigma=cutoff_sigma,
         )
 
-    def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return nothing: the room's wind holds."""
-        del points_world_m
-        return None
-
     def _frame(self) -> GasFrame | None:
-        return self._stored.frame_at(self._step * self._step_s)
+        return self._stored.frame_at(self._time_s)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid, Vec3
 from gslcosim.environment.gsl_bench import load_gsl_bench_room
 from gslcosim.environment.model import Environment
-from gslcosim.environment.wind_files_arrays import read_result
+from gslcosim.environment.wind_files_arrays import read_array_frame, read_result
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import EnvironmentDataError, UsageError
 from gslcosim.fields.assembly import gas_field_of, gas_seed
@@ -300,17 +300,7 @@ def _gsl_bench_wind(room_folder: Path, frame: GasFrame, points: NDArray[np.float
     if len(files) != 1:
         found = ", ".join(path.name for path in files) or "none (GSL-Bench publishes no wind)"
         raise EnvironmentDataError(f"wind: expected one file wind_data/*.npy, was {found}. Folder: {room_folder}")
-    nx, ny, nz = frame.grid.shape
-    try:
-        stored = np.load(files[0], mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise EnvironmentDataError(f"wind: expected an array, was {error}. File: {files[0]}") from error
-    if stored.ndim != 3 or stored.shape[0] == 0 or stored.shape[1:] != (nx * ny * nz, 3):
-        raise EnvironmentDataError(f"wind: expected shape (t, {nx * ny * nz}, 3), was {stored.shape}. File: {files[0]}")
-    chosen = np.array(stored[frame.wind_index % len(stored)], np.float32)
-    if not np.isfinite(chosen).all():
-        raise EnvironmentDataError(f"wind: expected finite velocities, was others among them. File: {files[0]}")
-    wind = np.ascontiguousarray(chosen.reshape(nz, ny, nx, 3).transpose(2, 1, 0, 3))
+    wind = read_array_frame(files[0], frame.grid, frame.wind_index)
     return trilinear_wind_at_points(wind, frame.grid.origin_m, frame.grid.cell_m, points)
 
 

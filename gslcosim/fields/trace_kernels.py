@@ -5,8 +5,9 @@ import math
 
 import numba
 
+from gslcosim.environment.sight_kernels import SOLID
+
 FREE = 0
-SOLID = 1
 OUTLET = 2
 
 # A traced point keeps this share of a cell's edge away from the cell's faces, so that rounding cannot move it across.

@@ -21,7 +21,9 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     Raises:
         FlowError: matplotlib, of the extra `report`, is not installed.
     """
-    figure_type = _figure_type()
+    figure_type = matplotlib_figure_type()
+    if figure_type is None:
+        raise FlowError("plot_history: needs matplotlib. Install it: pip install 'gslcosim[report]'")
     history = report.history_columns()
     time_s = history["time_s"]
     figure = figure_type(figsize=(8, 10), layout="constrained")
@@ -43,9 +45,9 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     figure.savefig(path, dpi=120)
 
 
-# matplotlib's Figure, which needs neither a window nor a global state.
-def _figure_type() -> Any:
+def matplotlib_figure_type() -> Any | None:
+    """Return matplotlib's Figure, which needs neither window nor global state; nothing where it is not installed."""
     try:
         return importlib.import_module("matplotlib.figure").Figure
-    except ImportError as error:
-        raise FlowError("plot_history: needs matplotlib. Install it: pip install 'gslcosim[report]'") from error
+    except ImportError:
+        return None

@@ -49,6 +49,15 @@ def log_law_friction(cells, k_m2_s2, nu_m2_s, cell_m, friction_m_s):
             friction_m_s[n] = nu_m2_s / y
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _speed_past_wall(c, wall_velocity, u, v, w, stride_x, stride_y):
+    # At the centre of cell c, relative to its wall [m/s].
+    a = 0.5 * (u[c] + u[c + stride_x]) - wall_velocity[0]
+    b = 0.5 * (v[c] + v[c + stride_y]) - wall_velocity[1]
+    d = 0.5 * (w[c] + w[c + 1]) - wall_velocity[2]
+    return math.sqrt(a * a + b * b + d * d)
+
+
 @numba.njit(cache=True, nogil=True)
 def power_law_friction(cells, wall_velocity, u, v, w, stride_x, stride_y, nu_m2_s, cell_m, friction_m_s):
     """Set the wall friction from the speed beside the wall alone, for models without a turbulence energy.
@@ -75,10 +84,7 @@ def power_law_friction(cells, wall_velocity, u, v, w, stride_x, stride_y, nu_m2_
     y = 0.5 * cell_m
     for n in range(cells.shape[0]):
         c = cells[n]
-        a = 0.5 * (u[c] + u[c + stride_x]) - wall_velocity[n, 0]
-        b = 0.5 * (v[c] + v[c + stride_y]) - wall_velocity[n, 1]
-        d = 0.5 * (w[c] + w[c + 1]) - wall_velocity[n, 2]
-        speed = math.sqrt(a * a + b * b + d * d)
+        speed = _speed_past_wall(c, wall_velocity[n], u, v, w, stride_x, stride_y)
         # u / u* = 8.3 (u* y / nu)^(1/7)  gives  u* = (u / 8.3)^(7/8) (nu / y)^(1/8)
         turbulent = (speed / 8.3) ** 0.875 * (nu_m2_s / y) ** 0.125
         friction = nu_m2_s / y
@@ -142,10 +148,7 @@ def wall_production(
     y = 0.5 * cell_m
     for n in range(cells.shape[0]):
         c = cells[n]
-        a = 0.5 * (u[c] + u[c + stride_x]) - wall_velocity[n, 0]
-        b = 0.5 * (v[c] + v[c + stride_y]) - wall_velocity[n, 1]
-        d = 0.5 * (w[c] + w[c + 1]) - wall_velocity[n, 2]
-        speed = math.sqrt(a * a + b * b + d * d)
+        speed = _speed_past_wall(c, wall_velocity[n], u, v, w, stride_x, stride_y)
         star = C_MU**0.25 * math.sqrt(k_m2_s2[c])
         is_turbulent = star * y / nu_m2_s > LAMINAR_SUBLAYER
         production[c] = np.float32(friction_m_s[n] * speed * star / (VON_KARMAN * y) if is_turbulent else 0.0)

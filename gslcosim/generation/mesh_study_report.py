@@ -1,7 +1,6 @@
 """A mesh study for people: a table, a file for programs, and a plot where matplotlib is installed."""
 
 import csv
-import importlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.environment.grid import point_text
+from gslcosim.flow.plot import matplotlib_figure_type
 from gslcosim.generation.convergence import Convergence
 from gslcosim.generation.mesh_study import MeshStudy
 
@@ -60,9 +60,8 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _plot(study: MeshStudy, path: Path) -> bool:
-    try:
-        figure_type = importlib.import_module("matplotlib.figure").Figure
-    except ImportError:
+    figure_type = matplotlib_figure_type()
+    if figure_type is None:
         return False
     figure = figure_type(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()

@@ -4,7 +4,9 @@ import logging
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,7 @@ from gslcosim.scenario.models import EnvironmentSpec, WindSpec
 from gslcosim.scenario.wind_models import InletScheduleSpec
 
 Progress = Callable[[str, float], None]
+_Solution = TypeVar("_Solution")
 
 _log = logging.getLogger(__name__)
 
@@ -133,19 +136,12 @@ def _stored(room: Room, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Pat
 
 
 def _solved(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
-    report = flow.solve_wind_report(
-        room.occupancy != Cell.SOLID,
-        room.grid.cell_m,
-        patches_of(room, wind),
-        end_time_s=wind.end_time_s,
-        average_from_s=wind.average_from_s,
-        turbulence=wind.turbulence,
-        courant=wind.courant,
+    solve = _posed(flow.solve_wind_report, room, wind, lambda fraction: progress("Solving the wind", fraction))
+    report = solve(
         max_time_s=wind.max_time_s,
         max_step_s=wind.max_step_s,
         save_every_s=wind.save_every_s,
         save_from_s=wind.save_from_s,
-        progress=lambda fraction: progress("Solving the wind", fraction),
     )
     notices = () if report.settling is None else (f"The wind has {report.settling}.",)
     return MadeWind(frames=_frames_of(report, wind), report=report, notices=notices)
@@ -153,7 +149,17 @@ def _solved(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
 
 def _by_openfoam(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
     assert wind.end_time_s is not None, "the scenario's model asks for it"
-    velocity_m_s = solve_wind_openfoam(
+    text = "Solving the wind with OpenFOAM"
+    velocity_m_s = _posed(solve_wind_openfoam, room, wind, lambda fraction: progress(text, fraction))()
+    return MadeWind(frames=WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
+
+
+# What both solvers are told.
+def _posed(
+    solve: Callable[..., _Solution], room: Room, wind: WindSpec, progress: Callable[[float], None]
+) -> Callable[..., _Solution]:
+    return partial(
+        solve,
         room.occupancy != Cell.SOLID,
         room.grid.cell_m,
         patches_of(room, wind),
@@ -161,9 +167,8 @@ def _by_openfoam(room: Room, wind: WindSpec, progress: Progress) -> MadeWind:
         average_from_s=wind.average_from_s,
         turbulence=wind.turbulence,
         courant=wind.courant,
-        progress=lambda fraction: progress("Solving the wind with OpenFOAM", fraction),
+        progress=progress,
     )
-    return MadeWind(frames=WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
 
 
 def _frames_of(report: flow.WindReport, wind: WindSpec) -> WindFrames:

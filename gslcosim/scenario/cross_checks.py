@@ -142,48 +142,37 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
 def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
     for key in FOLDER_KEYS:
         path = _block(values, "environment").get(key)
-        if isinstance(path, str) and not (folder := directory / Path(path).expanduser()).is_dir():
-            yield Problem(
-                path=f"environment.{key}",
-                expected="the folder of an environment",
-                found=f"'{path}'",
-                remedy=f"There is no {'folder but a file' if folder.exists() else 'folder'} {folder.resolve()}.",
-            )
+        if isinstance(path, str) and not (folder := _place(directory, path)).is_dir():
+            kind = "folder but a file" if folder.exists() else "folder"
+            yield _missing(f"environment.{key}", "the folder of an environment", path, f"{kind} {folder}")
 
 
 def _missing_geometry(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
     files = _block(values, "environment", "geometry").get("files")
     for i, file in enumerate(_words(files)):
-        if not (path := directory / Path(file).expanduser()).is_file():
-            yield Problem(
-                path=f"environment.geometry.files[{i}]",
-                expected="a file of geometry",
-                found=f"'{file}'",
-                remedy=f"There is no file {path.resolve()}.",
-            )
+        if not (path := _place(directory, file)).is_file():
+            yield _missing(f"environment.geometry.files[{i}]", "a file of geometry", file, f"file {path}")
 
 
 # A series of files is named by its common beginning, so only the folder is sure to be there.
 def _missing_wind(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
     file = _block(values, "wind", "solver").get("file")
-    if isinstance(file, str) and not (path := directory / Path(file).expanduser()).parent.is_dir():
-        yield Problem(
-            path="wind.solver.file",
-            expected="a file or folder with wind",
-            found=f"'{file}'",
-            remedy=f"There is no folder {path.parent.resolve()}.",
-        )
+    if isinstance(file, str) and not (folder := _place(directory, file).parent).is_dir():
+        yield _missing("wind.solver.file", "a file or folder with wind", file, f"folder {folder}")
 
 
 def _missing_gas_frames(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
     folder = _block(values, "gas", "playback").get("folder")
-    if isinstance(folder, str) and not (directory / folder).exists():
-        yield Problem(
-            path="gas.playback.folder",
-            expected="a folder of gas frames, or a movie",
-            found=f"'{folder}'",
-            remedy=f"There is no {(directory / folder).resolve()}.",
-        )
+    if isinstance(folder, str) and not (path := _place(directory, folder)).exists():
+        yield _missing("gas.playback.folder", "a folder of gas frames, or a movie", folder, str(path))
+
+
+def _place(directory: Path, written: str) -> Path:
+    return (directory / Path(written).expanduser()).resolve()
+
+
+def _missing(path: str, expected: str, written: str, what: str) -> Problem:
+    return Problem(path=path, expected=expected, found=f"'{written}'", remedy=f"There is no {what}.")
 
 
 def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:

@@ -86,7 +86,7 @@ def with_absolute_gas(scenario: Scenario, directory: Path) -> Scenario:
     playback = scenario.gas.playback
     if playback is None:
         return scenario
-    folder = str((directory / playback.folder).resolve())
+    folder = _absolute(playback.folder, directory)
     gas = scenario.gas.model_copy(update={"playback": playback.model_copy(update={"folder": folder})})
     return scenario.model_copy(update={"gas": gas})
 

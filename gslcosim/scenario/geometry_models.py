@@ -4,8 +4,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.scenario.extents import check_box, check_box_or_rectangle, check_velocity_of
 from gslcosim.scenario.rules import broken_rule
-from gslcosim.scenario.spec import Name, Positive, Spec, Vec3, shown
+from gslcosim.scenario.spec import Name, Positive, Spec, Vec3
 
 
 class ExtentSpec(Spec):
@@ -16,14 +17,7 @@ class ExtentSpec(Spec):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        sides_m = [high - low for low, high in zip(self.min_m, self.max_m, strict=True)]
-        if min(sides_m) < 0 or sum(side_m > 0 for side_m in sides_m) < 2:
-            raise broken_rule(
-                key="max_m",
-                expected=f"two numbers greater than those of min_m, {shown(self.min_m)}, and none smaller",
-                found=shown(self.max_m),
-                remedy="min_m and max_m are opposite corners of a box or rectangle.",
-            )
+        check_box_or_rectangle(self.min_m, self.max_m)
         return self
 
 
@@ -35,13 +29,7 @@ class BoundsSpec(Spec):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        if not all(low < high for low, high in zip(self.min_m, self.max_m, strict=True)):
-            raise broken_rule(
-                key="max_m",
-                expected=f"each number greater than that of min_m, {shown(self.min_m)}",
-                found=shown(self.max_m),
-                remedy="min_m and max_m are opposite corners.",
-            )
+        check_box(self.min_m, self.max_m)
         return self
 
 
@@ -66,13 +54,7 @@ class GeometryOpeningSpec(Spec):
                 found="neither" if self.box is None else "both",
                 remedy="box gives the place in metres, surface names a part of the files.",
             )
-        if self.velocity_m_s is not None and self.kind != "inlet":
-            raise broken_rule(
-                key="velocity_m_s",
-                expected="a velocity at inlets only",
-                found=f"one at an opening of kind {self.kind}",
-                remedy="Leave it out; the wind solver finds how the air leaves.",
-            )
+        check_velocity_of(self.kind, self.velocity_m_s)
         return self
 
 

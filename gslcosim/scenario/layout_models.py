@@ -10,8 +10,9 @@ from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from gslcosim.scenario.extents import check_box, check_rectangle, check_velocity_of
 from gslcosim.scenario.rules import broken_rule
-from gslcosim.scenario.spec import Count, Fraction, Name, NonNegative, Positive, Spec, Vec3, shown
+from gslcosim.scenario.spec import Count, Fraction, Name, NonNegative, Positive, Spec, Vec3
 
 DEFAULT_KIND = "warehouse_empty"
 
@@ -25,13 +26,7 @@ class BoxSpec(Spec):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        if not all(low < high for low, high in zip(self.min_m, self.max_m, strict=True)):
-            raise broken_rule(
-                key="max_m",
-                expected=f"each number greater than that of min_m, {shown(self.min_m)}",
-                found=shown(self.max_m),
-                remedy="min_m and max_m are opposite corners.",
-            )
+        check_box(self.min_m, self.max_m)
         return self
 
 
@@ -43,14 +38,7 @@ class OpeningSpec(Spec):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        sides_m = [high - low for low, high in zip(self.min_m, self.max_m, strict=True)]
-        if sum(side_m > 0 for side_m in sides_m) != 2 or min(sides_m) != 0:
-            raise broken_rule(
-                key="max_m",
-                expected=f"one number equal to that of min_m, {shown(self.min_m)}, and two greater",
-                found=shown(self.max_m),
-                remedy="An opening is a rectangle on one side of the room.",
-            )
+        check_rectangle(self.min_m, self.max_m)
         return self
 
 
@@ -67,13 +55,7 @@ class FurtherOpeningSpec(OpeningSpec):
 
     @model_validator(mode="after")
     def _check_velocity(self) -> Self:
-        if self.velocity_m_s is not None and self.kind != "inlet":
-            raise broken_rule(
-                key="velocity_m_s",
-                expected=f"no velocity for an {self.kind}" if self.kind == "outlet" else "no velocity for an open side",
-                found=shown(self.velocity_m_s),
-                remedy="Only an inlet has one; the air finds its way through the others.",
-            )
+        check_velocity_of(self.kind, self.velocity_m_s)
         return self
 
 

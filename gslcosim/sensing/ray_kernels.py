@@ -6,6 +6,8 @@ import math
 import numba
 import numpy as np
 
+from gslcosim.environment.sight_kernels import to_next_border
+
 
 @numba.njit(cache=True, nogil=True)
 def distance_to_box(box_m, x, y, z, dx, dy, dz):
@@ -79,16 +81,6 @@ def distance_to_cylinder(cylinder_m, x, y, z, dx, dy, dz):
 
 
 @numba.njit(cache=True, nogil=True)
-def _to_next_border(start, i, direction):
-    # Way to the border of the bin ahead, and between two borders; in bins.
-    if direction > 0.0:
-        return (i + 1.0 - start) / direction, 1.0 / direction
-    if direction < 0.0:
-        return (i - start) / direction, -1.0 / direction
-    return np.inf, np.inf
-
-
-@numba.njit(cache=True, nogil=True)
 def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, z, dx, dy, dz, limit_m):
     """Return the way along a ray to the nearest of many boxes, at most `limit_m`.
 
@@ -122,9 +114,9 @@ def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, 
         for n in range(boxes_m.shape[0]):
             nearest = min(nearest, distance_to_box(boxes_m[n], x, y, z, dx, dy, dz))
         return nearest
-    next_x, gap_x = _to_next_border(sx, i, dx)
-    next_y, gap_y = _to_next_border(sy, j, dy)
-    next_z, gap_z = _to_next_border(sz, k, dz)
+    next_x, gap_x = to_next_border(sx, i, dx)
+    next_y, gap_y = to_next_border(sy, j, dy)
+    next_z, gap_z = to_next_border(sz, k, dz)
     while 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2]:
         i_bin = (i * shape[1] + j) * shape[2] + k
         for m in range(first[i_bin], first[i_bin + 1]):

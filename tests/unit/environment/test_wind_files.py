@@ -9,6 +9,7 @@ from gslcosim.environment.gaden_grid import rows_text
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell
 from gslcosim.environment.wind_files import NoWindWarning, WindGapsWarning, load_wind
+from gslcosim.environment.wind_files_arrays import read_array_frame
 from gslcosim.errors import EnvironmentDataError
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(2, 3, 4))
@@ -172,6 +173,15 @@ def test_arrays_of_autogdm_and_our_own_are_read_in_their_order(tmp_path, wind):
     np.testing.assert_array_equal(load_wind(tmp_path / "cells.npy", GRID).velocity_m_s, both)
     np.testing.assert_array_equal(load_wind(tmp_path / "own.npy", GRID).velocity_m_s, both)
     np.testing.assert_array_equal(frame(tmp_path / "one.npy"), wind)
+
+
+@pytest.mark.parametrize("name", ["cells", "own"])
+def test_one_frame_of_an_array_is_that_of_all_and_begins_anew_after_the_last(tmp_path, wind, name):
+    both = np.stack([wind, 2 * wind])
+    np.save(tmp_path / "cells.npy", np.stack([x_first(each) for each in both]).astype(float))
+    np.save(tmp_path / "own.npy", both)
+    for number, expected in ((0, wind), (1, 2 * wind), (4, wind)):
+        np.testing.assert_array_equal(read_array_frame(tmp_path / f"{name}.npy", GRID, number), expected)
 
 
 @pytest.mark.parametrize("is_binary", [True, False])

@@ -15,6 +15,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
+def gsl_bench_folder(tmp_path) -> Path:
+    """Return a folder with one frame in GSL-Bench's layout."""
+    import gsl_bench_writers as gsl_bench
+
+    gsl_bench.write_frame(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def air() -> Callable[..., Environment]:
     """Build a room from an occupancy grid (default: 5 x 4 x 3 m of free air) and one wind velocity for each frame."""
 

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import gaden_writers as gaden
+import gsl_bench_writers as gsl_bench
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -16,21 +17,6 @@ from gslcosim.fields.playback import GasPlayback
 REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[3] / ".." / "shared" / "reference"))
 GSL_BENCH = REFERENCE / "gsl-bench" / "environments" / "003" / "gas_data" / "wh_simple_003"
 
-HEAD = np.dtype(
-    [
-        ("h", "<u4"),
-        *((f"env_{end}_{axis}", "<f8") for end in ("min", "max") for axis in "xyz"),
-        *((f"env_cells_{axis}", "<u4") for axis in "xyz"),
-        *((f"cell_size_{axis}", "<f8") for axis in "xyz"),
-        *((f"gas_source_pos_{axis}", "<f8") for axis in "xyz"),
-        ("gas_type", "<u4"),
-        ("filament_num_moles_of_gas", "<f8"),
-        ("num_moles_all_gases_in_cm3", "<f8"),
-        ("binary_bool", "<u4"),
-    ]
-)
-RECORD = np.dtype([("id", "<u4"), ("pose_x", "<f8"), ("pose_y", "<f8"), ("pose_z", "<f8"), ("sigma", "<f8")])
-
 
 @pytest.fixture
 def gaden_folder(tmp_path):
@@ -40,19 +26,6 @@ def gaden_folder(tmp_path):
     (tmp_path / "iteration_5").write_bytes(gaden.compressed(gaden.version_3_concentrations()))
     (tmp_path / "wind").mkdir()
     (tmp_path / "notes.txt").write_text("iteration_4 is missing")
-    return tmp_path
-
-
-@pytest.fixture
-def gsl_bench_folder(tmp_path):
-    """One frame in GSL-Bench's layout."""
-    head = (
-        1, *gaden.MIN_M, *gaden.MAX_M, *gaden.CELLS, *(gaden.CELL_M,) * 3, *gaden.SOURCE_M, gaden.GAS_CODE,
-        gaden.MOLES, gaden.AIR, 0,
-    )  # fmt: skip
-    rows = [(i, *p, s) for i, (p, s) in enumerate(zip(gaden.POSITIONS_M.tolist(), gaden.SIGMAS_CM, strict=True))]
-    np.save(tmp_path / "iteration_0_head.npy", np.array([head], HEAD))
-    np.save(tmp_path / "iteration_0_fil.npy", np.array(rows, RECORD))
     return tmp_path
 
 
@@ -98,7 +71,7 @@ def test_gsl_benchs_layout_is_read(gsl_bench_folder):
 
 
 def test_a_frame_without_filaments_is_read(gsl_bench_folder):
-    np.save(gsl_bench_folder / "iteration_0_fil.npy", np.zeros(0, RECORD))
+    np.save(gsl_bench_folder / "iteration_0_fil.npy", np.zeros(0, gsl_bench.RECORD))
     assert len(read_gsl_bench_frame(gsl_bench_folder / "iteration_0_fil.npy").filaments.sigma_m) == 0
 
 
@@ -134,7 +107,7 @@ def test_bytes_behind_the_records_are_refused(gsl_bench_folder, name):
 
 def test_a_head_of_signed_numbers_or_without_its_length_is_read(gsl_bench_folder):
     path = gsl_bench_folder / "iteration_0_head.npy"
-    signed = np.dtype([(name, "<i4" if kind == "<u4" else kind) for name, kind in HEAD.descr])
+    signed = np.dtype([(name, "<i4" if kind == "<u4" else kind) for name, kind in gsl_bench.HEAD.descr])
     np.save(path, np.load(path).astype(signed)[0])
     assert read_gsl_bench_frame(gsl_bench_folder / "iteration_0_fil.npy").gas == "methane"
 

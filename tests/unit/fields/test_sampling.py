@@ -69,6 +69,29 @@ def test_gas_data_is_found_from_the_environment_down(results, tmp_path):
         stored_fields_in(environment)
 
 
+def test_the_wind_of_gsl_benchs_folder_is_that_of_the_frames_number(gsl_bench_folder):
+    """Cells are numbered x first; a frame without a wind of its number has one from the beginning again."""
+    (gsl_bench_folder / "gas_data").mkdir()
+    (gsl_bench_folder / "wind_data").mkdir()
+    (gsl_bench_folder / "occupancy").mkdir()
+    for path in gsl_bench_folder.glob("iteration_0_*.npy"):
+        path.rename(gsl_bench_folder / "gas_data" / path.name)
+    nx, ny, nz = gaden.CELLS
+    numbers = np.arange(nx * ny * nz)
+    wind_m_s = np.stack((numbers % nx, numbers // nx % ny, numbers // (nx * ny)), axis=1)
+    path = gsl_bench_folder / "wind_data" / "room.npy"
+    np.save(path, [wind_m_s.astype(float)])
+    centre_m = np.add(gaden.MIN_M, np.multiply((3.5, 2.5, 1.5), gaden.CELL_M))[np.newaxis]
+    fields = stored_fields_in(gsl_bench_folder)
+    assert fields.wind_m_s(centre_m, Instant(frame=0))[0] == pytest.approx([3.0, 2.0, 1.0])
+    np.save(path, [wind_m_s[1:].astype(float)])
+    with pytest.raises(EnvironmentDataError, match=r"room\.npy: expected real numbers of \(t, 140, 3\)"):
+        fields.wind_m_s(centre_m, Instant(frame=0))
+    path.unlink()
+    with pytest.raises(EnvironmentDataError, match=r"was none \(GSL-Bench publishes no wind\)"):
+        fields.wind_m_s(centre_m, Instant(frame=0))
+
+
 def test_a_folder_of_another_kind_is_none(tmp_path):
     assert stored_fields_in(tmp_path) is None
 
