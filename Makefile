@@ -2,6 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+# Many processes start for a test: without bytecode each would compile every module again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test check bench bench-agents bench-robots soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
@@ -11,7 +14,7 @@ test: .venv/ready-dev       # the fast tests, then the slow ones and those with 
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and not soak"
 	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not soak" --reruns 2
-	$(BIN)/pytest -q -n 2 -m "end_to_end and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 --dist loadscope -m "end_to_end and not soak" --reruns 2
 
 check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell

@@ -64,7 +64,7 @@ class Check:
         """Play all flights that still can say something; return the report."""
         first = self._play("first", "plain")
         found = flight_failures(first, self.limits)
-        self._add(found, ending_failures(first, self.limits))
+        self._add(found, {} if "listens-first" in found else ending_failures(first, self.limits))
         if GROUNDS_FOR_STOPPING & found.keys():
             self._leave_unjudged(first, found)
         else:
@@ -133,7 +133,7 @@ class Check:
     def _leave_unjudged(self, first: Transcript, found: dict[str, Failure]) -> None:
         reason = f"first put right: {', '.join(rule for rule in found if rule in GROUNDS_FOR_STOPPING)}"
         self.unjudged |= dict.fromkeys(_AFTER_FIRST, reason)
-        if first.end_told_at_s is None:
+        if first.end_told_at_s is None or "listens-first" in found:  # it may have missed Ending, too
             self.unjudged |= dict.fromkeys(("ending", "exit-code"), reason)
         if {"joins", "listens-first"} & found.keys():
             self.unjudged |= dict.fromkeys(_IN_FLIGHT, reason)

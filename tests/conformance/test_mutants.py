@@ -14,7 +14,7 @@ LIMITS = Limits(join_s=20, answer_s=1.2, exit_s=2.0, settle_s=0.15)
 # Name, what fails (first the rule meant for it, then what follows from it), and words that lead to the fix.
 OVER_PIPES = {
     "crash_at_start": (["joins"], "no licence found"),
-    "late": (["deadline"], "one after 1."),
+    "late": (["deadline"], "one after "),
     "silent": (["answers"], "nothing within"),
     "crash_in_flight": (["stays"], "plume"),
     "leaves_early": (["stays"], "exit code 0 before the end of the run"),

@@ -1,6 +1,7 @@
 """Starting real flights from tests: the installed command, real processes, real Zenoh."""
 
 import contextlib
+import io
 import json
 import os
 import subprocess
@@ -10,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gslcosim.cli.main import main
+
 ROOT = Path(__file__).resolve().parents[2]
 TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
 ON_BOARD = TINY_ROOM.with_name("on_board_sensors.yaml")
@@ -18,6 +21,8 @@ EVERY_VEHICLE = Path(__file__).parent / "every_vehicle.yaml"
 AROUND_A_WALL = Path(__file__).parent / "around_a_wall.yaml"
 COMMAND = [sys.executable, "-m", "gslcosim"]
 LIMIT_S = 110
+# A recorder is a seventh process; digests do not depend on it.
+UNRECORDED = ("--set", "recording.enabled=false")
 
 
 STARTED: list["Flight"] = []
@@ -79,28 +84,56 @@ class Flight:
         """Wait for the end; nothing the flight has started may be left."""
         started = children_of(self.process.pid)
         output, errors = self.process.communicate(timeout=limit_s)
-        left = [command_of(pid) for pid in started if is_running(pid)]
-        assert not left, f"left over: {left}"
-        run_dirs = sorted(self.runs_dir.glob("*/"))
-        run_dir = run_dirs[-1] if run_dirs else None
-        result = json.loads(output) if output.strip().startswith("{") else {}
-        if not result and run_dir is not None and (run_dir / "result.json").exists():
-            result = json.loads((run_dir / "result.json").read_text())
-        return Ended(self.process.returncode, result, run_dir, errors)
+        assert_gone(started)
+        return _ended(self.process.returncode, self.runs_dir, output, errors)
 
 
-def start(scenario, runs_dir, *arguments, prefix=()) -> Flight:
+def start(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Flight:
     """Start `gslcosim up` with its output captured."""
-    call = [*prefix, *COMMAND, "up", str(scenario), "--json", "--runs-dir", str(runs_dir), *arguments]
+    call = [*prefix, *COMMAND, *_words(scenario, runs_dir, arguments, is_recorded=is_recorded)]
     process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     flight = Flight(process, runs_dir, list(arguments))
     STARTED.append(flight)
     return flight
 
 
-def fly(scenario, runs_dir, *arguments, prefix=()) -> Ended:
-    """Fly to the end."""
-    return start(scenario, runs_dir, *arguments, prefix=prefix).end()
+def fly(scenario, runs_dir, *arguments, prefix=(), is_recorded=False) -> Ended:
+    """Fly to the end: the command in a process of its own, and all the processes that it starts."""
+    return start(scenario, runs_dir, *arguments, prefix=prefix, is_recorded=is_recorded).end()
+
+
+def fly_here(scenario, runs_dir, *arguments, is_recorded=False) -> Ended:
+    """Fly to the end with `--in-process`: the same command in this very process, which has imported everything.
+
+    Agents with a command of their own are processes nevertheless.
+    """
+    before = children_of(os.getpid())
+    output, errors = io.StringIO(), io.StringIO()
+    words = [*_words(scenario, runs_dir, arguments, is_recorded=is_recorded), "--in-process"]
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        exit_code = main(words)
+    assert_gone([pid for pid in children_of(os.getpid()) if pid not in before])
+    return _ended(exit_code, runs_dir, output.getvalue(), errors.getvalue())
+
+
+def _words(scenario, runs_dir, arguments, *, is_recorded) -> list[str]:
+    unrecorded = () if is_recorded else UNRECORDED
+    return ["up", str(scenario), "--json", "--runs-dir", str(runs_dir), *unrecorded, *arguments]
+
+
+def _ended(exit_code, runs_dir, output, errors) -> Ended:
+    run_dirs = sorted(runs_dir.glob("*/"))
+    run_dir = run_dirs[-1] if run_dirs else None
+    result = json.loads(output) if output.strip().startswith("{") else {}
+    if not result and run_dir is not None and (run_dir / "result.json").exists():
+        result = json.loads((run_dir / "result.json").read_text())
+    return Ended(exit_code, result, run_dir, errors)
+
+
+def assert_gone(pids) -> None:
+    """Assert that none of these processes runs."""
+    left = [command_of(pid) for pid in pids if is_running(pid)]
+    assert not left, f"left over: {left}"
 
 
 def with_agent(agent: str) -> tuple[str, ...]:

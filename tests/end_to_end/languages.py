@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -105,6 +105,18 @@ class LanguageAgent:
 def language_agents() -> list[LanguageAgent]:
     """Return all agents that say how they are built and started."""
     return [_read(path) for path in sorted((ROOT / "agents").glob("*/agent.yaml"))]
+
+
+def of_every_language(agents: Iterable[LanguageAgent] | None = None) -> pytest.MarkDecorator:
+    """Parametrise a test with agents, all by default; those that take minutes to build are for `make soak`."""
+    return pytest.mark.parametrize(
+        "agent",
+        [
+            pytest.param(agent, id=agent.folder.name, marks=[pytest.mark.soak] if agent.is_for_soak_only else [])
+            for agent in language_agents()
+            if agents is None or agent in agents
+        ],
+    )
 
 
 def _read(path: Path) -> LanguageAgent:

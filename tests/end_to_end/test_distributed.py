@@ -5,7 +5,7 @@ import socket
 import subprocess
 import sys
 
-from flights import ROOT, TINY_ROOM, fly, start
+from flights import ROOT, TINY_ROOM, fly_here, start
 
 SERVICES = ("world", "fields", "sensing", "referee", "recorder")
 
@@ -36,6 +36,7 @@ def test_services_and_agent_started_elsewhere_join_by_their_files(tmp_path):
         f"--join-dir={joins}",
         "--set",
         "agents[0].start={attach: true}",
+        is_recorded=True,
     )
     try:
         ended = flight.end()
@@ -45,5 +46,5 @@ def test_services_and_agent_started_elsewhere_join_by_their_files(tmp_path):
         for process in others:
             process.kill()
             process.wait()
-    alone = fly(TINY_ROOM, tmp_path / "alone", "--in-process")
+    alone = fly_here(TINY_ROOM, tmp_path / "alone")
     assert ended.result["digest"] == alone.result["digest"]

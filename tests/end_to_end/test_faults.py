@@ -14,7 +14,7 @@ LONG = ("--set", "referee.stop.time_limit_s=3000", "--set", "agents[0].vehicle.h
 
 
 def long_flight(tmp_path):
-    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent("silent_after_one"))
+    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent("silent_after_one"), is_recorded=True)
     flight.wait_until_flying()
     return flight
 

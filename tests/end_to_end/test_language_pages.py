@@ -10,8 +10,9 @@ import pytest
 from flights import ROOT
 from languages import language_agents
 
-# A page that compiles a large library from nothing is for `make soak`.
-PAGES = ("c", "cpp", "go", "java", "octave", pytest.param("rust", marks=pytest.mark.soak), "shell", "typescript")
+# What takes about a minute and more each, for building and fetching packages, is for `make soak`.
+QUICK_PAGES = ("c", "octave", "shell")
+PAGES = (*QUICK_PAGES, "cpp", "go", "java", "rust", "typescript")
 LIMIT_S = {"rust": 900}
 USUAL_LIMIT_S = 300  # on a new machine packages are fetched first
 
@@ -29,7 +30,9 @@ def commands_of(page: str) -> list[str]:
     return [block for block in COMMANDS.findall(page) if not block.startswith("sudo ")]
 
 
-@pytest.mark.parametrize("language", PAGES)
+@pytest.mark.parametrize(
+    "language", [pytest.param(page, marks=() if page in QUICK_PAGES else pytest.mark.soak) for page in PAGES]
+)
 def test_a_page_followed_literally_ends_in_a_flying_agent(tmp_path, language):
     (agent,) = (agent for agent in language_agents() if agent.folder.name == f"dung_beetle_{language}")
     if agent.lacks:

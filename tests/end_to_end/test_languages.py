@@ -4,8 +4,8 @@ Every `agents/*/agent.yaml` is tested here; a language whose tools are missing i
 """
 
 import pytest
-from flights import TINY_ROOM, fly
-from languages import BUILD_LIMIT_S, SERIES, answers, golden_session, language_agents
+from flights import TINY_ROOM, fly, fly_here
+from languages import BUILD_LIMIT_S, SERIES, answers, golden_session, language_agents, of_every_language
 
 # The first test of a language builds it; on a new machine its packages are fetched, too.
 pytestmark = pytest.mark.timeout(BUILD_LIMIT_S + 120)
@@ -18,32 +18,25 @@ LONG = (
     "--set", "gas.warm_up_s=60",
     "--set", "referee.success={within_m: 0.02, of: source}",
     "--set", "referee.stop.time_limit_s=200",
-    "--set", "recording.enabled=false",
 )  # fmt: skip
 SCENARIOS = {"tiny_room": (), "long": LONG}
 
 
-def of_every_language(*, door: str | None = None):
-    agents = [agent for agent in language_agents() if door in (None, agent.door)]
-    return pytest.mark.parametrize(
-        "agent",
-        [
-            pytest.param(agent, id=agent.folder.name, marks=[pytest.mark.soak] if agent.is_for_soak_only else [])
-            for agent in agents
-        ],
-    )
+OVER_PIPES = [agent for agent in language_agents() if agent.door == "stdio"]
+# The first agent of each door and encoding: the flight of many processes knows nothing of languages.
+OF_EACH_DOOR = {(agent.door, agent.format): agent for agent in reversed(language_agents())}.values()
 
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
     """The Python agent's flights in this framework's own process, by the scenario's name."""
     runs_dir = tmp_path_factory.mktemp("reference")
-    flights = {name: fly(TINY_ROOM, runs_dir / name, *changes, "--in-process") for name, changes in SCENARIOS.items()}
+    flights = {name: fly_here(TINY_ROOM, runs_dir / name, *changes) for name, changes in SCENARIOS.items()}
     assert all(flight.result["valid"] for flight in flights.values())
     return flights
 
 
-@of_every_language(door="stdio")
+@of_every_language(OVER_PIPES)
 @pytest.mark.parametrize("series", SERIES, ids=lambda series: f"seed_{series['seed']}")
 def test_a_language_answers_the_golden_series_to_the_bit(agent, series):
     """Walls, corners, refusals and random draws, all of which a flight may happen not to visit."""
@@ -55,7 +48,7 @@ def test_a_language_answers_the_golden_series_to_the_bit(agent, series):
     assert [list(command.position_world_m) for command in commands] == [step["goal_m"] for step in series["steps"]]
 
 
-@of_every_language(door="stdio")
+@of_every_language(OVER_PIPES)
 def test_a_language_exits_at_the_end_of_the_stream(agent):
     """A run that is gone says no `Ending`; an agent that waits for one would be left over."""
     agent.build()
@@ -65,7 +58,7 @@ def test_a_language_exits_at_the_end_of_the_stream(agent):
     assert exit_code == 0
 
 
-@of_every_language(door="stdio")
+@of_every_language(OVER_PIPES)
 def test_a_language_refuses_a_contract_of_another_major_version(agent, capfd):
     """It says so and exits instead of flying by fields that may mean something else."""
     agent.build()
@@ -77,8 +70,8 @@ def test_a_language_refuses_a_contract_of_another_major_version(agent, capfd):
     assert "2.0" in capfd.readouterr().err
 
 
-@of_every_language()
-def test_a_language_flies_like_python(tmp_path, reference, agent):
+@of_every_language(OF_EACH_DOOR)
+def test_a_language_flies_like_python_among_many_processes(tmp_path, reference, agent):
     """The same scenario and seed have the same digest, in whatever language the agent is written."""
     agent.build()
     assert_same_flight(fly(TINY_ROOM, tmp_path, *agent.start_override()), reference["tiny_room"])
@@ -86,10 +79,10 @@ def test_a_language_flies_like_python(tmp_path, reference, agent):
 
 @of_every_language()
 def test_a_language_flies_far_like_python(tmp_path, reference, agent):
-    """The same on a hundred legs; where the door allows it in one process, which gives the same digest as many."""
+    """The same on a hundred legs; where the door allows it with all but the agent in one process."""
     agent.build()
-    where = () if agent.door == "zenoh" else ("--in-process",)
-    assert_same_flight(fly(TINY_ROOM, tmp_path, *LONG, *agent.start_override(), *where), reference["long"])
+    flying = fly if agent.door == "zenoh" else fly_here
+    assert_same_flight(flying(TINY_ROOM, tmp_path, *LONG, *agent.start_override()), reference["long"])
 
 
 def assert_same_flight(flight, reference):

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, ON_BOARD, TINY_ROOM, fly
+from flights import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, ON_BOARD, TINY_ROOM, fly, fly_here, start
 
 
 def digest_of(ended):
@@ -22,11 +22,11 @@ def busy_process():
 
 
 def test_the_digest_does_not_depend_on_how_a_run_is_executed(tmp_path, busy_process):
-    """Processes, a loaded single core, and one process agree; another seed does not."""
-    multi = fly(TINY_ROOM, tmp_path / "multi")
+    """Processes with a recorder, without one on a loaded core, and one process agree; another seed does not."""
+    multi = fly(TINY_ROOM, tmp_path / "multi", is_recorded=True)
     pinned = fly(TINY_ROOM, tmp_path / "pinned", prefix=("taskset", "-c", "0"))
-    single = fly(TINY_ROOM, tmp_path / "single", "--in-process")
-    other = fly(TINY_ROOM, tmp_path / "other", "--seed", "8")
+    single = fly_here(TINY_ROOM, tmp_path / "single")
+    other = fly_here(TINY_ROOM, tmp_path / "other", "--seed", "8")
     assert digest_of(multi) == digest_of(pinned) == digest_of(single)
     assert digest_of(other) != digest_of(multi)
     assert (multi.result["agents"], multi.result["ticks"]) == (single.result["agents"], single.result["ticks"])
@@ -37,14 +37,12 @@ def test_parity_holds_in_every_mode(tmp_path, mode):
     """Agents that are asked every tick give the same digest in one process and in many."""
     change = ("--set", f"agents[0].mode={mode}", "--set", "referee.stop.time_limit_s=8")
     multi = fly(TINY_ROOM, tmp_path / "multi", *change)
-    single = fly(TINY_ROOM, tmp_path / "single", *change, "--in-process")
+    single = fly_here(TINY_ROOM, tmp_path / "single", *change)
     assert digest_of(multi) == digest_of(single)
 
 
 def test_runs_at_the_same_time_never_meet(tmp_path):
     """Two runs on one machine have their own routers and the same digests as alone."""
-    from flights import start
-
     flights = [start(TINY_ROOM, tmp_path / str(i)) for i in range(2)]
     first, second = (digest_of(flight.end()) for flight in flights)
     assert first == second
@@ -54,7 +52,7 @@ def test_an_agent_that_fails_at_a_decision_has_one_digest_too(tmp_path):
     """How a process ended is told in the faults; the run's digest does not depend on it."""
     change = ("--set", f"agents[0].start={{python: {AGENTS / 'giving_up.py'}}}")
     multi = fly(TINY_ROOM, tmp_path / "multi", *change)
-    single = fly(TINY_ROOM, tmp_path / "single", *change, "--in-process")
+    single = fly_here(TINY_ROOM, tmp_path / "single", *change)
     assert multi.result["end_reason"] == single.result["end_reason"] == "agent_failed"
     assert digest_of(multi) == digest_of(single)
 
@@ -62,7 +60,7 @@ def test_an_agent_that_fails_at_a_decision_has_one_digest_too(tmp_path):
 def test_every_vehicle_obeys_every_command_alike(tmp_path):
     """Iris, Crazyflie, point robot and rover in one room, each with all commands that its kind obeys."""
     multi = fly(EVERY_VEHICLE, tmp_path / "multi")
-    single = fly(EVERY_VEHICLE, tmp_path / "single", "--in-process")
+    single = fly_here(EVERY_VEHICLE, tmp_path / "single")
     assert digest_of(multi) == digest_of(single)
     for agent in single.result["agents"]:
         assert agent["outcome"] == "time_limit"
@@ -72,7 +70,7 @@ def test_every_vehicle_obeys_every_command_alike(tmp_path):
 def test_ways_around_obstacles_and_each_other_are_alike(tmp_path):
     """Two vehicles change places across a wall, by planned ways that cross."""
     multi = fly(AROUND_A_WALL, tmp_path / "multi")
-    single = fly(AROUND_A_WALL, tmp_path / "single", "--in-process")
+    single = fly_here(AROUND_A_WALL, tmp_path / "single")
     assert digest_of(multi) == digest_of(single)
     for agent in single.result["agents"]:
         assert agent["outcome"] == "time_limit"
@@ -82,8 +80,8 @@ def test_ways_around_obstacles_and_each_other_are_alike(tmp_path):
 def test_parity_holds_with_every_on_board_sensor(tmp_path):
     """Pictures, ranges and inertial samples are the same to the bit in one process and in many."""
     change = ("--set", "referee.stop.time_limit_s=6")
-    multi = fly(ON_BOARD, tmp_path / "multi", *change)
+    multi = fly(ON_BOARD, tmp_path / "multi", *change, is_recorded=True)
     if "expected EGL or OSMesa" in multi.errors:
         pytest.skip("cameras need EGL or OSMesa")
-    single = fly(ON_BOARD, tmp_path / "single", *change, "--in-process")
+    single = fly_here(ON_BOARD, tmp_path / "single", *change)
     assert digest_of(multi) == digest_of(single)

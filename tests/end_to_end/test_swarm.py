@@ -6,7 +6,7 @@ import signal
 import sys
 
 import pytest
-from flights import AGENTS, ROOT, fly, start, wait_a_moment
+from flights import AGENTS, ROOT, fly, fly_here, start, wait_a_moment
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 
@@ -32,7 +32,7 @@ def flown(tmp_path_factory):
 
 
 def test_processes_and_one_process_agree(flown, tmp_path):
-    assert digest_of(fly(SWARM, tmp_path, "--in-process")) == digest_of(flown)
+    assert digest_of(fly_here(SWARM, tmp_path)) == digest_of(flown)
 
 
 def test_it_does_not_matter_who_shares_a_process(flown, tmp_path):
@@ -42,10 +42,10 @@ def test_it_does_not_matter_who_shares_a_process(flown, tmp_path):
     assert digest_of(own) == digest_of(shared) == digest_of(flown)
 
 
-@pytest.mark.parametrize("in_process", [(), ("--in-process",)])
-def test_a_process_behind_the_gateway_flies_several(flown, tmp_path, in_process):
+@pytest.mark.parametrize("flying", [fly, fly_here])
+def test_a_process_behind_the_gateway_flies_several(flown, tmp_path, flying):
     change = starting(0, AGENTS / "framed_swarm.py", door="stdio", format="json")
-    assert digest_of(fly(SWARM, tmp_path, *change, *in_process)) == digest_of(flown)
+    assert digest_of(flying(SWARM, tmp_path, *change)) == digest_of(flown)
 
 
 def test_agents_that_share_what_they_know_fly_the_same_again(tmp_path):
@@ -55,11 +55,11 @@ def test_agents_that_share_what_they_know_fly_the_same_again(tmp_path):
         change += ["--set", f"agents[{i}].mode=lockstep"]
     change += ["--set", "agents[2].start={process_of: beetle_1}", "--set", "referee.stop.time_limit_s=4"]
     several = fly(SWARM, tmp_path / "several", *change)
-    assert digest_of(several) == digest_of(fly(SWARM, tmp_path / "one", *change, "--in-process"))
+    assert digest_of(several) == digest_of(fly_here(SWARM, tmp_path / "one", *change))
 
 
 def test_who_is_called_finds_the_source_and_who_is_not_does_not(flown, tmp_path):
-    silent = fly(SWARM, tmp_path, "--set", "channels=[]")
+    silent = fly_here(SWARM, tmp_path, "--set", "channels=[]")
     assert outcomes_of(flown)["beetle_2"] == "success"
     assert outcomes_of(silent)["beetle_2"] == "time_limit"
 
@@ -79,11 +79,11 @@ def test_one_agents_crash_does_not_end_the_others(tmp_path):
     assert "lost my way" in ended.result["faults"][0]["text"]
 
 
-@pytest.mark.parametrize("in_process", [(), ("--in-process",)])
-def test_one_agents_failure_does_not_end_those_in_its_process(tmp_path, in_process):
+@pytest.mark.parametrize("flying", [fly, fly_here])
+def test_one_agents_failure_does_not_end_those_in_its_process(tmp_path, flying):
     change = ("--set", f"agents[0].start={{python: {AGENTS / 'second_fails.py'}}}", "--set",
               "referee.stop.time_limit_s=15")  # fmt: skip
-    ended = fly(SWARM, tmp_path, *change, *in_process)
+    ended = flying(SWARM, tmp_path, *change)
     assert ended.result["valid"], ended.errors
     assert {name: outcomes_of(ended)[name] for name in ("beetle_1", "beetle_2")} == {
         "beetle_1": "time_limit",
@@ -125,6 +125,6 @@ def after_failures(log, n_failures):
 
 
 def test_vehicles_that_start_in_each_other_are_refused(tmp_path):
-    ended = fly(SWARM, tmp_path, "--set", "agents[1].vehicle.start_m=[5.2, 0.8, 0.05]")
+    ended = fly_here(SWARM, tmp_path, "--set", "agents[1].vehicle.start_m=[5.2, 0.8, 0.05]")
     assert ended.exit_code == 2
     assert "agents[1].vehicle.start_m: expected at least 0.14 m" in ended.errors

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import ROOT, TINY_ROOM, fly, start
+from flights import ROOT, TINY_ROOM, fly_here, start
 
 HERE, THERE = "10.213.7.1", "10.213.7.2"
 AGENT = ROOT / "agents" / "dung_beetle" / "agent.py"
@@ -76,4 +76,4 @@ def test_an_agent_on_another_host_flies_the_same_run(hosts, tmp_path, protocol):
         ended = flight.end()
         assert ended.result.get("valid") is True, ended.errors
         assert agent.wait(timeout=15) == 0
-    assert ended.result["digest"] == fly(TINY_ROOM, tmp_path / "alone", "--in-process").result["digest"]
+    assert ended.result["digest"] == fly_here(TINY_ROOM, tmp_path / "alone").result["digest"]
