@@ -1,5 +1,6 @@
 """All surfaces of a geometry as triangles, and which of them make a body."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -45,9 +46,11 @@ def surfaces_of(parts: Sequence[Part], opening_corners_m: NDArray[np.float64]) -
     closed: list[NDArray[np.bool_]] = []
     n_bodies = 0
     for part in parts:
-        corners_m = part.vertices_m[_clean_faces(part)]
-        body, is_closed = _bodies_of(corners_m)
-        corners.append(corners_m)
+        faces = part.faces[_areas_m2(part.vertices_m[part.faces]) > 0]
+        merged = _merged(part.vertices_m)[faces]
+        is_kept = _first_of_doubles(merged)
+        body, is_closed = _bodies_of(merged[is_kept])
+        corners.append(part.vertices_m[faces[is_kept]])
         bodies.append(body + np.int32(n_bodies))
         closed.append(is_closed)
         n_bodies += len(is_closed)
@@ -63,15 +66,23 @@ def surfaces_of(parts: Sequence[Part], opening_corners_m: NDArray[np.float64]) -
     )
 
 
-def _clean_faces(part: Part) -> NDArray[np.int64]:
-    faces = part.faces[_areas_m2(part.vertices_m[part.faces]) > 0]
-    a, b, c = np.sort(_merged(part.vertices_m)[faces], axis=1).T
+# Of triangles between the same corners, whichever way they turn, the first.
+def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    a, b, c = np.sort(faces, axis=1).T
     order, is_first = _in_groups(a, b, c)
-    return faces[np.sort(order[is_first])]
+    is_kept = np.empty(len(faces), np.bool_)
+    is_kept[order] = is_first
+    return is_kept
 
 
 # The order by several keys, equal ones as they were, and where in that order a new combination of them begins.
 def _in_groups(*keys: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    lows = [key.min(initial=0) for key in keys]
+    sides = [int(key.max(initial=0) - low) + 1 for key, low in zip(keys, lows, strict=True)]
+    # As one number they are sorted four times as fast as one after the other.
+    if math.prod(sides) < 2**62:
+        offsets = tuple(key - low for key, low in zip(keys, lows, strict=True))
+        keys = (np.asarray(np.ravel_multi_index(offsets, sides)),)
     order = np.lexsort(keys[::-1])
     is_first = np.zeros(len(order), np.bool_)
     is_first[:1] = True
@@ -97,9 +108,7 @@ def _merged(vertices_m: NDArray[np.float64]) -> NDArray[np.int64]:
     return merged
 
 
-def _bodies_of(corners_m: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    n = len(corners_m)
-    faces = _merged(corners_m.reshape(-1, 3)).reshape(-1, 3)
+def _bodies_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     edges = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
     keys = edges[:, 0] * (faces.max(initial=0) + 1) + edges[:, 1]
     order = np.argsort(keys, kind="stable")
@@ -107,7 +116,7 @@ def _bodies_of(corners_m: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
     lengths = np.diff(starts, append=len(order))
     pairs = starts[lengths == 2]
     owner = order // 3
-    roots = np.arange(n)
+    roots = np.arange(len(faces))
     join_inplace(roots, owner[pairs], owner[pairs + 1])
     _, body = np.unique(roots, return_inverse=True)
     closed = np.ones(int(body.max(initial=-1)) + 1, dtype=np.bool_)
