@@ -19,7 +19,14 @@ INLET: Rgb = (76, 160, 255)
 OUTLET: Rgb = (205, 130, 255)
 WIND: Rgb = (150, 200, 255)
 READING: Rgb = (235, 235, 235)
-AGENTS: tuple[Rgb, ...] = ((110, 235, 120), (80, 210, 230), (240, 225, 100), (225, 140, 235), (150, 170, 255))
+AGENTS: tuple[Rgb, ...] = (
+    (110, 235, 120), (80, 210, 230), (240, 225, 100), (225, 140, 235), (150, 170, 255),
+    (214, 178, 132), (255, 160, 185), (195, 235, 175), (170, 195, 215), (200, 120, 120),
+)  # fmt: skip
+
+CONTACT: Rgb = (255, 150, 60)
+# Components of vectors.
+AXES: dict[str, Rgb] = {"x": (240, 95, 95), "y": (110, 220, 120), "z": (100, 155, 255), "w": (225, 225, 225)}
 
 N_LEVELS = 256
 DECADES = 3
@@ -30,6 +37,12 @@ _GAS_ANCHORS = ((52, 18, 92), (120, 28, 109), (190, 48, 84), (237, 105, 37), (25
 def agent_color(index: int) -> Rgb:
     """Return the colour of the vehicle, the track and the curves of the i-th agent."""
     return AGENTS[index % len(AGENTS)]
+
+
+def shade(color: Rgb, index: int) -> Rgb:
+    """Return the colour of the i-th of an agent's curves in one plot: each is darker than the one before."""
+    red, green, blue = (round(channel * 0.72 ** (index % 4)) for channel in color)
+    return red, green, blue
 
 
 def plan_color(color: Rgb) -> Rgb:

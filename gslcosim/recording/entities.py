@@ -3,39 +3,38 @@
 from dataclasses import dataclass
 
 from gslcosim.recording.colors import Rgb, agent_color
+from gslcosim.recording.instruments import Curves, is_of_wind, is_on_board, on_board_curves
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
-from gslcosim.scenario.sensor_models import CAMERA_SENSORS, ON_BOARD_SENSORS
+from gslcosim.scenario.models import AgentSpec, SensorSpec
+from gslcosim.scenario.sensor_models import CAMERA_SENSORS
 
 FILAMENTS = "gas/filaments"
 SLICES = "gas/slices"
 WIND = "wind"
 EVENTS = "events"
+CONTACTS = "contacts"
 RADIO = "radio"
 SUMMARY = "summary"
+SEEN = "seen"
+MESHES = "room/geometry"
 
 GAS_PLOTS = "plots/gas_ppm"
 RESPONSE_PLOTS = "plots/response"
 WIND_PLOTS = "plots/wind_m_s"
 DISTANCE_PLOTS = "plots/distance_m"
 TRACKING_PLOTS = "plots/tracking_error_m"
-
-# Instruments that report the wind: speed [m/s] first.
-WIND_MODELS = frozenset({"anemometer"})
-# Sensors whose first value is no curve beside those of gas.
-NOT_GAS_MODELS = WIND_MODELS | frozenset(ON_BOARD_SENSORS)
-LIDAR_MODELS = frozenset({"lidar_2d", "lidar_3d"})
-CAMERA_MODELS = frozenset(CAMERA_SENSORS)
-# Figaro's metal oxide sensors: they report their resistance.
-RESISTIVE_MODELS = "tgs"
+ON_BOARD_PLOTS = "plots/on_board"
 
 
 @dataclass(frozen=True)
 class AgentEntities:
-    """Where one agent is drawn."""
+    """Where one agent and its sensors are drawn."""
 
     agent: AgentSpec
     color: Rgb
+    gas_sensors: tuple[SensorSpec, ...]
+    wind_sensors: tuple[SensorSpec, ...]
+    on_board_sensors: tuple[tuple[SensorSpec, tuple[Curves, ...]], ...]
 
     @property
     def vehicle(self) -> str:
@@ -72,9 +71,14 @@ class AgentEntities:
         """Curve of the distance to where the controller wants the vehicle."""
         return f"{TRACKING_PLOTS}/{self.agent.name}"
 
-    def on_board(self, sensor: str) -> str:
-        """What an on-board sensor sees, in the frame of the vehicle."""
-        return f"{self.vehicle}/{sensor}"
+    @property
+    def cameras(self) -> tuple[SensorSpec, ...]:
+        """Its cameras."""
+        return tuple(sensor for sensor, _ in self.on_board_sensors if sensor.model in CAMERA_SENSORS)
+
+    def seen(self, sensor: str) -> str:
+        """What a sensor sees in space."""
+        return f"{SEEN}/{self.agent.name}/{sensor}"
 
     def gas(self, sensor: str, gas: str) -> str:
         """Curve of the true mixing ratio at a sensor."""
@@ -92,17 +96,29 @@ class AgentEntities:
         """Curve of the wind speed that an anemometer reports."""
         return f"{WIND_PLOTS}/{self.agent.name}/{sensor}/measured"
 
-    @property
-    def gas_sensors(self) -> tuple[str, ...]:
-        """Names of the instruments that report gas."""
-        return tuple(sensor.name for sensor in self.agent.sensors if sensor.model not in NOT_GAS_MODELS)
-
-    @property
-    def wind_sensors(self) -> tuple[str, ...]:
-        """Names of the instruments that report the wind."""
-        return tuple(sensor.name for sensor in self.agent.sensors if sensor.model in WIND_MODELS)
+    def on_board(self, sensor: str, curves: Curves) -> str:
+        """Curves of an on-board sensor."""
+        return f"{ON_BOARD_PLOTS}/{self.agent.name}/{sensor}/{curves.entity}"
 
 
 def entities_of(scenario: Scenario) -> tuple[AgentEntities, ...]:
     """Return the entities of all agents, in the scenario's order."""
-    return tuple(AgentEntities(agent, agent_color(i)) for i, agent in enumerate(scenario.agents))
+    return tuple(_entities(scenario, agent, agent_color(i)) for i, agent in enumerate(scenario.agents))
+
+
+def _entities(scenario: Scenario, agent: AgentSpec, color: Rgb) -> AgentEntities:
+    on_board = [sensor for sensor in agent.sensors if is_on_board(sensor, scenario)]
+    others = [sensor for sensor in agent.sensors if sensor not in on_board]
+    return AgentEntities(
+        agent=agent,
+        color=color,
+        gas_sensors=tuple(sensor for sensor in others if not is_of_wind(sensor, scenario)),
+        wind_sensors=tuple(sensor for sensor in others if is_of_wind(sensor, scenario)),
+        on_board_sensors=tuple((sensor, on_board_curves(sensor, scenario)) for sensor in on_board),
+    )
+
+
+def gases_in(scenario: Scenario) -> tuple[str, ...]:
+    """Return the gases of a scenario, the one that is searched for first."""
+    searched = scenario.gas.gas
+    return tuple(dict.fromkeys([searched, *(source.gas or searched for source in scenario.gas.sources)]))

@@ -11,7 +11,7 @@ from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.streamlines import streamlines
 from gslcosim.environment.voxel_boxes import boxes_from_solid
 from gslcosim.recording import colors, entities
-from gslcosim.recording.blueprint import eye_on_room
+from gslcosim.recording.eyes import eye_on_room
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import WIRE, draw_room
 from gslcosim.recording.wind_layer import WindLayer

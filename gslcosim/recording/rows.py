@@ -1,12 +1,13 @@
 """Rows that wait until they are sent: appending is cheap and happens every tick, sending is done for many at once."""
 
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Vec3
+from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Reading, Vec3
 from gslcosim.recording.colors import GasScale, Rgb, gas_colors, slice_colors
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import picture_format
@@ -34,6 +35,14 @@ class Rows(Protocol):
         ...
 
 
+class ReadingRows(Rows, Protocol):
+    """Rows of one entity that are made of a sensor's readings."""
+
+    def add(self, tick: int, reading: Reading) -> None:
+        """Append what the entity shows of a reading at the end of a tick."""
+        ...
+
+
 class ScalarRows:
     """A curve: one number per row."""
 
@@ -51,6 +60,29 @@ class ScalarRows:
         """Write the waiting rows, if any, and forget them."""
         if self._ticks:
             file.send(self._entity, self._ticks, rr.Scalars.columns(scalars=np.array(self._values)))
+            self._ticks, self._values = [], []
+
+
+class CurveRows:
+    """Curves of a sensor: some numbers of each of its readings."""
+
+    def __init__(self, entity: str, values_of: Callable[[Reading], Sequence[float]]) -> None:
+        self._entity = entity
+        self._values_of = values_of
+        self._ticks: list[int] = []
+        self._values: list[Sequence[float]] = []
+
+    def add(self, tick: int, reading: Reading) -> None:
+        """Append what is drawn of a reading, unless it means nothing yet."""
+        if not reading.is_warming_up:
+            self._ticks.append(tick)
+            self._values.append(self._values_of(reading))
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        if self._ticks:
+            columns = rr.Scalars.columns(scalars=np.concatenate(self._values))
+            file.send(self._entity, self._ticks, columns.partition([len(values) for values in self._values]))
             self._ticks, self._values = [], []
 
 

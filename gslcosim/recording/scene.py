@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.environment.model import Box, Environment, Opening, VisualMesh
 from gslcosim.recording import colors
 from gslcosim.recording.colors import GasScale
+from gslcosim.recording.entities import MESHES
 from gslcosim.recording.run_file import RunFile
 from gslcosim.scenario import Scenario
 
@@ -38,11 +39,10 @@ def draw_room(file: RunFile, environment: Environment) -> None:
         "room/floor", rr.Boxes3D(mins=[floor_low_m], sizes=[floor_size_m], colors=[colors.FLOOR], fill_mode=SOLID)
     )
     file.draw("room/floor/grid", _floor_grid(environment))
-    # A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
-    obstacles = [box for box in environment.boxes if box.kind == "obstacle" or _stands_inside(box, low_m, high_m)]
+    obstacles = _seen_boxes(environment)
     if environment.meshes:
         for i, mesh in enumerate(environment.meshes):
-            file.draw(f"room/geometry/{i}_{entity_name(mesh.name)}", _mesh(mesh))
+            file.draw(f"{MESHES}/{i}_{entity_name(mesh.name)}", _mesh(mesh))
     elif obstacles:
         file.draw("room/obstacles", _obstacles(obstacles))
     for opening in environment.openings:
@@ -75,6 +75,8 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
     depth_m = float(high_m[1] - low_m[1])
     x0, y0, x1, y1 = float(low_m[0]), float(low_m[1]), float(high_m[0]), float(high_m[1])
     outline_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
+    if environment.meshes:
+        file.draw("map/obstacles", _obstacles(_seen_boxes(environment)))
     file.draw("map/outline", rr.LineStrips3D([outline_m], colors=[colors.EDGES], radii=[0.003 * depth_m]))
 
     right_m = x0 - SCALE_GAP_FRAC * (x1 - x0)
@@ -129,6 +131,12 @@ def entity_name(name: str) -> str:
 def _mesh(mesh: VisualMesh) -> rr.Mesh3D:
     rgb = [round(255 * channel) for channel in mesh.rgba[:3]]
     return rr.Mesh3D(vertex_positions=mesh.vertices_m, triangle_indices=mesh.faces, albedo_factor=[*rgb, MESH_ALPHA])
+
+
+# A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
+def _seen_boxes(environment: Environment) -> list[Box]:
+    low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
+    return [box for box in environment.boxes if box.kind == "obstacle" or _stands_inside(box, low_m, high_m)]
 
 
 def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> bool:

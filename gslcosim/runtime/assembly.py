@@ -10,7 +10,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Core, Episode, ParticipantSpec, Read, Write
 from gslcosim.environment.model import Environment
-from gslcosim.environment.store import load_environment
+from gslcosim.environment.store import MESHES_FILE, load_environment
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.door import door_name
 from gslcosim.runtime.rehearsal import REHEARSED, rehearse
@@ -139,5 +139,11 @@ def _build(name: str, setup: Setup) -> Core:
     if name == RECORDER:
         from gslcosim.recording.core import RecorderCore
 
-        return RecorderCore(setup.scenario, setup.environment, setup.run_dir.recording)
+        return RecorderCore(setup.scenario, _with_meshes(setup), setup.run_dir.recording)
     raise KeyError(name)
+
+
+# The meshes of somebody's own geometry, which pictures need and no other core.
+def _with_meshes(setup: Setup) -> Environment:
+    has_meshes = (setup.environment_dir / MESHES_FILE).is_file()
+    return load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment

@@ -1,8 +1,10 @@
 """All messages of a flight without any core: a vehicle flies a circle through a cloud that shakes."""
 
+import io
 import math
 
 import numpy as np
+from PIL import Image
 
 from gslcosim.contract import keys
 from gslcosim.contract.arrays import NumericArray
@@ -11,6 +13,7 @@ from gslcosim.contract.messages import (
     AgentScore,
     BodyPoses,
     BodyState,
+    CameraImage,
     Command,
     ConcentrationSlice,
     FieldSamples,
@@ -25,20 +28,30 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.rng import stream
 from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.sensor_models import CAMERA_SENSORS, ON_BOARD_SENSORS
+from gslcosim.sensing.models import sensor_kind
 
 CLOUD_EVERY_TICKS = 10
 WAYPOINT_EVERY_TICKS = 30
 SOURCE_M = (5.0, 1.0, 2.0)
 
 
-def scenario(n_agents=1, channels=()):
-    """Return a scenario of agents with a gas sensor and an anemometer each."""
+NOSE_AND_VANE = ({"model": "tgs2600", "name": "nose"}, {"model": "anemometer", "name": "vane"})
+# One of each on-board sensor, each named after its model.
+ON_BOARD = tuple({"model": model, "name": model} for model in ON_BOARD_SENSORS)
+N_VALUES = {"imu": 6, "gps": 6, "magnetometer": 3, "pose": 10, "four_range_finders": 4, "anemometer_3d": 3}
+LIDAR_SHAPES = {"lidar_2d": (1, 360), "lidar_3d": (16, 360)}
+CAMERA_EVERY_TICKS = 2
+
+
+def scenario(n_agents=1, channels=(), sensors=NOSE_AND_VANE, sources=({"position_m": SOURCE_M},)):
+    """Return a scenario of agents with the same sensors each."""
     agents = [
         {
             "name": f"agent_{i}",
             "start": {"python": "dung_beetle"},
             "vehicle": {"start_m": (9.0 - i, 4.0, 0.2)},
-            "sensors": [{"model": "tgs2600", "name": "nose"}, {"model": "anemometer", "name": "vane"}],
+            "sensors": sensors,
         }
         for i in range(n_agents)
     ]
@@ -47,7 +60,7 @@ def scenario(n_agents=1, channels=()):
             "schema": "gslcosim/scenario/1",
             "name": "scripted",
             "environment": {"layout": {}},
-            "gas": {"sources": [{"position_m": SOURCE_M}]},
+            "gas": {"sources": sources},
             "agents": agents,
             "channels": channels,
         }
@@ -55,12 +68,18 @@ def scenario(n_agents=1, channels=()):
 
 
 class ScriptedFlight:
-    """A flight of `n_ticks` ticks; the last one carries the verdict. `plans` are the paths planned at its ticks."""
+    """A flight of `n_ticks` ticks; the last one carries the verdict.
 
-    def __init__(self, *, n_ticks=40, n_filaments=50, n_agents=1, channels=(), plans=()):
+    `plans` are the paths planned at its ticks, `contacts` what is touched at them. All agents have the same `sensors`.
+    """
+
+    def __init__(
+        self, *, n_ticks=40, n_filaments=50, n_agents=1, channels=(), plans=(), contacts=(), sensors=NOSE_AND_VANE
+    ):
         self.n_ticks = n_ticks
         self._plans = plans
-        self.scenario = scenario(n_agents, channels)
+        self._contacts = contacts
+        self.scenario = scenario(n_agents, channels, sensors)
         self._names = [agent.name for agent in self.scenario.agents]
         rng = stream(0, "test.filaments")
         ages_s = rng.uniform(0.0, 150.0, n_filaments)
@@ -76,6 +95,16 @@ class ScriptedFlight:
         """Where the vehicle is."""
         angle = 0.02 * tick + agent
         return (7.0 + 2.0 * math.cos(angle), 4.0 + 2.0 * math.sin(angle), min(0.2 + 0.1 * tick, 2.0))
+
+    def yaw_rad(self, tick):
+        """Where every vehicle looks."""
+        return 0.1 * tick
+
+    def world_m(self, tick, points_body_m):
+        """Return where (..., 3) points of the first vehicle's body are at a tick."""
+        cosine, sine = math.cos(self.yaw_rad(tick)), math.sin(self.yaw_rad(tick))
+        world_from_body = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return np.array(self.position_m(tick)) + np.asarray(points_body_m) @ world_from_body.T
 
     def inbox(self, tick):
         """Return all messages of a tick."""
@@ -99,21 +128,30 @@ class ScriptedFlight:
         return BodyState(
             agent=self._names[i],
             position_world_m=self.position_m(tick, i),
-            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+            quaternion_wxyz=(math.cos(self.yaw_rad(tick) / 2), 0.0, 0.0, math.sin(self.yaw_rad(tick) / 2)),
             velocity_world_m_s=(0.0, 0.0, 0.0),
             angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
             phase="flying",
             awaiting_command=False,
             path_length_m=0.04 * tick,
+            contacts=self._contacts[tick] if tick < len(self._contacts) else (),
+            tracking_error_m=0.01 * (tick + i),
             planned_path_world_m=self._plans[tick] if tick < len(self._plans) else (),
         )
 
     def _samples(self, tick):
         gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=1.0 + math.sin(0.1 * tick)),)
         return tuple(
-            MountSample(agent=name, sensor=sensor, gases=gases, wind_world_m_s=(0.3, 0.4, 0.0))
-            for name in self._names
-            for sensor in ("nose", "vane")
+            MountSample(
+                agent=agent.name,
+                sensor=sensor.name,
+                gases=gases,
+                wind_world_m_s=(0.3, 0.4, 0.0),
+                beam_m=1.0 + 0.01 * tick if sensor.model == "tdlas" else None,
+            )
+            for agent in self.scenario.agents
+            for sensor in agent.sensors
+            if sensor.model not in ON_BOARD_SENSORS
         )
 
     def _observation(self, tick, i):
@@ -126,10 +164,7 @@ class ScriptedFlight:
             velocity_world_m_s=(0.0, 0.0, 0.0),
             status="flying",
             awaiting_command=False,
-            readings=(
-                Reading(sensor="nose", quantity="resistance", unit="ohm", values=(50_000.0 - tick,)),
-                Reading(sensor="vane", quantity="wind", unit="m/s, rad", values=(0.5, 0.1)),
-            ),
+            readings=tuple(_reading(sensor, tick) for sensor in self.scenario.agents[i].sensors),
         )
 
     def _score(self, tick):
@@ -177,3 +212,46 @@ class ScriptedFlight:
             for name in self._names
         )
         return Verdict(tick=tick, end_reason="success", agents=results)
+
+
+def _reading(sensor, tick):
+    kind = sensor_kind(sensor.model)
+    reading = Reading(sensor=sensor.name, quantity=kind.quantity, unit=kind.unit, values=_values(sensor.model, tick))
+    if sensor.model in LIDAR_SHAPES:
+        ranges_m = np.linspace(1.0, 40.0, math.prod(LIDAR_SHAPES[sensor.model])).reshape(LIDAR_SHAPES[sensor.model])
+        array = NumericArray.from_array((ranges_m + 0.01 * tick).astype(np.float32))
+        return reading.model_copy(update={"array": array})
+    if sensor.model in CAMERA_SENSORS:
+        return reading.model_copy(update={"image": _image(sensor.model, tick)})
+    return reading
+
+
+def _values(model, tick):
+    if model in CAMERA_SENSORS:
+        return ()
+    if model == "tgs2600":
+        return (50_000.0 - tick,)
+    if model == "anemometer":
+        return (0.5, 0.1)
+    return tuple(1.0 + 0.1 * i + 0.01 * tick for i in range(N_VALUES.get(model, 1)))
+
+
+# A new picture every other tick, told at every tick.
+def _image(model, tick):
+    taken_tick = tick - tick % CAMERA_EVERY_TICKS
+    file = io.BytesIO()
+    if model == "depth_camera":
+        Image.fromarray(np.full((8, 8), 1000 + taken_tick, np.uint16)).save(file, "PNG")
+    else:
+        Image.fromarray(np.full((8, 8, 3), taken_tick % 256, np.uint8)).save(file, "PNG")
+    return CameraImage(
+        encoding="depth_png" if model == "depth_camera" else "png",
+        width_px=8,
+        height_px=8,
+        focal_px=5.0,
+        centre_px=(4.0, 4.0),
+        position_body_m=(0.1, 0.0, 0.0),
+        quaternion_body_wxyz=(0.5, -0.5, 0.5, -0.5),
+        taken_tick=taken_tick,
+        data=file.getvalue(),
+    )

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from read_back import column
 from rerun.chunk import RrdReader
 from scripted_flight import CLOUD_EVERY_TICKS, WAYPOINT_EVERY_TICKS, ScriptedFlight
 
@@ -23,20 +24,8 @@ EVERY_TICK = (
     "/plots/wind_m_s/agent_0/vane/true",
     "/plots/wind_m_s/agent_0/vane/measured",
     "/plots/distance_m/agent_0",
+    "/plots/tracking_error_m/agent_0",
 )
-
-
-def _column(path, entity, component):
-    """All rows of a component: their ticks, times [s] and values, by tick."""
-    rows = []
-    for chunk in RrdReader(path).store().stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if str(chunk.entity_path) != entity or component not in batch.schema.names:
-            continue
-        ticks, values = batch.column("tick").to_pylist(), batch.column(component).to_pylist()
-        times_ns = batch.column("sim_time").cast("int64").to_pylist()
-        rows += zip(ticks, [ns * 1e-9 for ns in times_ns], values, strict=True)
-    return [list(column) for column in zip(*sorted(rows, key=lambda row: row[0]), strict=True)]
 
 
 def test_every_port_of_the_run_is_read_and_none_written(make_room, tmp_path):
@@ -83,10 +72,33 @@ def test_each_agent_has_its_own_vehicle_track_and_curves(record, rows_of):
 
 def test_values_lie_at_their_tick_and_simulated_time(record):
     flight = ScriptedFlight(n_ticks=150)
-    ticks, times_s, values = _column(record(n_ticks=150), "/vehicles/agent_0", "Transform3D:translation")
+    ticks, times_s, values = column(record(n_ticks=150), "/vehicles/agent_0", "Transform3D:translation")
     assert ticks == list(range(150))
     assert times_s == pytest.approx([0.1 * tick for tick in ticks], abs=1e-9)
     np.testing.assert_allclose([value[0] for value in values], [flight.position_m(tick) for tick in ticks], rtol=1e-6)
+
+
+def test_curves_are_the_numbers_of_the_messages(record):
+    flight, path = ScriptedFlight(n_ticks=20), record(n_ticks=20)
+    inboxes = [flight.inbox(tick) for tick in range(20)]
+    bodies = [inbox[keys.BODIES].bodies[0] for inbox in inboxes]
+    observations = [inbox[keys.observation("agent_0")] for inbox in inboxes]
+    expected = {
+        "/plots/tracking_error_m/agent_0": [body.tracking_error_m for body in bodies],
+        "/plots/distance_m/agent_0": [inbox[keys.SCORE].agents[0].distance_to_source_m for inbox in inboxes],
+        "/plots/gas_ppm/agent_0/nose/ethanol": [
+            inbox[keys.SAMPLES].samples[0].gases[0].mixing_ratio_ppm for inbox in inboxes
+        ],
+        "/plots/response/agent_0/nose": [told.reading("nose").values[0] for told in observations],
+        "/plots/wind_m_s/agent_0/vane/measured": [
+            observation.reading("vane").values[0] for observation in observations
+        ],
+        "/plots/wind_m_s/agent_0/vane/true": [0.5] * 20,
+    }
+    for entity, values in expected.items():
+        ticks, _, scalars = column(path, entity, "Scalars:scalars")
+        assert ticks == list(range(20))
+        assert [scalar for (scalar,) in scalars] == pytest.approx(values, rel=1e-12), entity
 
 
 def test_no_wall_clock_is_in_the_file(record):
@@ -96,7 +108,7 @@ def test_no_wall_clock_is_in_the_file(record):
 
 def test_the_track_has_no_gaps(record):
     flight = ScriptedFlight(n_ticks=35)
-    _, _, strips = _column(record(n_ticks=35), "/tracks/agent_0", "LineStrips3D:strips")
+    _, _, strips = column(record(n_ticks=35), "/tracks/agent_0", "LineStrips3D:strips")
     joined = [strips[0][0][0], *(point for row in strips for point in row[0][1:])]
     assert all(a[0][-1] == b[0][0] for a, b in itertools.pairwise(strips))
     np.testing.assert_allclose(joined, [flight.position_m(tick) for tick in range(35)], rtol=1e-6)
@@ -106,7 +118,7 @@ def test_a_planned_path_is_drawn_once_from_where_it_was_planned(record):
     bend, other, goal = (1.0, 0.0, 2.0), (2.0, 2.0, 2.0), (3.0, 0.0, 2.0)
     plans = ((), (bend, goal), (bend, goal), (goal,), (), (other, goal), (goal,), (goal, bend))
     path = record(n_ticks=12, plans=plans)
-    ticks, _, strips = _column(path, "/plans/agent_0", "LineStrips3D:strips")
+    ticks, _, strips = column(path, "/plans/agent_0", "LineStrips3D:strips")
     position_m = ScriptedFlight().position_m
     assert ticks == [1, 5, 7]
     expected = [[position_m(1), bend, goal], [position_m(5), other, goal], [position_m(7), goal, bend]]
@@ -116,12 +128,12 @@ def test_a_planned_path_is_drawn_once_from_where_it_was_planned(record):
 
 def test_large_clouds_are_thinned_evenly_and_stay_in_the_file_size(record):
     n_filaments = 2 * MAX_FILAMENTS + 1
-    _, _, centres = _column(record(n_ticks=1, n_filaments=n_filaments), "/gas/filaments", "GaussianSplats3D:centers")
+    _, _, centres = column(record(n_ticks=1, n_filaments=n_filaments), "/gas/filaments", "GaussianSplats3D:centers")
     assert len(centres[0]) == -(-n_filaments // 3)
 
 
 def test_an_empty_cloud_is_recorded(record):
-    _, _, centres = _column(record(n_ticks=1, n_filaments=0), "/gas/filaments", "GaussianSplats3D:centers")
+    _, _, centres = column(record(n_ticks=1, n_filaments=0), "/gas/filaments", "GaussianSplats3D:centers")
     assert centres == [[]]
 
 
@@ -139,12 +151,12 @@ def test_nothing_is_recorded_after_the_verdict(make_room, rows_of, tmp_path):
 
 def test_the_text_ends_with_the_result_and_the_log_with_the_end(record):
     path = record(n_ticks=40)
-    ticks, _, texts = _column(path, "/summary", "TextDocument:text")
+    ticks, _, texts = column(path, "/summary", "TextDocument:text")
     assert ticks == [0, 39]
     assert "Success after 3.9 s" not in texts[0][0]
     assert "Success after 3.9 s" in texts[1][0]
     assert "27.0 m flown (shortest way 12.0 m)" in texts[1][0]
-    ticks, _, lines = _column(path, "/events", "TextLog:text")
+    ticks, _, lines = column(path, "/events", "TextLog:text")
     assert list(zip(ticks, (line[0] for line in lines), strict=True)) == [
         (3, "agent_0: takes off"),
         (39, "the run ends after 3.9 s: success"),
@@ -162,7 +174,7 @@ def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):
     """Frames change each second; the plume is 150 s old at tick 0, which is frame 0 of two."""
     room = make_room(wind_m_s=((0.3, 0.0, 0.0), (0.0, 0.3, 0.0)))
     path = record(n_ticks=35, room=room)
-    ticks, _, vectors = _column(path, "/wind", "Arrows3D:vectors")
+    ticks, _, vectors = column(path, "/wind", "Arrows3D:vectors")
     assert ticks == [0, 10, 20, 30]
     assert vectors[0][0][0] > 0.0 == vectors[1][0][0]
     assert vectors[0] == vectors[2]
@@ -233,7 +245,7 @@ def test_the_radio_has_a_log_that_tells_what_became_of_each_text(make_room, tmp_
         traffic = RadioTraffic(tick=tick, transmissions=(sent, lost, refused) if tick == 2 else ())
         core.step(tick, {**flight.inbox(tick), keys.RADIO: traffic})
     core.close()
-    ticks, _, texts = _column(path, "/radio", "TextLog:text")
+    ticks, _, texts = column(path, "/radio", "TextLog:text")
     assert ticks == [2, 2, 2]
     assert [text[0] for text in texts] == [
         "agent_0 on radio to all: here   [heard by agent_1]",

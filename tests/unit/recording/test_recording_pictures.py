@@ -9,7 +9,7 @@ from scripted_flight import scenario
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud
-from gslcosim.recording import blueprint
+from gslcosim.recording import eyes
 from gslcosim.recording.colors import MAP_FLOOR, GasScale, gas_colors, slice_colors
 from gslcosim.recording.rows import BIRTH_OPACITY, FilamentRows, SliceRows
 from gslcosim.recording.summary import summary_text
@@ -124,15 +124,15 @@ def test_arrows_are_in_proportion_up_to_a_limit_and_still_air_has_none(make_room
 def test_the_eye_sees_every_corner_of_the_room_and_fills_its_view(make_room):
     """The camera's equations, independent of how its place was found: all corners inside, at least two at the rim."""
     room = make_room()
-    eye_m, target_m = (np.array(point) for point in blueprint.eye_on_room(room))
+    eye_m, target_m = (np.array(point) for point in eyes.eye_on_room(room))
     forward = (target_m - eye_m) / np.linalg.norm(target_m - eye_m)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
     corners_m = np.array(list(itertools.product(*zip(room.grid.origin_m, room.grid.max_m, strict=True)))) - eye_m
-    half = math.tan(blueprint.FIELD_OF_VIEW_RAD / 2)
+    half = math.tan(eyes.FIELD_OF_VIEW_RAD / 2)
     height = corners_m @ up / (corners_m @ forward) / half
-    width = corners_m @ right / (corners_m @ forward) / half / blueprint.ROOM_VIEW_ASPECT
+    width = corners_m @ right / (corners_m @ forward) / half / eyes.ROOM_VIEW_ASPECT
     assert max(np.abs(height).max(), np.abs(width).max()) <= 1.0
     filled = max(np.ptp(height), np.ptp(width))
     assert filled > 1.9

@@ -1,0 +1,43 @@
+"""The page on recordings names every entity that there is, and no other."""
+
+import re
+from pathlib import Path
+
+from scripted_flight import NOSE_AND_VANE, ON_BOARD, ScriptedFlight
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
+from gslcosim.contract.participant import Episode
+from gslcosim.recording.core import RecorderCore
+
+PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
+RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
+PLACES = {"<agent>": "agent_0", "<gas>": "ethanol", "<sensor>": r"\w+", "<quantity>": r"\w+"}
+
+
+def _documented():
+    entities = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(), re.MULTILINE)
+    for place, pattern in PLACES.items():
+        entities = [entity.replace(place, pattern) for entity in entities]
+    return [re.compile(f"/{entity}(/.*)?") for entity in entities]
+
+
+def test_every_entity_is_explained_and_every_explained_one_is_recorded(make_room, rows_of, tmp_path):
+    flight = ScriptedFlight(
+        n_ticks=35,
+        sensors=(*NOSE_AND_VANE, *ON_BOARD),
+        channels=({"name": "radio"},),
+        contacts=(("rack",),),
+        plans=((), ((1.0, 0.0, 2.0),)),
+    )
+    path = tmp_path / "recording.rrd"
+    core = RecorderCore(flight.scenario, make_room(obstacles=[RACK]), path)
+    core.reset(Episode(seed=0))
+    sent = RadioTransmission(sender="agent_0", message=RadioMessage(channel="radio", text="here"))
+    for tick in range(35):
+        core.step(tick, {**flight.inbox(tick), keys.RADIO: RadioTraffic(tick=tick, transmissions=(sent,))})
+    core.close()
+    recorded = [entity for entity in rows_of(path) if not entity.startswith("/__")]
+    documented = _documented()
+    assert [entity for entity in recorded if not any(pattern.fullmatch(entity) for pattern in documented)] == []
+    assert [pattern.pattern for pattern in documented if not any(map(pattern.fullmatch, recorded))] == []
