@@ -19,8 +19,8 @@ from gslcosim.scenario.models import SensorSpec
 from gslcosim.sensing.models.ranging import directions_body
 from gslcosim.ticks import exact_ticks_from_seconds
 
-# Points of the screen: a scan is seen through from near, and not lost from far.
-POINT_RADIUS = rr.Radius.ui_points(1.2)
+# Negative, which for Rerun is in points of the screen: a scan is seen through from near, and not lost from far.
+POINT_RADIUS = -1.2
 RAY_RADIUS_M = 0.008
 # How far before the eye a picture hangs in space, and how thick the lines to its corners are.
 PICTURE_DISTANCE_M = 0.5
