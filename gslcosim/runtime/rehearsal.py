@@ -1,12 +1,29 @@
 """Two made-up ticks before a run, so that no kernel is compiled or loaded while simulated time passes."""
 
+from collections.abc import Callable
+
+import numpy as np
+
 from gslcosim.contract import keys
-from gslcosim.contract.messages import BodyPoses, BodyState
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import (
+    BodyPoses,
+    BodyState,
+    CameraFrame,
+    CameraFrames,
+    CameraImage,
+    FieldSamples,
+    Message,
+    MountSample,
+    RadioTraffic,
+)
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models import AgentSpec
 
-REHEARSED = ("world", "fields")
+REHEARSED = ("world", "fields", "sensing")
 N_TICKS = 2
+_STILL = (0.0, 0.0, 0.0)
 
 
 def rehearse(core: Core, scenario: Scenario) -> None:
@@ -16,24 +33,63 @@ def rehearse(core: Core, scenario: Scenario) -> None:
     otherwise happen in the first ticks.
     """
     core.reset(Episode(seed=scenario.seed))
-    reads_bodies = any(read.port == keys.BODIES for read in core.spec.reads)
+    ports = [read.port for read in core.spec.reads if read.port in _MADE_UP]
     for tick in range(N_TICKS):
-        core.step(tick, {keys.BODIES: _at_start(scenario, tick)} if reads_bodies else {})
+        core.step(tick, {port: _MADE_UP[port](scenario, tick) for port in ports})
 
 
 def _at_start(scenario: Scenario, tick: int) -> BodyPoses:
-    still = (0.0, 0.0, 0.0)
-    bodies = tuple(
-        BodyState(
-            agent=agent.name,
-            position_world_m=agent.vehicle.start_m,
-            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-            velocity_world_m_s=still,
-            angular_velocity_body_rad_s=still,
-            phase="on_ground",
-            awaiting_command=False,
-            path_length_m=0.0,
-        )
-        for agent in scenario.agents
+    return BodyPoses(tick=tick, bodies=tuple(_resting(agent) for agent in scenario.agents))
+
+
+def _resting(agent: AgentSpec) -> BodyState:
+    has_imu = any(sensor.model == "imu" for sensor in agent.sensors)
+    return BodyState(
+        agent=agent.name,
+        position_world_m=agent.vehicle.start_m,
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_world_m_s=_STILL,
+        angular_velocity_body_rad_s=_STILL,
+        phase="on_ground",
+        awaiting_command=False,
+        path_length_m=0.0,
+        inertial_body=NumericArray.from_array(np.zeros((1, 9))) if has_imu else None,
     )
-    return BodyPoses(tick=tick, bodies=bodies)
+
+
+def _clean_air(scenario: Scenario, tick: int) -> FieldSamples:
+    samples = tuple(
+        MountSample(agent=agent.name, sensor=sensor.name, gases=(), wind_world_m_s=_STILL, beam_m=0.0)
+        for agent in scenario.agents
+        for sensor in agent.sensors
+    )
+    return FieldSamples(tick=tick, samples=samples)
+
+
+def _blank_pictures(scenario: Scenario, tick: int) -> CameraFrames:
+    image = CameraImage(
+        encoding="png",
+        width_px=1,
+        height_px=1,
+        focal_px=1.0,
+        centre_px=(0.5, 0.5),
+        position_body_m=_STILL,
+        quaternion_body_wxyz=(1.0, 0.0, 0.0, 0.0),
+        taken_tick=tick,
+        data=b"",
+    )
+    frames = (CameraFrame(agent=agent.name, sensor=sensor.name, image=image) for agent, sensor in scenario.cameras)
+    return CameraFrames(tick=tick, frames=tuple(frames))
+
+
+def _silence(scenario: Scenario, tick: int) -> RadioTraffic:
+    del scenario
+    return RadioTraffic(tick=tick)
+
+
+_MADE_UP: dict[str, Callable[[Scenario, int], Message]] = {
+    keys.BODIES: _at_start,
+    keys.SAMPLES: _clean_air,
+    keys.RADIO: _silence,
+    keys.IMAGES: _blank_pictures,
+}

@@ -3,12 +3,12 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
 from gslcosim.errors import ModelError
 from gslcosim.scenario.models import SensorSpec
+from gslcosim.sensing.inertial_kernels import inertial_samples
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 from gslcosim.sensing.models.wandering import WanderingBias
@@ -40,8 +40,10 @@ class Imu:
 
     def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         imu = spec.imu
-        self._spec = spec
+        self._sensor = spec.name
+        self._imu = imu
         self._tick_s = tick_s
+        self._arm_m = np.array(spec.mount_m, np.float64)
         self._rng = rng
         self._biases: tuple[WanderingBias, WanderingBias] | None = None
         self._density = np.repeat([imu.accelerometer_noise_density, imu.gyro_noise_density], 3)
@@ -53,23 +55,25 @@ class Imu:
         inertial = sample.body.inertial_body
         if inertial is None:
             raise ModelError(f"sensing: expected inertial_body of vehicle {sample.body.agent!r}, was none.")
-        rows = self._at_rate(_at_mount(inertial.to_array(), self._spec.mount_m))
-        n, dt_s = len(rows), self._tick_s / len(rows)
-        self._biases = self._biases or self._new_biases(dt_s)
-        bias = np.hstack([bias.steps(n) for bias in self._biases])
-        rows = rows + bias + self._density / math.sqrt(dt_s) * self._rng.standard_normal(rows.shape)
-        kept = np.clip(rows, -self._limit, self._limit)
+        rows = inertial.to_array()
+        n = self._n_samples(len(rows))
+        dt_s = self._tick_s / n
+        force_bias, rate_bias = self._biases = self._biases or self._new_biases(dt_s)
+        samples, means, is_cut = inertial_samples(
+            rows, n, self._arm_m, force_bias.steps(n), rate_bias.steps(n),
+            self._density / math.sqrt(dt_s), self._rng.standard_normal((n, 6)), self._limit,
+        )  # fmt: skip
         return Reading(
-            sensor=self._spec.name,
+            sensor=self._sensor,
             quantity=QUANTITY,
             unit=UNIT,
-            values=tuple(kept.mean(axis=0).tolist()),
-            is_saturated=bool((kept != rows).any()),
-            array=NumericArray.from_array(kept),
+            values=tuple(means.tolist()),
+            is_saturated=bool(is_cut),
+            array=NumericArray.from_array(samples),
         )
 
     def _new_biases(self, dt_s: float) -> tuple[WanderingBias, WanderingBias]:
-        imu, rng = self._spec.imu, self._rng
+        imu, rng = self._imu, self._rng
         force = WanderingBias(
             (imu.accelerometer_random_walk,) * 3,
             imu.accelerometer_correlation_s,
@@ -83,23 +87,12 @@ class Imu:
         return force, rate
 
     # Means of as many physics steps as make a sample; a slower physics than the rate gives a sample a step.
-    def _at_rate(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        rate_hz = self._spec.imu.rate_hz
-        if rate_hz is None:
-            return rows
-        n = max(1, min(len(rows), round(rate_hz * self._tick_s)))
-        while len(rows) % n:
+    def _n_samples(self, n_rows: int) -> int:
+        rate_hz = self._imu.rate_hz
+        n = n_rows if rate_hz is None else max(1, min(n_rows, round(rate_hz * self._tick_s)))
+        while n_rows % n:
             n -= 1
-        return rows.reshape(n, -1, 6).mean(axis=1)
-
-
-# (n, 6) specific force and angular velocity at a mount, from those and the angular acceleration at the body's origin.
-def _at_mount(inertial: NDArray[np.float64], mount_m: Vec3) -> NDArray[np.float64]:
-    if not any(mount_m):
-        return inertial[:, :6]
-    arm, omega, alpha = np.array(mount_m), inertial[:, 3:6], inertial[:, 6:]
-    force = inertial[:, :3] + np.cross(omega, np.cross(omega, arm)) + np.cross(alpha, arm)
-    return np.hstack([force, omega])
+        return n
 
 
 IMU = SensorKind(

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.sensing.inertial_kernels import wander_inplace
+
 
 class WanderingBias:
     """A first-order Gauss-Markov process in three axes, exact for any length of the step.
@@ -36,6 +38,7 @@ class WanderingBias:
         self._rng = rng
         self._constant = start_std * rng.standard_normal(3)
         self._wandering = np.zeros(3)
+        self._powers = np.empty(0)
 
     def step(self) -> NDArray[np.float64]:
         """Advance by one step and return the (3,) bias."""
@@ -45,10 +48,9 @@ class WanderingBias:
     def steps(self, n: int) -> NDArray[np.float64]:
         """Advance by n steps, far fewer than there are in a correlation time, and return the (n, 3) biases.
 
-        b_i = k^i (b_0 + sum of e_j k^-j over j <= i), which is `step` n times.
+        See `wander_inplace`; it is `step` n times.
         """
-        powers = self._keeps ** np.arange(1, n + 1)[:, None]
-        kicks = self._kick * self._rng.standard_normal((n, 3))
-        wandering = powers * (self._wandering + np.cumsum(kicks / powers, axis=0))
-        self._wandering = wandering[-1]
-        return self._constant + wandering
+        if len(self._powers) != n:
+            self._powers = self._keeps ** np.arange(1, n + 1)
+        draws = self._rng.standard_normal((n, 3))
+        return wander_inplace(self._wandering, self._constant, self._kick, self._powers, draws)

@@ -1,0 +1,50 @@
+"""A rehearsal loads kernels and leaves no trace."""
+
+import pytest
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import BodyPoses, CameraFrames, FieldSamples, RadioTraffic
+from gslcosim.contract.participant import Episode
+from gslcosim.runtime.rehearsal import rehearse
+from gslcosim.scenario.models import Scenario
+from gslcosim.sensing.core import SensingCore
+
+SENSORS = [
+    {"model": "tgs2600", "name": "nose"},
+    {"model": "imu", "name": "imu"},
+    {"model": "lidar_2d", "name": "scan", "noise_std": 0.1},
+    {"model": "camera", "name": "eye"},
+]
+
+
+class Listening:
+    """Stands before a core and keeps what it is given."""
+
+    def __init__(self, core):
+        self.core, self.spec, self.inboxes = core, core.spec, []
+
+    def reset(self, episode):
+        return self.core.reset(episode)
+
+    def step(self, tick, inbox):
+        self.inboxes.append(inbox)
+        return self.core.step(tick, inbox)
+
+
+@pytest.fixture
+def scenario(make_scenario):
+    values = make_scenario({}, {}).model_dump(by_alias=True)
+    values["agents"][0]["sensors"] = SENSORS
+    return Scenario.model_validate({**values, "channels": [{"name": "radio"}]})
+
+
+def test_sensing_is_rehearsed_with_all_that_it_reads_and_starts_afresh(scenario, make_room):
+    core = Listening(SensingCore(scenario, make_room()))
+    rehearse(core, scenario)
+    assert len(core.inboxes) == 2
+    types = {port: type(message) for port, message in core.inboxes[0].items()}
+    expected = {keys.BODIES: BodyPoses, keys.SAMPLES: FieldSamples, keys.RADIO: RadioTraffic, keys.IMAGES: CameraFrames}
+    assert types == expected
+    after = [core.reset(Episode(seed=4)), core.step(0, core.inboxes[0])]
+    new = SensingCore(scenario, make_room())
+    assert [new.reset(Episode(seed=4)), new.step(0, core.inboxes[0])] == after
