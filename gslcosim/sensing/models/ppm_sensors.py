@@ -228,7 +228,7 @@ PPM_KINDS = (
         name="hit_counter",
         quantity="hits",
         unit="1",
-        description="Hit counter of infotaxis: values = (hits in the last period_s, or tick,), Poisson with "
+        description="Hit counter of infotaxis: values = (hits,) in the last period_s, or tick; Poisson with "
         "hits_per_s_per_ppm.",
         build=HitCounter,
     ),
