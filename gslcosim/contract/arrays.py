@@ -45,7 +45,9 @@ class NumericArray(BaseModel):
         """Copy a numpy array of one of the five dtypes into a message field."""
         name = _NAME_OF.get(array.dtype) or array.dtype.name
         data = array.astype(_DTYPE_OF[name], copy=False).tobytes()
-        return cls(dtype=name, shape=array.shape, data=data)  # type: ignore[arg-type]
+        if array.ndim <= MAX_DIMENSIONS and np.isfinite(array).all():
+            return cls.model_construct(dtype=name, shape=array.shape, data=data)
+        return cls(dtype=name, shape=array.shape, data=data)  # type: ignore[arg-type]  # refuses it, and says why
 
     def to_array(self) -> NDArray[Any]:
         """Return the values as a read-only numpy array with the message's shape."""

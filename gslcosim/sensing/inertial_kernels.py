@@ -1,35 +1,8 @@
-"""What an inertial measurement unit makes of a tick: wandering biases, lever arm, samples, noise and limits."""
+"""What an inertial measurement unit makes of a tick: lever arm, samples, wandering biases, noise and limits."""
 # pyright: basic
 
 import numba
 import numpy as np
-
-
-@numba.njit(cache=True, nogil=True)
-def wander_inplace(wandering, constant, kick, powers, draws):
-    """Advance a bias by n steps and return the (n, 3) biases.
-
-    b_i = k^i (b_0 + sum of e_j k^-j over j <= i),  e_j = kick draws_j;   bias = constant + b
-    [x] = [x]
-
-    Args:
-        wandering: (3,) the part b that wanders; advanced.
-        constant: (3,) the part that stays.
-        kick: (3,) standard deviation of e.
-        powers: (n,) k^1 to k^n, k what a step keeps of b.
-        draws: (n, 3) standard normal numbers.
-
-    Held by:
-        tests/unit/sensing/test_inertial_kernels.py, tests/unit/sensing/test_navigation_sensors.py
-    """
-    biases = np.empty_like(draws)
-    for a in range(3):
-        pushed = 0.0
-        for i in range(draws.shape[0]):
-            pushed += kick[a] * draws[i, a] / powers[i]
-            biases[i, a] = constant[a] + powers[i] * (wandering[a] + pushed)
-        wandering[a] = powers[-1] * (wandering[a] + pushed)
-    return biases
 
 
 @numba.njit(cache=True, nogil=True)
@@ -38,50 +11,95 @@ def _crossed(a, b):
 
 
 @numba.njit(cache=True, nogil=True)
-def _felt_at(row, arm_m):
-    # Specific force and angular velocity at a mount, from those and the angular acceleration at the body's origin.
-    omega, alpha = (row[3], row[4], row[5]), (row[6], row[7], row[8])
-    inwards, sideways = _crossed(omega, _crossed(omega, arm_m)), _crossed(alpha, arm_m)
-    f_x, f_y, f_z = row[0] + inwards[0], row[1] + inwards[1], row[2] + inwards[2]
-    return f_x + sideways[0], f_y + sideways[1], f_z + sideways[2], row[3], row[4], row[5]
+def felt_inplace(inertial, arm_m, samples):
+    """Write what is felt at a mount: specific force and angular velocity, means over the rows of each sample.
+
+    f = f_0 + omega x (omega x r) + alpha x r
+    [m/s^2]; r mount in the body frame
+
+    Args:
+        inertial: (n_rows, 9) specific force [m/s^2], angular velocity [rad/s] and angular acceleration [rad/s^2] at the
+            origin of the body frame, in its axes; a row for each physics step.
+        arm_m: (3,) r, the mount in the body frame [m].
+        samples: (n, 6) written; n divides n_rows.
+
+    Held by:
+        tests/unit/sensing/test_inertial_kernels.py
+    """
+    n_rows = inertial.shape[0] // samples.shape[0]
+    samples[:] = 0.0
+    for i in range(samples.shape[0]):
+        for row in inertial[i * n_rows : (i + 1) * n_rows]:
+            omega, alpha = (row[3], row[4], row[5]), (row[6], row[7], row[8])
+            inwards, sideways = _crossed(omega, _crossed(omega, arm_m)), _crossed(alpha, arm_m)
+            for a in range(3):
+                samples[i, a] += row[a] + inwards[a] + sideways[a]
+                samples[i, 3 + a] += row[3 + a]
+    samples /= n_rows
 
 
 @numba.njit(cache=True, nogil=True)
-def inertial_samples(inertial, n, arm_m, force_bias, rate_bias, noise, draws, limit):
-    """Return the samples of a tick, their means, and whether any was cut at the limits.
+def wander_inplace(wandering, kick, powers, draws, biases):
+    """Advance a bias in three axes by n steps and write it after each.
 
-    sample = mean of (f + omega x (omega x r) + alpha x r, omega) over its rows + bias + noise draws, within +- limit
-    [m/s^2], [rad/s]; r mount in the body frame
+    b_i = k^i (b_0 + sum of e_j k^-j over j <= i),  e_j = kick draws_j
+    [x]
 
     Args:
-        inertial: (n_rows, 9) specific force, angular velocity and angular acceleration at the body's origin, in its
-            axes; a row for each physics step.
-        n: Number of samples, a divisor of n_rows.
-        arm_m: (3,) r, the mount in the body frame [m].
-        force_bias: (n, 3) bias of the accelerometer [m/s^2].
-        rate_bias: (n, 3) bias of the gyroscope [rad/s].
+        wandering: (3,) b; advanced.
+        kick: Standard deviation of e.
+        powers: (n,) k^1 to k^n, k what a step keeps of b.
+        draws: (n, 3) standard normal numbers.
+        biases: (n, 3) written.
+
+    Held by:
+        tests/unit/sensing/test_inertial_kernels.py
+    """
+    n = draws.shape[0]
+    for a in range(3):
+        pushed = 0.0
+        for i in range(n):
+            pushed += kick * draws[i, a] / powers[i]
+            biases[i, a] = powers[i] * (wandering[a] + pushed)
+        wandering[a] = biases[n - 1, a]
+
+
+@numba.njit(cache=True, nogil=True)
+def inertial_samples(inertial, arm_m, constant, wandering, kick, powers, noise, limit, draws):
+    """Return the samples of a tick, their means, and whether any was cut at the limits.
+
+    sample = felt + constant + wandering bias + noise N(0, 1), within +- limit
+    [m/s^2], [rad/s]
+
+    Args:
+        inertial: (n_rows, 9), see `felt_inplace`.
+        arm_m: (3,) the mount in the body frame [m].
+        constant: (6,) biases that stay [m/s^2], [rad/s].
+        wandering: (6,) biases that wander [m/s^2], [rad/s]; advanced by n steps.
+        kick: (2,) of accelerometer and gyroscope, see `wander_inplace`.
+        powers: (2, n) of accelerometer and gyroscope, see `wander_inplace`; n divides n_rows.
         noise: (6,) standard deviation of a sample's noise [m/s^2], [rad/s].
-        draws: (n, 6) standard normal numbers.
         limit: (6,) ends of the ranges [m/s^2], [rad/s].
+        draws: (12 n,) standard normal numbers: for the accelerometer's bias, for the gyroscope's, for the noise.
 
     Returns:
-        (n, 6) samples, (6,) means of them, whether any was cut.
+        (n, 6) samples, their six means, whether any was cut.
 
     Held by:
         tests/unit/sensing/test_inertial_kernels.py (the same in plain numpy, to the bit)
     """
-    n_rows = inertial.shape[0] // n
-    samples, means, is_cut = np.empty((n, 6)), np.zeros(6), False
-    felt = np.empty(6)
+    n = powers.shape[1]
+    samples, biases = np.empty((n, 6)), np.empty((n, 6))
+    felt_inplace(inertial, arm_m, samples)
+    for half in range(2):
+        axes, own = slice(3 * half, 3 * half + 3), draws[3 * n * half : 3 * n * (half + 1)].reshape(n, 3)
+        wander_inplace(wandering[axes], kick[half], powers[half], own, biases[:, axes])
+    is_cut, sums = False, np.zeros(6)
     for i in range(n):
-        for row in range(i * n_rows, (i + 1) * n_rows):
-            parts = _felt_at(inertial[row], arm_m)
-            for a in range(6):
-                felt[a] = parts[a] if row == i * n_rows else felt[a] + parts[a]
         for a in range(6):
-            bias = force_bias[i, a] if a < 3 else rate_bias[i, a - 3]
-            value = felt[a] / n_rows + bias + noise[a] * draws[i, a]
+            value = samples[i, a] + (constant[a] + biases[i, a]) + noise[a] * draws[6 * n + 6 * i + a]
             samples[i, a] = min(max(value, -limit[a]), limit[a])
             is_cut |= samples[i, a] != value
-            means[a] += samples[i, a]
-    return samples, means / n, is_cut
+            sums[a] += samples[i, a]
+    means = (sums[0] / n, sums[1] / n, sums[2] / n, sums[3] / n, sums[4] / n, sums[5] / n)
+    return samples, means, is_cut

@@ -1,17 +1,20 @@
 """Inertial measurement unit: specific force and angular velocity, with noise and wandering biases."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
 from gslcosim.errors import ModelError
 from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.onboard_models import ImuSpec
 from gslcosim.sensing.inertial_kernels import inertial_samples
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
-from gslcosim.sensing.models.wandering import WanderingBias
+from gslcosim.sensing.models.wandering import kept_over, kick_over
 
 QUANTITY = "specific_force, angular_velocity"
 UNIT = "m/s^2, rad/s"
@@ -43,11 +46,13 @@ class Imu:
         self._sensor = spec.name
         self._imu = imu
         self._tick_s = tick_s
-        self._arm_m = np.array(spec.mount_m, np.float64)
         self._rng = rng
-        self._biases: tuple[WanderingBias, WanderingBias] | None = None
-        self._density = np.repeat([imu.accelerometer_noise_density, imu.gyro_noise_density], 3)
+        self._arm_m = np.array(spec.mount_m, np.float64)
         self._limit = np.repeat([imu.max_acceleration_m_s2, imu.max_rate_rad_s], 3)
+        start = np.repeat([imu.accelerometer_start_bias_m_s2, imu.gyro_start_bias_rad_s], 3)
+        self._constant = start * rng.standard_normal(6)
+        self._wandering = np.zeros(6)
+        self._pace = _pace(imu, 1, tick_s)
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the samples of the tick; see `SensorModel.read`."""
@@ -55,44 +60,57 @@ class Imu:
         inertial = sample.body.inertial_body
         if inertial is None:
             raise ModelError(f"sensing: expected inertial_body of vehicle {sample.body.agent!r}, was none.")
-        rows = inertial.to_array()
-        n = self._n_samples(len(rows))
-        dt_s = self._tick_s / n
-        force_bias, rate_bias = self._biases = self._biases or self._new_biases(dt_s)
+        n = _n_samples(inertial.shape[0], self._imu.rate_hz, self._tick_s)
+        if n != self._pace.n:
+            self._pace = _pace(self._imu, n, self._tick_s)
+        pace = self._pace
         samples, means, is_cut = inertial_samples(
-            rows, n, self._arm_m, force_bias.steps(n), rate_bias.steps(n),
-            self._density / math.sqrt(dt_s), self._rng.standard_normal((n, 6)), self._limit,
+            inertial.to_array(), self._arm_m, self._constant, self._wandering,
+            pace.kick, pace.powers, pace.noise, self._limit, self._rng.standard_normal(12 * n),
         )  # fmt: skip
         return Reading(
             sensor=self._sensor,
             quantity=QUANTITY,
             unit=UNIT,
-            values=tuple(means.tolist()),
-            is_saturated=bool(is_cut),
+            values=means,
+            is_saturated=is_cut,
             array=NumericArray.from_array(samples),
         )
 
-    def _new_biases(self, dt_s: float) -> tuple[WanderingBias, WanderingBias]:
-        imu, rng = self._imu, self._rng
-        force = WanderingBias(
-            (imu.accelerometer_random_walk,) * 3,
-            imu.accelerometer_correlation_s,
-            dt_s,
-            rng,
-            start_std=imu.accelerometer_start_bias_m_s2,
-        )
-        rate = WanderingBias(
-            (imu.gyro_random_walk,) * 3, imu.gyro_correlation_s, dt_s, rng, start_std=imu.gyro_start_bias_rad_s
-        )
-        return force, rate
 
-    # Means of as many physics steps as make a sample; a slower physics than the rate gives a sample a step.
-    def _n_samples(self, n_rows: int) -> int:
-        rate_hz = self._imu.rate_hz
-        n = n_rows if rate_hz is None else max(1, min(n_rows, round(rate_hz * self._tick_s)))
-        while n_rows % n:
-            n -= 1
-        return n
+@dataclass(frozen=True)
+class _Pace:
+    """What the errors of a sample depend on besides the settings: how many there are in a tick."""
+
+    n: int
+    kick: NDArray[np.float64]
+    powers: NDArray[np.float64]
+    noise: NDArray[np.float64]
+
+
+def _pace(imu: ImuSpec, n: int, tick_s: float) -> _Pace:
+    dt_s = tick_s / n
+    walks = (
+        (imu.accelerometer_random_walk, imu.accelerometer_correlation_s),
+        (imu.gyro_random_walk, imu.gyro_correlation_s),
+    )
+    density = np.repeat([imu.accelerometer_noise_density, imu.gyro_noise_density], 3)
+    return _Pace(
+        n=n,
+        kick=np.array([kick_over(dt_s, walk, correlation_s) for walk, correlation_s in walks]),
+        powers=np.array(
+            [kept_over(dt_s, correlation_s) ** np.arange(1, n + 1) for _, correlation_s in walks], np.float64
+        ),
+        noise=density / math.sqrt(dt_s),
+    )
+
+
+# A sample is the mean of as many physics steps as make one; a slower physics than the rate gives a sample a step.
+def _n_samples(n_rows: int, rate_hz: float | None, tick_s: float) -> int:
+    n = n_rows if rate_hz is None else max(1, min(n_rows, round(rate_hz * tick_s)))
+    while n_rows % n:
+        n -= 1
+    return n
 
 
 IMU = SensorKind(

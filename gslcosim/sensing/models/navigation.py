@@ -43,14 +43,15 @@ class Gps:
         self._offset = WanderingBias(walk, gps.correlation_s, tick_s, rng)
         position = (gps.position_noise_xy_m, gps.position_noise_xy_m, gps.position_noise_z_m)
         velocity = (gps.velocity_noise_xy_m_s, gps.velocity_noise_xy_m_s, gps.velocity_noise_z_m_s)
-        self._noise = np.array(position + velocity)
+        self._noise = position + velocity
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the fix; see `SensorModel.read`."""
-        place_m = sample.place_world_m(self._spec.mount_m) + self._offset.step()
-        truth = np.concatenate([place_m, mount_velocity_world_m_s])
-        values = truth + self._noise * self._rng.standard_normal(6)
-        return Reading(sensor=self._spec.name, quantity=GPS.quantity, unit=GPS.unit, values=tuple(values.tolist()))
+        place_m, offset_m = sample.place_world_m(self._spec.mount_m), self._offset.step()
+        truth = *(x + off for x, off in zip(place_m, offset_m, strict=True)), *mount_velocity_world_m_s
+        draws = self._rng.standard_normal(6).tolist()
+        values = tuple(x + std * draw for x, std, draw in zip(truth, self._noise, draws, strict=True))
+        return Reading(sensor=self._spec.name, quantity=GPS.quantity, unit=GPS.unit, values=values)
 
 
 class Barometer:
@@ -77,7 +78,7 @@ class Barometer:
         del mount_velocity_world_m_s
         self._tick += 1
         barometer = self._spec.barometer
-        z_m = float(sample.place_world_m(self._spec.mount_m)[2])
+        _, _, z_m = sample.place_world_m(self._spec.mount_m)
         truth_pa = pressure_pa(z_m, barometer.ground_pressure_pa, barometer.ground_temperature_k)
         error_pa = barometer.drift_pa_s * self._tick * self._tick_s
         error_pa += barometer.noise_std_pa * float(self._rng.standard_normal())
@@ -116,7 +117,7 @@ class Magnetometer:
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the field; see `SensorModel.read`."""
         del mount_velocity_world_m_s
-        values = sample.world_from_body.T @ self._field_ut + self._bias.step()
+        values = sample.world_from_body.T @ self._field_ut + np.array(self._bias.step())
         values = values + self._noise_ut * self._rng.standard_normal(3)
         return Reading(sensor=self._sensor, quantity="magnetic_field", unit="uT", values=tuple(values.tolist()))
 

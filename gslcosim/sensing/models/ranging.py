@@ -48,7 +48,7 @@ class RangeSensor:
         del mount_velocity_world_m_s
         limit_m, noise_m = self._spec.max_range_m, self._spec.noise_std
         rays_world = self._rays_body @ sample.world_from_body.T
-        start_m = sample.place_world_m(self._spec.mount_m)
+        start_m = np.array(sample.place_world_m(self._spec.mount_m))
         ranges_m = sample.scene.ranges_m(start_m, rays_world, sample.others, limit_m)
         is_hit = ranges_m < limit_m
         if noise_m:

@@ -28,7 +28,10 @@ class Surroundings:
         """The (3, 3) matrix that turns body-frame vectors into world-frame vectors."""
         return world_from_body_rotation(self.body.quaternion_wxyz)
 
-    def place_world_m(self, mount_body_m: Vec3) -> NDArray[np.float64]:
+    def place_world_m(self, mount_body_m: Vec3) -> Vec3:
         """Return where a mount is, world frame [m]."""
-        place_m = np.array(self.body.position_world_m)
-        return place_m + self.world_from_body @ np.array(mount_body_m) if any(mount_body_m) else place_m
+        x_m, y_m, z_m = self.body.position_world_m
+        if not any(mount_body_m):
+            return x_m, y_m, z_m
+        dx_m, dy_m, dz_m = (self.world_from_body @ np.array(mount_body_m)).tolist()
+        return x_m + dx_m, y_m + dy_m, z_m + dz_m

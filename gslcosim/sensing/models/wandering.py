@@ -4,9 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-
-from gslcosim.sensing.inertial_kernels import wander_inplace
 
 
 class WanderingBias:
@@ -21,7 +18,7 @@ class WanderingBias:
     Source:
         RotorS and PX4's Gazebo plug-ins for the IMU, which Pegasus follows.
     Held by:
-        tests/unit/sensing/test_imu.py, tests/unit/sensing/test_navigation_sensors.py
+        tests/unit/sensing/test_navigation_sensors.py
     """
 
     def __init__(
@@ -33,24 +30,26 @@ class WanderingBias:
         *,
         start_std: float = 0.0,
     ) -> None:
-        self._keeps = math.exp(-dt_s / correlation_s)
-        self._kick = np.array(walk) * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))
+        self._keeps = kept_over(dt_s, correlation_s)
+        self._kick = [kick_over(dt_s, q, correlation_s) for q in walk]
         self._rng = rng
-        self._constant = start_std * rng.standard_normal(3)
-        self._wandering = np.zeros(3)
-        self._powers = np.empty(0)
+        self._constant: list[float] = (start_std * rng.standard_normal(3)).tolist()
+        self._wandering = [0.0, 0.0, 0.0]
 
-    def step(self) -> NDArray[np.float64]:
-        """Advance by one step and return the (3,) bias."""
-        self._wandering = self._keeps * self._wandering + self._kick * self._rng.standard_normal(3)
-        return self._constant + self._wandering
+    # In plain numbers: for three of them numpy takes longer.
+    def step(self) -> list[float]:
+        """Advance by one step and return the bias, x, y, z."""
+        draws = self._rng.standard_normal(3).tolist()
+        kept, steps = self._keeps, zip(self._wandering, self._kick, draws, strict=True)
+        self._wandering = [kept * b + kick * draw for b, kick, draw in steps]
+        return [constant + b for constant, b in zip(self._constant, self._wandering, strict=True)]
 
-    def steps(self, n: int) -> NDArray[np.float64]:
-        """Advance by n steps, far fewer than there are in a correlation time, and return the (n, 3) biases.
 
-        See `wander_inplace`; it is `step` n times.
-        """
-        if len(self._powers) != n:
-            self._powers = self._keeps ** np.arange(1, n + 1)
-        draws = self._rng.standard_normal((n, 3))
-        return wander_inplace(self._wandering, self._constant, self._kick, self._powers, draws)
+def kept_over(dt_s: float, correlation_s: float) -> float:
+    """Return what is left of a wandering bias after some time: e^(-dt/T)."""
+    return math.exp(-dt_s / correlation_s)
+
+
+def kick_over(dt_s: float, walk: float, correlation_s: float) -> float:
+    """Return the standard deviation of what comes to a wandering bias in some time: q sqrt(T/2 (1 - e^(-2 dt/T)))."""
+    return walk * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))

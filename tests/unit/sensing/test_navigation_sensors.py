@@ -35,11 +35,6 @@ def test_a_wandering_bias_does_not_depend_on_the_step(dt_s):
     assert np.var(ends) == pytest.approx(expected, rel=0.06)
 
 
-def test_many_steps_at_once_are_the_same_steps():
-    one, many = (WanderingBias((0.3, 0.1, 0.2), 20.0, 0.5, stream(1, "walk"), start_std=1.0) for _ in range(2))
-    assert np.array([one.step() for _ in range(10)]) == pytest.approx(np.vstack([many.steps(4), many.steps(6)]))
-
-
 def test_a_gps_tells_place_and_velocity_of_its_mount(make_room):
     exact = dict.fromkeys(
         ("random_walk_xy", "random_walk_z", "position_noise_xy_m", "position_noise_z_m",
