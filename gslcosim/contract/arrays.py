@@ -5,7 +5,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 DTYPES = {"float32": "<f4", "float64": "<f8", "uint8": "|u1", "int32": "<i4", "int64": "<i8"}
 MAX_DIMENSIONS = 8
@@ -22,32 +22,37 @@ class NumericArray(BaseModel):
     shape: tuple[int, ...]
     data: bytes
 
-    # Once: validators that come after would be run again by every record that the array becomes a part of.
-    @model_validator(mode="wrap")
+    # Of fields, not of the model: validators of models are run again by every record that an array becomes a part of.
+    @field_validator("shape")
     @classmethod
-    def _check_once(cls, value: Any, build: ModelWrapValidatorHandler[Self]) -> Self:
-        return value if isinstance(value, cls) else build(value)._checked()
+    def _check_shape(cls, shape: tuple[int, ...]) -> tuple[int, ...]:
+        if len(shape) > MAX_DIMENSIONS:
+            raise ValueError(f"expected at most {MAX_DIMENSIONS} dimensions, was {len(shape)}")
+        if any(n < 0 for n in shape):
+            raise ValueError(f"expected lengths that are not negative, was {shape}")
+        return shape
 
-    def _checked(self) -> Self:
-        if len(self.shape) > MAX_DIMENSIONS:
-            raise ValueError(f"expected at most {MAX_DIMENSIONS} dimensions, was {len(self.shape)}")
+    @field_validator("data")
+    @classmethod
+    def _check_data(cls, data: bytes, info: ValidationInfo) -> bytes:
+        name, shape = info.data.get("dtype"), info.data.get("shape")
+        if name is None or shape is None:  # which is wrong already
+            return data
+        dtype = _DTYPE_OF[name]
         # With Python's own integers: numpy's wrap around, and a hostile shape would pass for an empty one.
-        dtype = _DTYPE_OF[self.dtype]
-        expected = math.prod(self.shape) * dtype.itemsize
-        if any(n < 0 for n in self.shape) or len(self.data) != expected:
-            raise ValueError(f"expected {expected} bytes for {self.dtype} {self.shape}, was {len(self.data)}")
-        if dtype.kind == "f" and not np.isfinite(np.frombuffer(self.data, dtype)).all():
+        expected = math.prod(shape) * dtype.itemsize
+        if len(data) != expected:
+            raise ValueError(f"expected {expected} bytes for {name} {shape}, was {len(data)}")
+        if dtype.kind == "f" and not np.isfinite(np.frombuffer(data, dtype)).all():
             raise ValueError("expected finite numbers, was NaN or infinity somewhere")
-        return self
+        return data
 
     @classmethod
     def from_array(cls, array: NDArray[Any]) -> Self:
         """Copy a numpy array of one of the five dtypes into a message field."""
         name = _NAME_OF.get(array.dtype) or array.dtype.name
         data = array.astype(_DTYPE_OF[name], copy=False).tobytes()
-        if array.ndim <= MAX_DIMENSIONS and np.isfinite(array).all():
-            return cls.model_construct(dtype=name, shape=array.shape, data=data)
-        return cls(dtype=name, shape=array.shape, data=data)  # type: ignore[arg-type]  # refuses it, and says why
+        return cls(dtype=name, shape=array.shape, data=data)  # type: ignore[arg-type]
 
     def to_array(self) -> NDArray[Any]:
         """Return the values as a read-only numpy array with the message's shape."""
