@@ -36,6 +36,9 @@ bench-robots: .venv/ready-dev  # how fast vehicles fly and drive, beside targets
 	$(BIN)/python tests/benchmarks/bench_robots.py
 	$(BIN)/python docs/studies/robot_accuracy.py
 
+crossings: .venv/ready-dev  # rooms crossed from nine starts by a scripted agent; ROOMS=folders of GSL-Bench environments
+	$(BIN)/python docs/studies/crossings.py $(ROOMS)
+
 plume-statistics: .venv/ready-dev   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
 	$(BIN)/python docs/studies/plume_statistics.py --plot plume_statistics.png
 
