@@ -136,6 +136,17 @@ def free_space(
     return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=parts_of(blocked))
 
 
+def rehearse_planning() -> None:
+    """Plan once around a made-up corner, so that no kernel is compiled or loaded while simulated time passes."""
+    blocked = np.zeros((3, 3, 1), np.uint8)
+    blocked[1, :2] = 1
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(3, 3, 1))
+    space = FreeSpace(grid=grid, blocked=blocked, solid=blocked, parts=parts_of(blocked))
+    space.path((0.5, 0.5, 0.5), (2.5, 0.5, 0.5))
+    space.nearest_m((1.5, 0.5, 0.5), in_sight=True)
+    space.holds_curve(np.zeros((3, 6)), 1.0, max_speed_m_s=1.0)
+
+
 def _is_in_the_way(box: Box, ground_m: float | None) -> bool:
     return box.kind not in ("floor", "ceiling") and (ground_m is None or box.max_m[2] > ground_m + 1e-6)
 

@@ -15,7 +15,7 @@ from gslcosim.world.edges import Edges
 from gslcosim.world.evasion import GIVES_WAY_FOR_S, Evasion
 from gslcosim.world.legs import AT_REST, Leg
 from gslcosim.world.records import Setpoint
-from gslcosim.world.separation import Neighbour
+from gslcosim.world.separation import Neighbours
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import AS_BEFORE, Heading, Vec3
 
@@ -151,14 +151,15 @@ class Conduct:
 
     # ------------------------------------------------------------ what it does by itself
 
-    def keep_apart(self, tick: int, neighbours: Sequence[Neighbour]) -> str | None:
+    def keep_apart(self, tick: int, neighbours: Neighbours) -> str | None:
         """Go out of the way of others where that is needed, and back to the course when it no longer is."""
-        if not self._evasion.is_needed(tick, neighbours):
+        wanted_m_s = self._evasion.needed_m_s(tick, neighbours)
+        if wanted_m_s is None:
             return self._go_back(tick) if self._evasion.is_under_way else None
         if self._evasion.is_too_long(tick):
             self.hold(tick, self._vehicle.hold_s)
             return f"separation: expected a way past other vehicles within {GIVES_WAY_FOR_S:g} s; it holds."
-        self._evasion.evade(tick, neighbours)
+        self._evasion.evade(tick, wanted_m_s, neighbours)
         return None
 
     def end_tick(self, tick: int, uprightness: float) -> str | None:

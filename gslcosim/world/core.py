@@ -15,6 +15,7 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
+from gslcosim.environment.planning import rehearse_planning
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
@@ -27,7 +28,7 @@ from gslcosim.world.mujoco_kernels import step_address
 from gslcosim.world.ports import world_spec
 from gslcosim.world.routes import Routes, routes_of
 from gslcosim.world.scene import GRAVITY_M_S2, Scene, build_scene
-from gslcosim.world.separation import Neighbour
+from gslcosim.world.separation import Neighbours, rehearse_separation
 from gslcosim.world.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.starts import check_overlaps, check_starts
 from gslcosim.world.vehicle import VehicleModel, load_vehicle
@@ -60,7 +61,7 @@ class WorldCore:
         self._agents = scenario.agents
         models = [load_vehicle(agent.vehicle.model) for agent in self._agents]
         spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
-        self._radii_m = [space.radius_m for space in spaces]
+        self._least_m = _distances_to_keep_m(self._agents, [space.radius_m for space in spaces])
         step_ms = _physics_step_ms(models, scenario.tick_ms)
         self._n_substeps = scenario.tick_ms // step_ms
         dt_s = step_ms * 1e-3
@@ -147,6 +148,13 @@ class WorldCore:
             self._fly(tick)
         return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(self._body(k) for k in range(len(self._agents))))}
 
+    def rehearse(self) -> None:
+        """Use what is used only in flight, where vehicles use it: planning, and keeping apart."""
+        if self._routes:
+            rehearse_planning()
+        if any(agent.vehicle.separation_m for agent in self._agents):
+            rehearse_separation()
+
     # Vehicles of a kind share what they know of the room.
     def _avoidance(self, agent: AgentSpec, space: FlightSpace, abilities: Abilities) -> Avoidance | None:
         mode, height_m = agent.vehicle.avoidance, space.ground_height_m
@@ -175,30 +183,24 @@ class WorldCore:
 
     # All look at where the others are now, then all decide.
     def _keep_apart(self, tick: int) -> None:
-        if not any(mission.gives_way for mission in self._missions):
+        gives_way = np.array([mission.gives_way for mission in self._missions])
+        if not gives_way.any():
             return
-        gives_way = [mission.gives_way for mission in self._missions]
+        positions_m, velocities_m_s = np.array(self._positions_m), self._data.qvel[self._i_velocities]
         for k, mission in enumerate(self._missions):
             if not gives_way[k]:
                 continue
             path = mission.trajectory
-            mission.keep_apart(
-                tick - 1, [self._neighbour(k, i, gives_way=gives_way[i]) for i in range(len(gives_way)) if i != k]
+            neighbours = Neighbours(
+                own=k,
+                positions_m=positions_m,
+                velocities_m_s=velocities_m_s,
+                least_m=self._least_m[k],
+                gives_way=gives_way,
             )
+            mission.keep_apart(tick - 1, neighbours)
             if mission.trajectory is not path:
                 self._follow(k)
-
-    def _neighbour(self, k: int, i: int, *, gives_way: bool) -> Neighbour:
-        (x_m, y_m, z_m), (own_x_m, own_y_m, own_z_m) = self._positions_m[i], self._positions_m[k]
-        separation_m = max(self._agents[n].vehicle.separation_m for n in (k, i))
-        least_m = max(separation_m, self._radii_m[k] + self._radii_m[i] + CLEARANCE_M)
-        velocity_m_s = self._velocity_m_s(i)
-        return Neighbour(
-            offset_m=(x_m - own_x_m, y_m - own_y_m, z_m - own_z_m),
-            velocity_m_s=velocity_m_s,
-            least_m=least_m,
-            gives_way=gives_way,
-        )
 
     def _follow(self, k: int) -> None:
         mission, state = self._missions[k], self._states[k]
@@ -312,6 +314,7 @@ class WorldCore:
         model, data, grid = self._scene.model, self._data, self._environment.grid
         self._i_qpos: list[int] = self._constants["i_qpos"].tolist()
         self._i_qvel: list[int] = self._constants["i_qvel"].tolist()
+        self._i_velocities = np.add.outer(self._i_qvel, np.arange(3))
         wind = self._environment.wind.velocity_m_s
         if wind.dtype != np.float32 or not wind.flags.c_contiguous:
             raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
@@ -351,3 +354,9 @@ def _constants(
     for k, (agent, model) in enumerate(zip(agents, models, strict=True)):
         records.set_constants(constants[k], model, scene.model, f"{agent.name}/", dt_s)
     return constants
+
+
+# What each pair keeps between its centres, (n, n): the greater wish of the two, and enough not to touch.
+def _distances_to_keep_m(agents: Sequence[AgentSpec], radii_m: Sequence[float]) -> NDArray[np.float64]:
+    wishes_m = np.array([agent.vehicle.separation_m for agent in agents])
+    return np.maximum(np.maximum.outer(wishes_m, wishes_m), np.add.outer(radii_m, radii_m) + CLEARANCE_M)

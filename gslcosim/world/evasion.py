@@ -1,7 +1,6 @@
 """Out of the way of others, and back: what a vehicle on its course does to keep apart; the rule is in `separation`."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from gslcosim.world.arrival import ARRIVED_WITHIN_M
 from gslcosim.world.avoidance import Avoidance
 from gslcosim.world.course import Course
 from gslcosim.world.legs import AT_REST
-from gslcosim.world.separation import LOOKS_AHEAD_S, Neighbour, meets_within, passing_velocity
+from gslcosim.world.separation import LOOKS_AHEAD_S, Neighbours, meets_within, passing_velocity
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import Limits, Trajectory, Vec3, fly_at
 
@@ -54,15 +53,14 @@ class Evasion:
         """Return whether the vehicle has gone out of the way for too long on this leg."""
         return self._course.leg is not None and self.is_under_way and tick >= self.until_tick
 
-    def is_needed(self, tick: int, neighbours: Sequence[Neighbour]) -> bool:
-        """Return whether the vehicle would come too near to another one on its way."""
+    def needed_m_s(self, tick: int, neighbours: Neighbours) -> Vec3 | None:
+        """Return the velocity wanted that would bring the vehicle too near to another one; nothing when none would."""
         wanted_m_s, within_s = self._wanted(tick)
-        return meets_within(wanted_m_s, neighbours, within_s)
+        return wanted_m_s if meets_within(wanted_m_s, neighbours, within_s) else None
 
-    def evade(self, tick: int, neighbours: Sequence[Neighbour]) -> None:
-        """Take a velocity that passes the others."""
-        wanted_m_s, _ = self._wanted(tick)
-        velocity_m_s = passing_velocity(wanted_m_s, self._course.velocity_m_s, neighbours, self._is_open)
+    def evade(self, tick: int, wanted_m_s: Vec3, neighbours: Neighbours) -> None:
+        """Take a velocity that passes the others, as near as possible to the one wanted."""
+        velocity_m_s = passing_velocity(wanted_m_s, neighbours, self._is_open)
         self._path = fly_at(self._course.motion(tick).state, velocity_m_s, self._limits, tick)
         self._course.trajectory = self._path
 
@@ -71,11 +69,12 @@ class Evasion:
         kept_m_s, leg = self._course.kept_velocity_m_s, self._course.leg
         if kept_m_s is not None or leg is None:
             return kept_m_s or AT_REST, LOOKS_AHEAD_S
-        way_m = np.subtract(leg.place_world_m, self._course.motion(tick).state[0])
-        distance_m = float(np.linalg.norm(way_m))
+        here_m = self._course.motion(tick).state[0].tolist()
+        distance_m = math.dist(leg.place_world_m, here_m)
         if distance_m < ARRIVED_WITHIN_M:
             return AT_REST, 0.0
-        u, v, w = (way_m * (self._limits.max_speed_m_s * min(1.0, distance_m) / distance_m)).tolist()
+        share_s = self._limits.max_speed_m_s * min(1.0, distance_m) / distance_m
+        u, v, w = (share_s * (there - here) for there, here in zip(leg.place_world_m, here_m, strict=True))
         return (u, v, w), min(LOOKS_AHEAD_S, distance_m / math.hypot(u, v, w))
 
     # A second ahead, as wide as the vehicle.

@@ -1,7 +1,5 @@
 """What an agent and its vehicle say to each other: commands obeyed, kept or refused, and when the agent is asked."""
 
-from collections.abc import Sequence
-
 from gslcosim.contract.messages import Command
 from gslcosim.scenario.models import AgentSpec
 from gslcosim.world.abilities import Abilities
@@ -11,7 +9,7 @@ from gslcosim.world.conduct import Conduct, Phase
 from gslcosim.world.legs import AT_REST, heading_of, legs_of
 from gslcosim.world.records import Setpoint
 from gslcosim.world.refusals import refusal_from_here, refusal_of
-from gslcosim.world.separation import Neighbour
+from gslcosim.world.separation import Neighbours
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import Trajectory, Vec3
 
@@ -124,12 +122,12 @@ class Mission:
         elif command.kind != "noop":
             self._hear(tick - 1, command)
 
-    def keep_apart(self, tick: int, neighbours: Sequence[Neighbour]) -> None:
+    def keep_apart(self, tick: int, neighbours: Neighbours) -> None:
         """Go out of the way of others where that is needed, and back to the leg when it no longer is.
 
         Args:
             tick: The tick that ended; the path holds from its end on.
-            neighbours: The others, as this vehicle sees them.
+            neighbours: All vehicles, as this one sees them.
         """
         if self.gives_way:
             self.notice = self._conduct.keep_apart(tick, neighbours) or self.notice

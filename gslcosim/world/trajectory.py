@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.ticks import seconds_from_ticks
-from gslcosim.world.trajectory_kernels import plan_inplace, polynomial_at
+from gslcosim.world.trajectory_kernels import plan_inplace, polynomial_state
 
 Vec3 = tuple[float, float, float]
 
@@ -64,7 +64,7 @@ class Trajectory:
             velocity = np.array(self.end_velocity_world_m_s)
             acceleration = np.array(self.end_acceleration_world_m_s2) if beyond_s <= _SAME_S else np.zeros(3)
             return np.array([np.array(self.end_world_m) + beyond_s * velocity, velocity, acceleration])
-        return np.array([polynomial_at(self.coefficients, axis, t_s)[:3] for axis in range(3)]).T
+        return polynomial_state(self.coefficients, t_s)
 
     def is_over(self, tick: int, tick_ns: int) -> bool:
         """Return whether the polynomial has ended at the end of a tick."""
@@ -139,12 +139,11 @@ def fly_at(start: NDArray[np.float64], velocity_world_m_s: Vec3, limits: Limits,
     """
     end = np.array([_NOTHING, velocity_world_m_s, _NOTHING])
     coefficients, duration_s = _planned(start, end, limits, is_velocity=_TO_VELOCITY)
-    end_x_m, end_y_m, end_z_m = (float(polynomial_at(coefficients, axis, duration_s)[0]) for axis in range(3))
     return Trajectory(
         start_tick=start_tick,
         coefficients=coefficients,
         duration_s=duration_s,
-        end_world_m=(end_x_m, end_y_m, end_z_m),
+        end_world_m=_vec3(polynomial_state(coefficients, duration_s)[0]),
         end_velocity_world_m_s=velocity_world_m_s,
     )
 

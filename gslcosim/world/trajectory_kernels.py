@@ -139,6 +139,26 @@ def polynomial_at(coefficients, axis, t_s):
 
 
 @numba.njit(cache=True, nogil=True)
+def polynomial_state(coefficients, t_s):
+    """Return position [m], velocity [m/s] and acceleration [m/s^2] of a polynomial as rows; see `polynomial_at`.
+
+    Args:
+        coefficients: (3, 6) axis xyz, power 0 to 5, world frame [m/s^i].
+        t_s: Time since the polynomial's start [s].
+
+    Returns:
+        (3, 3) rows position, velocity, acceleration; columns xyz, world frame.
+
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    state = np.empty((3, 3))
+    for axis in range(3):
+        state[0, axis], state[1, axis], state[2, axis], _ = polynomial_at(coefficients, axis, t_s)
+    return state
+
+
+@numba.njit(cache=True, nogil=True)
 def peak_speed_and_acceleration(coefficients, duration_s):
     """Return the greatest speed [m/s] and acceleration [m/s^2] of a polynomial, from 33 equally spaced instants.
 

@@ -1,5 +1,10 @@
 """A rehearsal loads kernels and leaves no trace."""
 
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from gslcosim.contract import keys
@@ -48,3 +53,14 @@ def test_sensing_is_rehearsed_with_all_that_it_reads_and_starts_afresh(scenario,
     after = [core.reset(Episode(seed=4)), core.step(0, core.inboxes[0])]
     new = SensingCore(scenario, make_room())
     assert [new.reset(Episode(seed=4)), new.step(0, core.inboxes[0])] == after
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_in_flight():
+    """Planning and keeping apart included; in a process in which no other test has used a kernel before."""
+    flight = Path(__file__).parent / "rehearsed_flight.py"
+    ended = subprocess.run([sys.executable, flight], capture_output=True, text=True, check=True)
+    found = json.loads(ended.stdout)
+    assert found["in_flight"] == []
+    assert found["n_bends"] > 1
+    assert found["n_rehearsed"] > 8

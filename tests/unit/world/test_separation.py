@@ -3,14 +3,25 @@
 import itertools
 import math
 
+import numpy as np
 import pytest
 
 from gslcosim.contract.codec import encode
-from gslcosim.world.separation import Neighbour, meets_within, passing_velocity
+from gslcosim.world.separation import Neighbours, meets_within, passing_velocity
 
 
-def neighbour(offset_m, velocity_m_s=(0.0, 0.0, 0.0), *, least_m=1.0, gives_way=False):
-    return Neighbour(offset_m=offset_m, velocity_m_s=velocity_m_s, least_m=least_m, gives_way=gives_way)
+def among(*others, own_m_s=(0.0, 0.0, 0.0), least_m=1.0, gives_way=False):
+    """A vehicle in the origin among others, each a place and a velocity."""
+    return Neighbours(
+        own=0,
+        positions_m=np.array([(0.0, 0.0, 0.0), *(place_m for place_m, _ in others)]),
+        velocities_m_s=np.array([own_m_s, *(velocity_m_s for _, velocity_m_s in others)]),
+        least_m=np.full(1 + len(others), least_m),
+        gives_way=np.full(1 + len(others), gives_way),
+    )
+
+
+STILL = (0.0, 0.0, 0.0)
 
 
 def go(place_m):
@@ -41,41 +52,41 @@ def send_and_wait(pilot, places_m, at_most=900):
 
 # Time to contact against the closed form: 5 m apart, 1 m to keep, 1 m/s: after 4 s.
 def test_it_looks_as_far_ahead_as_told():
-    others = [neighbour((5.0, 0.0, 0.0))]
+    others = among(((5.0, 0.0, 0.0), STILL))
     assert meets_within((1.0, 0.0, 0.0), others, 4.01)
     assert not meets_within((1.0, 0.0, 0.0), others, 3.99)
     assert not meets_within((-1.0, 0.0, 0.0), others, 100.0)
     # Passing at 1.01 m: sin of the angle is 1.01 / 5.
     miss = (math.cos(math.asin(1.01 / 5)), 1.01 / 5, 0.0)
     assert not meets_within(miss, others, 100.0)
-    assert not meets_within((1.0, 0.0, 0.0), [], 100.0)
+    assert not meets_within((1.0, 0.0, 0.0), among(), 100.0)
 
 
 def test_who_is_too_near_already_only_may_not_come_nearer():
-    others = [neighbour((0.5, 0.0, 0.0))]
+    others = among(((0.5, 0.0, 0.0), STILL))
     assert meets_within((0.1, 0.0, 0.0), others, 0.01)
     assert not meets_within((-0.1, 0.1, 0.0), others, 100.0)
 
 
 def test_both_pass_on_the_right():
-    others = [neighbour((3.0, 0.0, 0.0), (-1.0, 0.0, 0.0), gives_way=True)]
-    _, v, _ = passing_velocity((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), others, lambda _: True)
+    others = among(((3.0, 0.0, 0.0), (-1.0, 0.0, 0.0)), own_m_s=(1.0, 0.0, 0.0), gives_way=True)
+    _, v, _ = passing_velocity((1.0, 0.0, 0.0), others, lambda _: True)
     assert v < 0
 
 
 def test_half_of_the_way_is_enough_where_the_other_gives_way():
     turns = []
     for gives_way in (True, False):
-        others = [neighbour((4.0, 0.0, 0.0), (-1.0, 0.0, 0.0), gives_way=gives_way)]
-        u, v, _ = passing_velocity((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), others, lambda _: True)
+        others = among(((4.0, 0.0, 0.0), (-1.0, 0.0, 0.0)), own_m_s=(1.0, 0.0, 0.0), gives_way=gives_way)
+        u, v, _ = passing_velocity((1.0, 0.0, 0.0), others, lambda _: True)
         turns.append(abs(math.atan2(v, u)))
     assert turns[0] < turns[1]
 
 
 def test_closed_ways_are_not_taken():
-    others = [neighbour((3.0, 0.0, 0.0), (-1.0, 0.0, 0.0))]
-    assert passing_velocity((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), others, lambda _: False) == (0.0, 0.0, 0.0)
-    _, v, _ = passing_velocity((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), others, lambda velocity: velocity[1] >= 0)
+    others = among(((3.0, 0.0, 0.0), (-1.0, 0.0, 0.0)), own_m_s=(1.0, 0.0, 0.0))
+    assert passing_velocity((1.0, 0.0, 0.0), others, lambda _: False) == (0.0, 0.0, 0.0)
+    _, v, _ = passing_velocity((1.0, 0.0, 0.0), others, lambda velocity: velocity[1] >= 0)
     assert v > 0
 
 
