@@ -39,7 +39,8 @@ def main():
         asked = [body for body in bodies if body.awaiting_command]
         inbox = {f"command/{body.agent}": crossing(tick, body) for body in asked}
         n_bends = max(n_bends, *(len(body.planned_path_world_m) for body in bodies))
-    print(json.dumps({"in_flight": sorted(compiled() - before), "n_bends": n_bends, "n_rehearsed": len(before)}))
+    found = {"in_flight": sorted(compiled() - before), "n_bends": n_bends, "n_rehearsed": len(before)}
+    sys.stdout.write(json.dumps(found))
 
 
 def crossing(tick, body):
