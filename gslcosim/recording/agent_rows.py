@@ -138,8 +138,8 @@ class AgentRows:
     def _styles(self, label: str) -> dict[str, list[tuple[str, colors.Rgb]]]:
         names = self.names
         styles = {
-            names.distance: [(f"{label}distance", names.color)],
-            names.tracking_error: [(f"{label}error", names.color)],
+            names.distance: [(label.strip() or "distance", names.color)],
+            names.tracking_error: [(label.strip() or "error", names.color)],
         }
         n_gases = len({gas for _, gas in self._gas})
         for i, (sensor, gas) in enumerate(self._gas):

@@ -23,10 +23,8 @@ _NOT_ON_MAP = (
     "+ /**",
     f"- /{entities.FILAMENTS}",
     f"- /{entities.SLICES}/**",
-    f"- /{entities.MESHES}/**",
     f"- /{entities.SEEN}/**",
-    "- /room/floor/**",
-    "- /room/outline",
+    "- /room/**",
     "- /plots/**",
 )
 

@@ -13,7 +13,7 @@ from gslcosim.environment.voxel_boxes import boxes_from_solid
 from gslcosim.recording import colors, entities
 from gslcosim.recording.eyes import eye_on_room
 from gslcosim.recording.run_file import RunFile
-from gslcosim.recording.scene import WIRE, draw_room
+from gslcosim.recording.scene import WIRE, draw_room, floor_grid_m
 from gslcosim.recording.wind_layer import WindLayer
 from gslcosim.rng import stream
 
@@ -55,9 +55,12 @@ def record_environment(environment: Environment, path: Path) -> None:
 
 def _blueprint(environment: Environment) -> rrb.Blueprint:
     eye_m, target_m = eye_on_room(environment)
+    size = " x ".join(
+        f"{high - low:.4g}" for low, high in zip(environment.grid.origin_m, environment.grid.max_m, strict=True)
+    )
     view = rrb.Spatial3DView(
         origin="/",
-        name=environment.name,
+        name=f"{environment.name}, {size} m (floor grid {floor_grid_m(environment):g} m)",
         background=colors.BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -70,7 +73,7 @@ def _blueprint(environment: Environment) -> rrb.Blueprint:
         view,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed"),
+        rrb.TimePanel(state="hidden"),
         auto_layout=False,
         auto_views=False,
     )

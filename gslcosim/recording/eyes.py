@@ -23,14 +23,14 @@ ROOM_MARGIN_FRAC = 0.02
 
 
 def eye_on_room(environment: Environment) -> tuple[Vec3, Vec3]:
-    """Return eye and target [m] of the nearest eye that has all corners of the room in view.
+    """Return eye and target [m] of the nearest eye that has all corners of the room, walls included, in view.
 
     For a corner c seen along the fixed directions right, up and backward, |c.up - t_up| <= h (d - c.backward) must hold
     with h the tangent of half the field of view, t the target and d the eye's distance (likewise for right with the
     view's aspect). With A = max(c.up + h c.backward) and B = max(-c.up + h c.backward) the smallest d is
     (A + B) / (2 h), at t_up = (A - B) / 2 (our derivation).
     """
-    corners_m = np.array(list(itertools.product(*zip(environment.grid.origin_m, environment.grid.max_m, strict=True))))
+    corners_m = np.array(list(itertools.product(*zip(*_extent_m(environment), strict=True))))
     level = math.cos(EYE_ELEVATION_RAD)
     backward = np.array(
         [level * math.cos(EYE_AZIMUTH_RAD), level * math.sin(EYE_AZIMUTH_RAD), math.sin(EYE_ELEVATION_RAD)]
@@ -60,6 +60,13 @@ def eye_on_map(environment: Environment, height_m: float) -> tuple[Vec3, Vec3]:
     # An orbiting eye has no up when it looks straight down; a hair from it is close enough.
     offset_m = np.array([0.0, -0.01, tallest_m / (2 * math.tan(FIELD_OF_VIEW_RAD / 2))])
     return _vec3(target_m + offset_m), _vec3(target_m)
+
+
+# Walls of somebody's own geometry lie around the grid.
+def _extent_m(environment: Environment) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    lows_m = [environment.grid.origin_m, *(mesh.vertices_m.min(axis=0) for mesh in environment.meshes)]
+    highs_m = [environment.grid.max_m, *(mesh.vertices_m.max(axis=0) for mesh in environment.meshes)]
+    return np.min(lows_m, axis=0), np.max(highs_m, axis=0)
 
 
 def _vec3(values: NDArray[np.float64]) -> Vec3:

@@ -17,6 +17,8 @@ LOOK_AHEAD_S = 3.0
 # So many cameras are seen beside the flight at once; more of them share one place.
 MAX_CAMERAS_IN_A_ROW = 3
 MAX_GRID_COLUMNS = 4
+# A legend of more curves would cover them; they have the colours of their vehicles.
+MAX_CURVES_WITH_LEGEND = 6
 # Models that people write in capital letters.
 _ACRONYMS = ("tgs", "pid", "tdlas")
 
@@ -28,12 +30,14 @@ def flight_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list[rr
     if responses:
         gases = gases_in(scenario)
         what = gases[0] if len(gases) == 1 else "gas"
-        plots.append(_plot(entities.GAS_PLOTS, f"True {what} at the sensor [ppm]"))
+        n_curves = len(gases) * sum(len(agent.gas_sensors) for agent in agents)
+        plots.append(_plot(entities.GAS_PLOTS, f"True {what} at the sensor [ppm]", n_curves))
         plots.append(responses[0] if len(responses) == 1 else rrb.Tabs(*responses, active_tab=0))
-    if any(agent.wind_sensors for agent in agents):
-        plots.append(_plot(entities.WIND_PLOTS, "Wind speed at the vehicle [m/s]"))
-    plots.append(_plot(entities.DISTANCE_PLOTS, "Distance to the source [m]"))
-    plots.append(_plot(entities.TRACKING_PLOTS, "Control error: distance to the reference [m]"))
+    n_vanes = sum(len(agent.wind_sensors) for agent in agents)
+    if n_vanes:
+        plots.append(_plot(entities.WIND_PLOTS, "Wind speed at the vehicle [m/s]", 2 * n_vanes))
+    plots.append(_plot(entities.DISTANCE_PLOTS, "Distance to the source [m]", len(agents)))
+    plots.append(_plot(entities.TRACKING_PLOTS, "Control error: distance to the reference [m]", len(agents)))
     return plots
 
 
@@ -61,7 +65,11 @@ def cameras_in_flight(agents: Sequence[AgentEntities]) -> list[rrb.Horizontal | 
 def sensor_page(agent: AgentEntities) -> rrb.Grid | None:
     """Return the pictures and curves of an agent's on-board sensors, if it has any."""
     plots = [
-        _plot(agent.on_board(sensor.name, curves), with_unit(f"{sensor.name}: {curves.quantity}", curves.unit))
+        _plot(
+            agent.on_board(sensor.name, curves),
+            with_unit(f"{sensor.name}: {curves.quantity}", curves.unit),
+            len(curves.labels),
+        )
         for sensor, drawn in agent.on_board_sensors
         for curves in drawn
     ]
@@ -82,7 +90,8 @@ def _response_plots(scenario: Scenario, agents: Iterable[AgentEntities]) -> list
     for unit, drawn in members.items():
         models = dict.fromkeys(_shown_model(model) for model, _ in drawn)
         title = with_unit(f"Reading of {', '.join(models)}", unit)
-        plots.append(_plot(entities.RESPONSE_PLOTS, title, contents=[f"+ /{entity}" for _, entity in drawn]))
+        contents = [f"+ /{entity}" for _, entity in drawn]
+        plots.append(_plot(entities.RESPONSE_PLOTS, title, len(drawn), contents=contents))
     return plots
 
 
@@ -94,7 +103,7 @@ def _shown_camera(sensor: SensorSpec) -> str:
     return f"{sensor.name} (0 to {sensor.max_range_m:g} m)" if sensor.model == "depth_camera" else sensor.name
 
 
-def _plot(origin: str, name: str, contents: Sequence[str] = ("$origin/**",)) -> rrb.TimeSeriesView:
+def _plot(origin: str, name: str, n_curves: int, *, contents: Sequence[str] = ("$origin/**",)) -> rrb.TimeSeriesView:
     so_far = rr.TimeRange(
         start=rr.TimeRangeBoundary.absolute(seconds=0.0),
         end=rr.TimeRangeBoundary.cursor_relative(seconds=LOOK_AHEAD_S),
@@ -103,6 +112,6 @@ def _plot(origin: str, name: str, contents: Sequence[str] = ("$origin/**",)) -> 
         origin=origin,
         contents=contents,
         name=name,
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=n_curves <= MAX_CURVES_WITH_LEGEND),
         axis_x=rrb.TimeAxis(view_range=so_far),
     )

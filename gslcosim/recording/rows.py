@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Reading, Vec3
 from gslcosim.recording.colors import GasScale, Rgb, gas_colors, slice_colors
 from gslcosim.recording.run_file import RunFile
-from gslcosim.recording.scene import picture_format
+from gslcosim.recording.scene import picture_format, slice_height_m
 from gslcosim.scenario import Scenario
 
 # A track grows by a strip of this many ticks; the viewer draws as many strips as have passed.
@@ -19,10 +19,6 @@ TRACK_STRIP_TICKS = 10
 MAX_FILAMENTS = 3000
 # Peak opacity of a newborn filament; chosen so that a plume of some hundred is seen and seen through.
 BIRTH_OPACITY = 0.2
-# Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
-SLICE_SINK_M = 0.3
-# But not into the floor, where vehicles drive on it.
-LEAST_SLICE_HEIGHT_M = 0.02
 WAYPOINT_RADIUS_M = 0.06
 MARKER_RADIUS_M = 0.12
 
@@ -310,7 +306,7 @@ class SliceRows:
         place = rr.GridMap.from_fields(
             format=picture_format(nx, ny),
             cell_size=first.cell_m,
-            translation=(*first.origin_m, max(first.height_m - SLICE_SINK_M, LEAST_SLICE_HEIGHT_M)),
+            translation=(*first.origin_m, slice_height_m(first.height_m)),
         )
         file.draw(self._entity, place)
         self._is_placed = True

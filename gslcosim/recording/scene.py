@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import Box, Environment, Opening, VisualMesh
+from gslcosim.environment.model import Box, Environment, Opening
 from gslcosim.recording import colors
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import MESHES
@@ -19,7 +19,18 @@ WIRE = rr.components.FillMode.MajorWireframe
 GLASS = rr.components.FillMode.TransparentFillMajorWireframe
 
 OBSTACLE_ALPHA = 150
-MESH_ALPHA = 90
+EDGE_RADIUS_M = 0.025
+# Edges are no thicker than this share of a box's middle side: pallets are made of thin boards.
+EDGE_RADIUS_FRAC = 0.08
+# What encloses a room is a hint, so that one sees what is in it; a triangle is part of it when it lies so few cells
+# from the same side of the grid, or beyond it.
+SHELL_ALPHA = 14
+MESH_ALPHA = 190
+SHELL_CELLS = 1.0
+# Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
+SLICE_SINK_M = 0.3
+# But not into the floor, where vehicles drive on it.
+LEAST_SLICE_HEIGHT_M = 0.02
 MAX_FLOOR_LINES = 25
 # The colour scale beside the map, in fractions of the room's width.
 SCALE_GAP_FRAC = 0.12
@@ -41,8 +52,7 @@ def draw_room(file: RunFile, environment: Environment) -> None:
     file.draw("room/floor/grid", _floor_grid(environment))
     obstacles = _seen_boxes(environment)
     if environment.meshes:
-        for i, mesh in enumerate(environment.meshes):
-            file.draw(f"{MESHES}/{i}_{entity_name(mesh.name)}", _mesh(mesh))
+        _draw_meshes(file, environment)
     elif obstacles:
         file.draw("room/obstacles", _obstacles(obstacles))
     for opening in environment.openings:
@@ -69,15 +79,29 @@ def draw_sources(file: RunFile, scenario: Scenario) -> None:
         file.draw(f"{entity}/success_radius", radius)
 
 
+def slice_height_m(height_m: float) -> float:
+    """Return where the layer at a height is drawn on the map [m]."""
+    return max(height_m - SLICE_SINK_M, LEAST_SLICE_HEIGHT_M)
+
+
 def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m: float) -> None:
-    """Draw what only the map shows, at the slice's height: the room's outline, and the colour scale west of it."""
+    """Draw what only the map shows, flat, where its slice is: outline, obstacles and openings, and the colour scale."""
+    drawn_m = slice_height_m(height_m)
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
     depth_m = float(high_m[1] - low_m[1])
     x0, y0, x1, y1 = float(low_m[0]), float(low_m[1]), float(high_m[0]), float(high_m[1])
-    outline_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
-    if environment.meshes:
-        file.draw("map/obstacles", _obstacles(_seen_boxes(environment)))
-    file.draw("map/outline", rr.LineStrips3D([outline_m], colors=[colors.EDGES], radii=[0.003 * depth_m]))
+    outline_m = [(x, y, drawn_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
+    line_m = 0.002 * max(x1 - x0, depth_m)
+    file.draw("map/outline", rr.LineStrips3D([outline_m], colors=[colors.EDGES], radii=[line_m]))
+    boxes = _seen_boxes(environment)
+    cut = [box for box in boxes if box.min_m[2] <= height_m < box.max_m[2]]
+    below = [box for box in boxes if box.max_m[2] <= height_m]
+    if cut:
+        file.draw("map/obstacles", _flat(cut, drawn_m + line_m, colors.MAP_OBSTACLES, SOLID, 0.5 * line_m))
+    if below:
+        file.draw("map/below", _flat(below, drawn_m + line_m, colors.MAP_OBSTACLES, WIRE, 0.5 * line_m))
+    for opening in environment.openings:
+        file.draw(f"map/openings/{opening.name}", _flat_opening(opening, drawn_m, 2 * line_m))
 
     right_m = x0 - SCALE_GAP_FRAC * (x1 - x0)
     width_m = SCALE_WIDTH_FRAC * (x1 - x0)
@@ -89,12 +113,12 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
         data=picture.tobytes(),
         format=picture_format(n_columns, colors.N_LEVELS),
         cell_size=cell_m,
-        translation=(right_m - width_m, y0, height_m),
+        translation=(right_m - width_m, y0, drawn_m),
     )
     steps = range(colors.DECADES + 1)
     labels = [f"{scale.min_ppm * 10**i:g}" for i in steps]
     labels[-1] += " ppm"
-    places_m = [(right_m - 3.2 * width_m, y0 + depth_m * i / colors.DECADES, height_m) for i in steps]
+    places_m = [(right_m - 3.2 * width_m, y0 + depth_m * i / colors.DECADES, drawn_m) for i in steps]
     file.draw("map/scale", bar)
     file.draw(
         "map/scale/labels",
@@ -127,10 +151,24 @@ def entity_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "_", name) or "part"
 
 
-# Seen through, as walls and roof are among them.
-def _mesh(mesh: VisualMesh) -> rr.Mesh3D:
-    rgb = [round(255 * channel) for channel in mesh.rgba[:3]]
-    return rr.Mesh3D(vertex_positions=mesh.vertices_m, triangle_indices=mesh.faces, albedo_factor=[*rgb, MESH_ALPHA])
+def _draw_meshes(file: RunFile, environment: Environment) -> None:
+    for i, mesh in enumerate(environment.meshes):
+        is_shell = _encloses(mesh.vertices_m[mesh.faces], environment)
+        for part, faces, alpha in (
+            ("shell", mesh.faces[is_shell], SHELL_ALPHA),
+            ("inside", mesh.faces[~is_shell], MESH_ALPHA),
+        ):
+            if len(faces):
+                rgba = [*(round(255 * channel) for channel in mesh.rgba[:3]), alpha]
+                drawn = rr.Mesh3D(vertex_positions=mesh.vertices_m, triangle_indices=faces, albedo_factor=rgba)
+                file.draw(f"{MESHES}/{part}/{i}_{entity_name(mesh.name)}", drawn)
+
+
+def _encloses(corners_m: NDArray[np.float32], environment: Environment) -> NDArray[np.bool_]:
+    """Return which of (n, 3, 3) triangles lie at one of the grid's sides, or beyond it."""
+    margin_m = SHELL_CELLS * environment.grid.cell_m
+    low_m, high_m = np.array(environment.grid.origin_m) + margin_m, np.array(environment.grid.max_m) - margin_m
+    return np.any(np.all(corners_m <= low_m, axis=1) | np.all(corners_m >= high_m, axis=1), axis=1)
 
 
 # A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
@@ -144,24 +182,53 @@ def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.floa
 
 
 def _obstacles(boxes: list[Box]) -> rr.Boxes3D:
-    rgba = [(*(round(255 * channel) for channel in box.rgba[:3]), OBSTACLE_ALPHA) for box in boxes]
-    sizes_m = [np.array(box.max_m) - np.array(box.min_m) for box in boxes]
+    sizes_m = _sizes_m(boxes)
     return rr.Boxes3D(
         mins=[box.min_m for box in boxes],
         sizes=sizes_m,
-        colors=rgba,
-        radii=[0.025],
+        colors=[(*(round(255 * channel) for channel in box.rgba[:3]), OBSTACLE_ALPHA) for box in boxes],
+        radii=np.minimum(EDGE_RADIUS_M, EDGE_RADIUS_FRAC * np.median(sizes_m, axis=1)),
         fill_mode=GLASS,
         labels=[box.name for box in boxes],
         show_labels=False,
     )
 
 
+# In one colour, as the obstacles' own would be taken for gas.
+def _flat(
+    boxes: list[Box], height_m: float, color: colors.Rgb, fill: rr.components.FillMode, radius_m: float
+) -> rr.Boxes3D:
+    return rr.Boxes3D(
+        mins=[(box.min_m[0], box.min_m[1], height_m) for box in boxes],
+        sizes=[(x, y, 0.0) for x, y, _ in _sizes_m(boxes)],
+        colors=[color],
+        radii=[radius_m],
+        fill_mode=fill,
+        labels=[box.name for box in boxes],
+        show_labels=False,
+    )
+
+
+def _sizes_m(boxes: list[Box]) -> NDArray[np.float64]:
+    return np.array([box.max_m for box in boxes]) - np.array([box.min_m for box in boxes])
+
+
+def _opening_look(opening: Opening) -> tuple[colors.Rgb, str]:
+    if opening.kind != "inlet":
+        return colors.OUTLET, opening.kind
+    return colors.INLET, f"inlet {math.hypot(*opening.velocity_m_s):.2g} m/s"
+
+
+# A line along a side of the room; a rectangle where it lies in floor or ceiling.
+def _flat_opening(opening: Opening, height_m: float, radius_m: float) -> rr.LineStrips3D:
+    (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
+    color, label = _opening_look(opening)
+    around_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
+    return rr.LineStrips3D([around_m], colors=[color], radii=[radius_m], labels=[label], show_labels=True)
+
+
 def _opening(opening: Opening) -> rr.Boxes3D:
-    color = colors.INLET if opening.kind == "inlet" else colors.OUTLET
-    label = opening.kind
-    if opening.kind == "inlet":
-        label += f" {math.hypot(*opening.velocity_m_s):.2g} m/s"
+    color, label = _opening_look(opening)
     size_m = np.maximum(np.array(opening.max_m) - np.array(opening.min_m), 0.02)
     return rr.Boxes3D(
         mins=[opening.min_m],

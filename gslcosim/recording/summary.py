@@ -6,6 +6,9 @@ from gslcosim.recording.vehicle_shapes import drawn_scale
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
+# More agents than this are counted, not named.
+MAX_NAMED = 3
+
 
 def summary_text(scenario: Scenario, environment: Environment, verdict: Verdict | None = None) -> str:
     """Return the recording's text as Markdown; with a verdict it begins with the result."""
@@ -16,11 +19,9 @@ def summary_text(scenario: Scenario, environment: Environment, verdict: Verdict 
 
 def title(scenario: Scenario) -> str:
     """Return one line that says what is flown."""
-    return f"{scenario.name}: {' and '.join(_searchers(scenario))} searching for {scenario.gas.gas}"
-
-
-def _searchers(scenario: Scenario) -> list[str]:
-    return [agent.name for agent in scenario.agents]
+    names = [agent.name for agent in scenario.agents]
+    who = " and ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} agents"
+    return f"{scenario.name}: {who} searching for {scenario.gas.gas}"
 
 
 def _mission(scenario: Scenario, environment: Environment) -> str:
@@ -46,9 +47,11 @@ def _key(scenario: Scenario) -> str:
     scales = {agent.vehicle.model: drawn_scale(agent.vehicle.model) for agent in scenario.agents}
     larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]
     told = f" Drawn larger: {', '.join(larger)}." if larger else ""
+    avoids = any(agent.vehicle.avoidance != "none" for agent in scenario.agents)
+    planned = "; pale line: planned path" if avoids else ""
     return (
         "Cloud: filaments of gas, each drawn at its size. Map: mixing ratio at search height on a logarithmic scale. "
-        f"Blue arrows: wind. Line: track; dots: waypoints.{told}"
+        f"Blue arrows: wind. Line: track{planned}; dots: waypoints.{told}"
     )
 
 
@@ -60,8 +63,9 @@ def _result(scenario: Scenario, verdict: Verdict) -> str:
 
 def _figures(result: AgentResult) -> str:
     shortest = "" if result.shortest_path_m is None else f" (shortest way {result.shortest_path_m:.1f} m)"
+    commands = "1 command" if result.steps == 1 else f"{result.steps} commands"
     return (
-        f"- **{result.name}**: {result.outcome.replace('_', ' ')}, {result.steps} commands, "
+        f"- **{result.name}**: {result.outcome.replace('_', ' ')}, {commands}, "
         f"{result.path_length_m:.1f} m flown{shortest}, ends {result.final_distance_m:.2f} m from the source"
     )
 

@@ -105,6 +105,12 @@ def test_ten_vehicles_have_ten_pages_and_share_the_plots_of_the_flight(make_room
     }
 
 
+def test_a_legend_of_many_curves_does_not_cover_them(make_room):
+    for n_agents, is_shown in ((1, True), (10, False)):
+        (plot,) = (view for view in _views(_layout(make_room, n_agents=n_agents)["Flight"]) if view.name == ALWAYS[0])
+        assert plot.properties["PlotLegend"].visible.as_arrow_array().to_pylist() == [is_shown]
+
+
 @pytest.mark.parametrize(("n_cameras", "place"), [(1, rrb.Horizontal), (3, rrb.Horizontal), (5, rrb.Tabs)])
 def test_a_few_cameras_are_side_by_side_and_many_share_one_place(make_room, n_cameras, place):
     flight = _layout(make_room, sensors=CAMERAS[:n_cameras])["Flight"]

@@ -1,18 +1,22 @@
 """Colours, slices, arrows and the eye show what they claim to show."""
 
+import dataclasses
 import itertools
 import math
 
 import numpy as np
 import pytest
+from read_back import still
 from scripted_flight import scenario
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud
+from gslcosim.environment.model import VisualMesh
 from gslcosim.recording import eyes
 from gslcosim.recording.colors import MAP_FLOOR, GasScale, gas_colors, slice_colors
 from gslcosim.recording.rows import BIRTH_OPACITY, FilamentRows, SliceRows
-from gslcosim.recording.summary import summary_text
+from gslcosim.recording.scene import slice_height_m
+from gslcosim.recording.summary import summary_text, title
 from gslcosim.recording.wind_layer import ARROWS_PER_SIDE, MAX_LENGTH_SPACINGS, WindLayer
 
 
@@ -136,6 +140,30 @@ def test_the_eye_sees_every_corner_of_the_room_and_fills_its_view(make_room):
     assert max(np.abs(height).max(), np.abs(width).max()) <= 1.0
     filled = max(np.ptp(height), np.ptp(width))
     assert filled > 1.9
+
+
+def test_the_eye_sees_walls_around_the_grid_too(make_room):
+    room = make_room()
+    wall = VisualMesh.of("wall", [[-3, 0, 0], [-3, 10, 0], [-3, 10, 6]], [[0, 1, 2]], (1.0, 1.0, 1.0, 1.0))
+    near, far = (eyes.eye_on_room(item)[0] for item in (room, dataclasses.replace(room, meshes=(wall,))))
+    assert np.linalg.norm(far) > np.linalg.norm(near)
+
+
+def test_on_the_map_lies_what_reaches_its_height_and_the_edges_of_what_ends_below(make_room, record):
+    obstacles = [("rack", (5, 4, 0), (6, 6, 3)), ("pallet", (2, 2, 0), (3, 3, 1)), ("lamp", (8, 8, 4), (9, 9, 5))]
+    path = record(n_ticks=1, room=make_room(obstacles=obstacles))
+    assert still(path, "/map/obstacles", "Boxes3D:labels") == ["rack"]
+    assert still(path, "/map/below", "Boxes3D:labels") == ["pallet"]
+    np.testing.assert_allclose(still(path, "/map/obstacles", "Boxes3D:half_sizes"), [[0.5, 1.0, 0.0]])
+    (centre_m,) = still(path, "/map/obstacles", "Boxes3D:centers")
+    assert centre_m[:2] == [5.5, 5.0]
+    # Just above the slice, which lies below the height at which vehicles search.
+    assert slice_height_m(2.0) < centre_m[2] < 2.0
+
+
+@pytest.mark.parametrize(("n_agents", "who"), [(1, "agent_0"), (2, "agent_0 and agent_1"), (10, "10 agents")])
+def test_the_title_names_a_few_agents_and_counts_many(n_agents, who):
+    assert title(scenario(n_agents)) == f"scripted: {who} searching for ethanol"
 
 
 def test_the_text_names_the_scenarios_key_facts(make_room):

@@ -11,19 +11,20 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import VisualMesh
 from gslcosim.environment.store import MESHES_FILE, load_environment, save_environment
 from gslcosim.recording.environment_view import record_environment
+from gslcosim.recording.scene import MESH_ALPHA, SHELL_ALPHA
 from gslcosim.runtime.assembly import RECORDER, Setup, build_core
 from gslcosim.runtime.run_dir import RunDir
 
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
-PART = "/room/geometry/0_Roof_2"
+PART, SHELL = "/room/geometry/inside/0_Roof_2", "/room/geometry/shell/0_Roof_2"
 
 
 @pytest.fixture
 def roof():
     return VisualMesh.of(
         "Roof #2",
-        np.array([[0.0, 0.0, 6.0], [15.0, 0.0, 6.0], [7.5, 10.0, 5.0]]),
-        np.array([[0, 1, 2]]),
+        np.array([[0.0, 0.0, 6.0], [15.0, 0.0, 6.0], [7.5, 10.0, 5.0], [7.5, 10.0, 5.9]]),
+        np.array([[0, 1, 2], [0, 1, 3]]),
         (1.0, 0.5, 0.0, 1.0),
     )
 
@@ -52,7 +53,13 @@ def test_the_meshes_of_the_folder_are_drawn_in_place_of_boxes(recorded, rows_of,
     np.testing.assert_allclose(still(recording, PART, "Mesh3D:vertex_positions"), roof.vertices_m)
     assert still(recording, PART, "Mesh3D:triangle_indices") == [[0, 1, 2]]
     assert "/room/obstacles" not in rows_of(recording)
-    assert "/map/obstacles" in rows_of(recording)
+
+
+def test_what_lies_at_a_side_of_the_room_is_seen_through(recorded, roof):
+    _, recording = recorded(meshes=(roof,))
+    assert still(recording, SHELL, "Mesh3D:triangle_indices") == [[0, 1, 3]]
+    inside, shell = (still(recording, entity, "Mesh3D:albedo_factor")[0] & 0xFF for entity in (PART, SHELL))
+    assert (inside, shell) == (MESH_ALPHA, SHELL_ALPHA)
 
 
 def test_a_run_looks_like_its_environment(recorded, rows_of, roof, tmp_path):
@@ -67,4 +74,3 @@ def test_an_environment_without_meshes_shows_its_boxes(recorded, rows_of):
     folder, recording = recorded(meshes=())
     assert not (folder / MESHES_FILE).exists()
     assert "/room/obstacles" in rows_of(recording)
-    assert "/map/obstacles" not in rows_of(recording)
