@@ -38,8 +38,10 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     mass.set_ylabel("[m³/s]")
     energy.plot(time_s, history["kinetic_energy_m2_s2"], label="mean kinetic energy")
     energy.set(ylabel="[m²/s²]", xlabel="time [s]")
-    if report.settling is not None:
-        energy.axvspan(report.settling.average_from_s, report.settling.average_until_s, alpha=0.2, label="mean wind")
+    if (settling := report.settling) is not None:
+        uncertain = settling.uncertainty_frac
+        label = "mean wind" if uncertain is None else f"mean wind, uncertain by at least {uncertain:.0%}"
+        energy.axvspan(settling.average_from_s, settling.average_until_s, alpha=0.2, label=label)
     for axes in (divergence, effort, mass, energy):
         axes.legend(loc="best")
     figure.savefig(path, dpi=120)

@@ -1,6 +1,6 @@
 """What a solve tells about itself beside the wind."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -84,7 +84,7 @@ class WindReport:
             "max_speed_m_s": float(speed_m_s.max()),
             "mean_speed_m_s": float(speed_m_s.sum(dtype=np.float64) / self.n_air_cells),
             "n_frames": 0 if self.frames_m_s is None else len(self.frames_m_s),
-            "settling": None if self.settling is None else asdict(self.settling),
+            "settling": None if self.settling is None else self.settling.summary(),
         }
 
 

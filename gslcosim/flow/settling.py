@@ -1,7 +1,8 @@
 """When an unsteady flow has settled: its mean over one window of time is its mean over the next."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from gslcosim.flow.turbulence import Velocity
 # because the largest eddies live for minutes, while the energy keeps within a twentieth.
 WIND_TOLERANCE_FRAC = 0.25
 ENERGY_TOLERANCE_FRAC = 0.05
+# The share of a window for which a flow from larger cells adapts before it is averaged; chosen.
+ADAPTATION_FRAC = 0.125
 
 _BOX = (slice(LOW, -HIGH),) * 3
 
@@ -50,6 +53,7 @@ class Settling:
         tolerance_frac: Largest change of the mean wind from window to window that counts as settled;
             that of the energy is `ENERGY_TOLERANCE_FRAC`.
         checks: Every pair of windows compared, in order; the last one decided.
+        coarse_start_s: How long the flow developed on cells of twice the size before [s]; 0: it began with still air.
     """
 
     has_settled: bool
@@ -58,10 +62,34 @@ class Settling:
     window_s: float
     tolerance_frac: float
     checks: tuple[WindowCheck, ...]
+    coarse_start_s: float = 0.0
+
+    @property
+    def uncertainty_frac(self) -> float | None:
+        """Return the standard error of the mean wind, over its speed, as the last two windows show it.
+
+        s / sqrt(T),  s^2 = change^2 / (1 / T1 + 1 / T2)        T averaged, T1 and T2 the windows' lengths [s]
+
+        As if windows were independent of each other: what changes more slowly than they last is not in it. Nothing
+        where no two windows were compared.
+        """
+        if not self.checks:
+            return None
+        last = self.checks[-1]
+        per_s = 1 / (last.middle_s - last.start_s) + 1 / (last.end_s - last.middle_s)
+        return last.change_frac / math.sqrt((self.average_until_s - self.average_from_s) * per_s)
+
+    def summary(self) -> dict[str, Any]:
+        """Return it as plain values, the uncertainty with them."""
+        return {**asdict(self), "uncertainty_frac": self.uncertainty_frac}
 
     def __str__(self) -> str:
         """Say it in a sentence."""
         mean = f"mean from {self.average_from_s:.1f} to {self.average_until_s:.1f} s"
+        if self.coarse_start_s:
+            mean += f" after {self.coarse_start_s:.1f} s on cells of twice the size"
+        if self.uncertainty_frac is not None:
+            mean += f", uncertain by at least {self.uncertainty_frac:.0%}"
         if not self.checks:
             return f"not settled: {self.average_until_s:.1f} s hold no two windows of {self.window_s:.1f} s; {mean}"
         last = self.checks[-1]
@@ -118,20 +146,35 @@ class SettlingWatch:
 
     Two windows agree when neither the mean wind nor the mean kinetic energy changes by more than its tolerance. Where
     the energy agrees but the wind does not, the flow fluctuates too slowly for the window: the two become one and the
-    next is as long as both. While the energy still changes, the flow is starting up and the older window is dropped.
+    next is as long as both. While the energy still changes, the flow is starting up and the older window is dropped;
+    from the first time that it agrees, the flow `has_developed`.
     """
 
-    def __init__(self, domain: Domain, *, max_time_s: float, tolerance_frac: float) -> None:
+    def __init__(
+        self, domain: Domain, *, tolerance_frac: float, coarse_start_s: float = 0.0, max_time_s: float = math.inf
+    ) -> None:
+        """Begin to watch a flow at its time 0.
+
+        Args:
+            domain: The domain.
+            tolerance_frac: Largest change of the mean wind that counts as settled.
+            coarse_start_s: How long the flow has developed before, on cells of twice the size [s].
+            max_time_s: When it will be given up [s]; a flow that has developed gets windows that fit in twice.
+        """
         self._domain = domain
-        self._max_time_s = max_time_s
         self._tolerance_frac = tolerance_frac
+        self._coarse_start_s = coarse_start_s
         self._window_s = settling_window_s(domain)
-        self._length_s = self._window_s
         from_s = max((p.inflow.steady_from_s for p in domain.inlets if p.inflow), default=0.0)
+        if coarse_start_s:
+            from_s = ADAPTATION_FRAC * min(self._window_s, max_time_s)
+            self._window_s = min(self._window_s, (max_time_s - from_s) / 2)
+        self._length_s = self._window_s
         self._previous: _Window | None = None
         self._current = _Window(domain, from_s)
         self._checks: list[WindowCheck] = []
         self.has_settled = False
+        self.has_developed = False
 
     def next_stop_s(self, time_s: float) -> float:
         """Return the next time after `time_s` at which a step must end [s]."""
@@ -143,7 +186,8 @@ class SettlingWatch:
         if record.time_s <= self._current.start_s:
             return
         self._current.add(solver.velocity, record.dt_s, record.kinetic_energy_m2_s2)
-        if record.time_s >= self._current.start_s + self._length_s:
+        # The last window may end at the limit, to the last digits of its sum.
+        if record.time_s >= (self._current.start_s + self._length_s) * (1 - 1e-12):
             self._close(record.time_s)
 
     def result(self) -> tuple[Velocity, Settling]:
@@ -152,7 +196,7 @@ class SettlingWatch:
         A first window that was compared with no other is the start-up: it does not count where there is a second one.
         """
         window = self._current
-        is_start_up = not self._checks and window.mean.duration_s > 0
+        is_start_up = not self._checks and window.mean.duration_s > 0 and not self._coarse_start_s
         if self._previous is not None and not is_start_up:
             if window.mean.duration_s:
                 self._previous.join(window)
@@ -164,6 +208,7 @@ class SettlingWatch:
             window_s=self._window_s,
             tolerance_frac=self._tolerance_frac,
             checks=tuple(self._checks),
+            coarse_start_s=self._coarse_start_s,
         )
         return window.mean.velocity, settling
 
@@ -178,6 +223,7 @@ class SettlingWatch:
         if check.energy_change_frac > ENERGY_TOLERANCE_FRAC:
             self._previous = current
             return
+        self.has_developed = True
         self.has_settled = check.change_frac <= self._tolerance_frac
         previous.join(current)
         if not self.has_settled:

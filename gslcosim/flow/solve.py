@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
 from gslcosim.flow.boundary import clear_ghosts
+from gslcosim.flow.coarse_start import LONGEST_START, Numerics, continue_on_fine_cells, develop_on_coarse_cells
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.frames import FrameKeeper
 from gslcosim.flow.means import MeanFrom
@@ -18,10 +19,12 @@ from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.report import WindReport
 from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, Settling, SettlingWatch
 from gslcosim.flow.solver import FlowSolver, StepRecord, mass_balance
-from gslcosim.flow.turbulence import Velocity, make_model
+from gslcosim.flow.turbulence import Velocity
 
 AIR_NU_M2_S = 1.5e-5
 MAX_TIME_S = 600.0
+# What a start on coarse cells takes of the whole, as a bar shows it; chosen.
+START_SHARE = 0.2
 
 Turbulence = Literal["k_epsilon", "smagorinsky", "laminar"]
 
@@ -133,15 +136,24 @@ def solve_wind_report(
         raise FlowError(f"nu_m2_s: expected a viscosity above 0 m2/s, was {nu_m2_s}; air has {AIR_NU_M2_S}.")
     domain = build_domain(free, cell_m, patches)
     limit_s = max_time_s if end_time_s is None else end_time_s
-    watch = mean = frames = None
+    numerics = Numerics(turbulence=turbulence, nu_m2_s=nu_m2_s, courant=courant, max_step_s=max_step_s or math.inf)
+    watch = mean = frames = coarse = None
     if end_time_s is None:
-        watch = SettlingWatch(domain, max_time_s=max_time_s, tolerance_frac=settle_tolerance_frac)
+        if save_every_s is None:
+            longest_s, start_progress = LONGEST_START * max_time_s, _share_of(progress, 0.0, START_SHARE)
+            coarse = develop_on_coarse_cells(domain, numerics, longest_s=longest_s, progress=start_progress)
+        progress = _share_of(progress, 0.0 if coarse is None else START_SHARE, 1.0)
+        watch = SettlingWatch(
+            domain,
+            tolerance_frac=settle_tolerance_frac,
+            coarse_start_s=0.0 if coarse is None else coarse.time_s,
+            max_time_s=max_time_s,
+        )
     elif average_from_s is not None:
         mean = MeanFrom(domain, average_from_s)
     if save_every_s is not None:
         frames = FrameKeeper(domain, save_every_s=save_every_s, save_from_s=save_from_s, end_s=limit_s)
-    model = make_model(turbulence, domain, nu_m2_s)
-    solver = FlowSolver(domain, model, courant=courant, max_step_s=max_step_s or math.inf)
+    solver = numerics.solver(domain) if coarse is None else continue_on_fine_cells(coarse, domain, numerics)
     if frames is not None:
         frames.start(solver)
     history = _run(solver, limit_s, watch, [o for o in (watch, mean, frames) if o is not None], progress)
@@ -151,6 +163,11 @@ def solve_wind_report(
     solver.project_tightly(velocity)
     clear_ghosts(domain, velocity)
     return _report(solver, velocity, tuple(history), settling, frames)
+
+
+# Told of a part of the work, tells how much of the whole is done.
+def _share_of(progress: Callable[[float], None] | None, low: float, high: float) -> Callable[[float], None] | None:
+    return progress and (lambda fraction: progress(low + (high - low) * fraction))
 
 
 def _check_times(

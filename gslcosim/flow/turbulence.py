@@ -116,6 +116,10 @@ class KEpsilon:
         kernels.react_k_epsilon(self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s)
         self._take_over(k_new, e_new)
 
+    def set_turbulence(self, k_m2_s2: F32, epsilon_m2_s3: F32) -> None:
+        """Go on from padded k and epsilon; both arrays are the model's from now on."""
+        self._take_over(k_m2_s2, epsilon_m2_s3)
+
     # Make the new k and epsilon current, with the walls' values, and derive viscosity and friction.
     def _take_over(self, k_new: F32, e_new: F32) -> None:
         cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self._nu_m2_s

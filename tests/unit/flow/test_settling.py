@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from gslcosim.errors import FlowError
-from gslcosim.flow import Inlet, Outlet, Schedule, SlipWall, solve_wind, solve_wind_report
+from gslcosim.flow import (
+    Inlet,
+    Outlet,
+    Schedule,
+    Settling,
+    SlipWall,
+    WindowCheck,
+    solve_wind,
+    solve_wind_report,
+)
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.settling import settling_window_s
 
@@ -40,6 +49,8 @@ def test_the_numbers_of_the_last_two_windows_decide():
     assert last.end_s == pytest.approx(settling.average_until_s)
     assert all(c.change_frac > 0.25 or c.energy_change_frac > 0.05 for c in settling.checks[:-1])
     assert str(settling).startswith("settled: from ")
+    assert settling.uncertainty_frac == pytest.approx(last.change_frac / 2, rel=0.05)
+    assert settling.summary()["uncertainty_frac"] == settling.uncertainty_frac
 
 
 @pytest.mark.slow
@@ -69,8 +80,33 @@ def test_without_time_for_two_windows_nothing_is_compared_and_the_mean_is_of_all
     assert not report.settling.has_settled
     assert report.settling.checks == ()
     assert "no two windows" in str(report.settling)
+    assert report.settling.uncertainty_frac is None
     same = solve_wind(AIR, CELL_M, [INLET, OUTLET], end_time_s=2.0, average_from_s=0.0)
     assert report.velocity_m_s == pytest.approx(same, abs=1e-4)
+
+
+@pytest.mark.parametrize("lengths_s", [(8.0, 8.0), (4.0, 20.0)])
+def test_the_uncertainty_is_the_standard_error_where_windows_are_independent(lengths_s):
+    """Of noise whose mean over a window spreads with one over the root of its length, seen in many rooms."""
+    rng, (first_s, second_s), n = np.random.default_rng(7), lengths_s, 20000
+    first, second = (rng.normal(1.0, 0.4 / np.sqrt(length_s), n) for length_s in lengths_s)
+    check = WindowCheck(
+        start_s=2.0,
+        middle_s=2.0 + first_s,
+        end_s=2.0 + first_s + second_s,
+        change_frac=np.sqrt(np.mean((second - first) ** 2)),
+        energy_change_frac=0.0,
+    )
+    settling = Settling(
+        has_settled=True,
+        average_from_s=check.start_s,
+        average_until_s=check.end_s,
+        window_s=first_s,
+        tolerance_frac=0.25,
+        checks=(check,),
+    )
+    error = np.sqrt(np.mean(((first_s * first + second_s * second) / sum(lengths_s) - 1.0) ** 2))
+    assert settling.uncertainty_frac == pytest.approx(error, rel=0.05)
 
 
 def test_progress_ends_at_one_whenever_it_settles():

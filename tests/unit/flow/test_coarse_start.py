@@ -1,0 +1,176 @@
+"""A start on cells of twice the size: what becomes of the room, and of the flow on the way back."""
+
+import numpy as np
+import pytest
+
+from gslcosim.flow import Inlet, Open, Outlet, Schedule, SlipWall, coarse_start, solve_wind_report
+from gslcosim.flow.coarse_start import Numerics, coarsened, develop_on_coarse_cells, spread_velocity, take_up
+from gslcosim.flow.domain import build_domain
+from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.solver import FlowSolver, mass_balance
+from gslcosim.flow.turbulence import make_model
+
+CELL_M = 0.25
+SHAPE = (14, 11, 7)  # 3.5 x 2.75 x 1.75 m; two of the numbers are odd
+AIR = np.ones(SHAPE, bool)
+INLET = Inlet(min_m=(0, 0, 0), max_m=(0, 1, 0.5), velocity_m_s=(1, 0, 0))
+OUTLET = Outlet(min_m=(3.5, 1.5, 0), max_m=(3.5, 2.75, 0.5))
+INNER = (slice(LOW, -HIGH),) * 3
+
+
+def solver_on(domain, until_s=0.0):
+    solver = FlowSolver(domain, make_model("k_epsilon", domain, 1.5e-5))
+    while solver.time_s < until_s:
+        solver.step(until_s=until_s)
+    return solver
+
+
+def test_a_room_on_coarse_cells_has_half_as_many_and_its_openings():
+    coarse = coarsened(build_domain(AIR, CELL_M, [INLET, OUTLET]))
+    assert coarse.shape == (7, 6, 4)
+    assert coarse.cell_m == 0.5
+    (inlet,), (outlet,) = coarse.inlets, coarse.outlets
+    assert inlet.n_cells == 2
+    assert (inlet.inflow.at(0.0) == (1, 0, 0)).all()
+    assert (outlet.is_high, outlet.n_cells) == (True, 3)
+
+
+def test_walls_one_cell_thick_stay_closed_and_doors_open():
+    room = AIR.copy()
+    room[7] = False
+    assert coarsened(build_domain(room, CELL_M, [INLET, Outlet(min_m=(0, 2, 0), max_m=(0, 2.75, 1))])).n_air == 3 * 24
+    room[7, 4:8, :4] = True
+    coarse = coarsened(build_domain(room, CELL_M, [INLET, OUTLET]))
+    assert coarse.air[INNER][3].sum() == 2 * 2
+
+
+def test_nothing_comes_of_a_room_whose_only_way_is_a_cell_wide():
+    room = AIR.copy()
+    room[6:8] = False
+    room[6:8, 5] = True
+    assert coarsened(build_domain(room, CELL_M, [INLET, OUTLET])) is None
+
+
+def test_nothing_comes_of_openings_that_vanish():
+    slit = Inlet(min_m=(0, 0.25, 0), max_m=(0, 0.5, 0.5), velocity_m_s=(1, 0, 0))
+    assert coarsened(build_domain(AIR, CELL_M, [slit, OUTLET])) is None
+
+
+def test_openings_side_by_side_do_not_overlap():
+    """Their border is in the middle of a coarse cell."""
+    left = Open(min_m=(0, 0, 1.75), max_m=(1.75, 2.75, 1.75))
+    right = SlipWall(min_m=(1.75, 0, 1.75), max_m=(3.5, 2.75, 1.75))
+    coarse = coarsened(build_domain(AIR, CELL_M, [INLET, OUTLET, left, right]))
+    assert [placed.n_cells for placed in coarse.placed] == [2, 3, 4 * 6, 3 * 6]
+
+
+def test_a_profile_becomes_its_mean():
+    profile = np.zeros((4, 2, 3))
+    profile[..., 0] = [[0, 1], [2, 3], [4, 5], [6, 7]]
+    inlet = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=profile)
+    (placed,) = coarsened(build_domain(AIR, CELL_M, [inlet, OUTLET])).inlets
+    assert (placed.inflow.at(0.0) == (3.5, 0, 0)).all()
+
+
+@pytest.fixture(scope="module")
+def developing():
+    """A domain with a block in it, and 1 s of its flow on coarse cells."""
+    room = AIR.copy()
+    room[6:8, 2:6, :4] = False
+    fine = build_domain(room, CELL_M, [INLET, OUTLET])
+    return fine, solver_on(coarsened(fine), until_s=1.0)
+
+
+def test_the_flow_spread_on_small_cells_neither_gains_nor_loses_air(developing):
+    """Of the room that both grids have; the faces of inlets are set by the solver."""
+    fine, coarse = developing
+    velocity = spread_velocity(coarse, fine)
+    u, v, w = (component.astype(float) for component in velocity)
+    divergence = np.diff(u, axis=0)[:, :-1, :-1] + np.diff(v, axis=1)[:-1, :, :-1] + np.diff(w, axis=2)[:-1, :-1, :]
+    inside = np.zeros_like(divergence, bool)
+    inside[LOW + 1 : LOW + 14, LOW : LOW + 10, LOW : LOW + 6] = True
+    assert np.abs(divergence[inside]).max() < 1e-4
+    through_coarse = coarse.velocity[0][LOW + 2, LOW : LOW + 5, LOW : LOW + 3].sum(dtype=float)
+    assert u[LOW + 4, LOW : LOW + 10, LOW : LOW + 6].sum() == pytest.approx(4 * through_coarse, abs=1e-3)
+
+
+def test_an_even_flow_stays_one():
+    whole = [
+        Inlet(min_m=(0, 0, 0), max_m=(0, 2.75, 1.75), velocity_m_s=(1, 0, 0)),
+        Outlet(min_m=(3.5, 0, 0), max_m=(3.5, 2.75, 1.75)),
+    ]
+    fine = build_domain(AIR, CELL_M, whole)
+    coarse = solver_on(coarsened(fine))
+    velocity = spread_velocity(coarse, fine)
+    for axis, component in enumerate(velocity):
+        faces = tuple(slice(LOW, LOW + n + (other == axis)) for other, n in enumerate(SHAPE))
+        assert component[faces][1:] == pytest.approx(1.0 if axis == 0 else 0.0, abs=1e-4)
+
+
+def test_a_solver_goes_on_from_there_with_its_pressure_and_turbulence(developing):
+    domain, coarse = developing
+    model = make_model("k_epsilon", domain, 1.5e-5)
+    fine = FlowSolver(domain, model, initial_velocity=spread_velocity(coarse, domain))
+    take_up(coarse, fine)
+    assert fine.divergence_m_s() <= 1e-4
+    inflow, outflow = mass_balance(domain, fine.velocity)
+    assert inflow == pytest.approx(outflow, rel=5e-3)
+    i, j, k = 1, 0, 1  # beside the inlet, no wall cell: there k is transported
+    assert fine.model.k[LOW + 2 * i, LOW + 3, LOW + 2] == coarse.model.k[LOW + i, LOW + 1, LOW + k]
+    assert fine.pressure[LOW + 2 * i, LOW + 2 * j, LOW + 2 * k] == coarse.pressure[LOW + i, LOW + j, LOW + k]
+    speed_m_s, coarse_speed_m_s = (np.linalg.norm(s.centre_velocity(), axis=-1) for s in (fine, coarse))
+    pairs = coarse_speed_m_s[:, :5, :3], speed_m_s[:, :10, :6].reshape(7, 2, 5, 2, 3, 2).mean(axis=(1, 3, 5))
+    assert np.corrcoef(*(speeds.ravel() for speeds in pairs))[0, 1] > 0.98
+
+
+@pytest.fixture
+def for_all_rooms(monkeypatch):
+    """Rooms of a few cells begin on larger ones too."""
+    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+
+
+def test_a_wind_until_it_settles_begins_where_the_coarse_one_has_come_to(for_all_rooms):
+    report = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=30.0)
+    settling = report.settling
+    assert settling.coarse_start_s > 2 * settling.window_s
+    energies = report.history_columns()["kinetic_energy_m2_s2"]
+    assert energies[0] > 0.5 * energies[-1]
+    assert f"after {settling.coarse_start_s:.1f} s on cells of twice the size" in str(settling)
+    longer = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], end_time_s=150.0, average_from_s=50.0).velocity_m_s
+    difference = np.sqrt(np.mean((report.velocity_m_s - longer) ** 2) / np.mean(longer**2))
+    assert difference < 0.2
+    assert report.divergence_relative <= 1e-4
+    again = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=30.0)
+    np.testing.assert_array_equal(again.velocity_m_s, report.velocity_m_s)
+
+
+def test_a_start_lasts_five_times_what_follows_at_most(for_all_rooms):
+    settling = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=1.0).settling
+    assert settling.coarse_start_s == 5.0
+
+
+def test_windows_of_a_developed_flow_fit_into_the_time_twice(for_all_rooms):
+    settling = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=7.0).settling
+    (check,) = settling.checks
+    assert check.start_s == pytest.approx(7.0 / 8)
+    assert check.end_s == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize("options", [{"end_time_s": 1.0}, {"max_time_s": 1.0, "save_every_s": 0.5}])
+def test_with_an_end_or_frames_the_air_is_still_at_first(monkeypatch, options):
+    still = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], **options)
+    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    report = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], **options)
+    np.testing.assert_array_equal(report.velocity_m_s, still.velocity_m_s)
+
+
+def test_small_rooms_inlets_that_change_and_flows_that_diverge_have_no_coarse_start(monkeypatch):
+    numerics = Numerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9)
+    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), numerics, longest_s=9.0) is None
+    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    gusts = Schedule(times_s=(0, 1), values=(0, 1))
+    gusty = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=(1, 0, 0), factor=gusts)
+    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [gusty, OUTLET]), numerics, longest_s=9.0) is None
+    # Far beyond what the scheme bears.
+    wild = Numerics(turbulence="laminar", nu_m2_s=1.5e-5, courant=20.0)
+    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), wild, longest_s=9.0) is None
