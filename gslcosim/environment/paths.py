@@ -1,6 +1,13 @@
-"""Shortest collision-free ways through a room."""
+"""Shortest collision-free ways through a room: the truth by which the referee judges flights.
+
+Vehicles plan with `planning` instead, and that there are two is on purpose. What is judged must not judge itself: the
+ways here know nothing of a vehicle, its grid of inflated boxes or its corners. And they answer other questions: here
+how short a way can be, by bends anywhere between the cells, once per run; there a way that a vehicle of some size can
+fly, over neighbouring cells, in flight.
+"""
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,8 +24,19 @@ _MAX_TIGHTENING_ROUNDS = 200
 _SMALLEST_STEP = 1e-4
 
 
+@dataclass(frozen=True, kw_only=True)
+class Layer:
+    """One layer of a room's cells: all there is for a vehicle that stays at its height."""
+
+    grid: Grid
+    occupancy: NDArray[np.uint8]
+
+
+Places = Environment | Room | Layer
+
+
 def shortest_path_m(
-    environment: Environment | Room, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
+    environment: Places, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
 ) -> float | None:
     """Return the length [m] of the shortest collision-free way; nothing when there is none.
 
@@ -31,7 +49,7 @@ def shortest_path_m(
 
 
 def shortest_path(
-    environment: Environment | Room, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
+    environment: Places, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
 ) -> NDArray[np.float64] | None:
     """Return the bends of the shortest collision-free way, or nothing when there is none.
 
@@ -74,6 +92,39 @@ def shortest_path(
     return _tightened(_aimed(tightened_m, goal, within_m, blocked, environment.grid), blocked, environment.grid)
 
 
+def shortest_level_path_m(
+    environment: Environment | Room, start_m: Vec3, goal_m: Vec3, *, clearance_m: float, within_m: float = 0.0
+) -> float | None:
+    """Return the length [m] of the shortest collision-free way at the height of its start, that of a vehicle on wheels.
+
+    Args:
+        environment: The room.
+        start_m: Where the way begins, world frame [m].
+        goal_m: What it is to come near to, world frame [m], at any height.
+        clearance_m: What to keep from all solids at that height [m], >= 0.
+        within_m: The way ends as soon as it is this near to the goal, in space [m]; 0: below or above the goal.
+
+    Returns:
+        The length; nothing when there is no way, or none that comes near enough at this height. See `shortest_path`.
+    """
+    rise_m = goal_m[2] - start_m[2]
+    if within_m and abs(rise_m) > within_m:
+        return None
+    reach_m = math.sqrt(within_m**2 - rise_m**2) if within_m else 0.0
+    layer = _layer_at(environment, start_m[2])
+    ends_m = ((x_m, y_m, 0.0) for x_m, y_m, _ in (start_m, goal_m))
+    return shortest_path_m(layer, *ends_m, clearance_m=clearance_m, within_m=reach_m)
+
+
+# The cells at a height, about height 0; a start outside the room stays outside.
+def _layer_at(environment: Environment | Room, height_m: float) -> Layer:
+    grid = environment.grid
+    layer = math.floor((height_m - grid.origin_m[2]) / grid.cell_m)
+    occupancy = environment.occupancy[:, :, layer : layer + 1] if layer >= 0 else environment.occupancy[:, :, :0]
+    origin_m = (*grid.origin_m[:2], -grid.cell_m / 2)
+    return Layer(grid=Grid(origin_m=origin_m, cell_m=grid.cell_m, shape=occupancy.shape), occupancy=occupancy)
+
+
 def clearance_field_m(is_solid: NDArray[np.bool_], cell_m: float, *, up_to_m: float) -> NDArray[np.float32]:
     """Return how far each cell's centre is from the nearest solid cell.
 
@@ -112,7 +163,7 @@ def clearance_field_m(is_solid: NDArray[np.bool_], cell_m: float, *, up_to_m: fl
 
 # 1 where a way may not go; see `shortest_path` for the rules.
 def _blocked(
-    environment: Environment | Room, start: NDArray[np.float64], goal: NDArray[np.float64], clearance_m: float
+    environment: Places, start: NDArray[np.float64], goal: NDArray[np.float64], clearance_m: float
 ) -> NDArray[np.uint8]:
     grid = environment.grid
     is_solid = environment.occupancy == Cell.SOLID
@@ -140,7 +191,7 @@ def _window(grid: Grid, centre: NDArray[np.float64], reach_m: float) -> tuple[sl
     return x, y, z
 
 
-def _is_air(environment: Environment | Room, point: NDArray[np.float64]) -> bool:
+def _is_air(environment: Places, point: NDArray[np.float64]) -> bool:
     cell = environment.grid.cell_of(point)
     return bool(environment.grid.contains_cell(cell)) and environment.occupancy[tuple(cell)] != Cell.SOLID
 

@@ -1,4 +1,7 @@
-"""Ways that a vehicle flies through a room: inflated solids, the parts of the free air, and paths around corners."""
+"""Ways that a vehicle flies through a room: inflated solids, the parts of the free air, and paths around corners.
+
+The referee's shortest ways, by which flights are judged, are in `paths`, with the reason why there are two.
+"""
 
 import math
 from dataclasses import dataclass, field

@@ -17,7 +17,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
-from gslcosim.environment.paths import shortest_path_m
+from gslcosim.environment.paths import shortest_level_path_m, shortest_path_m
 from gslcosim.errors import ModelError
 from gslcosim.referee.case import AgentCase, Outcome, Rules
 from gslcosim.referee.ports import referee_spec
@@ -49,6 +49,7 @@ class RefereeCore:
         self._limit_s = scenario.referee.stop.time_limit_s
         self._rules = _rules(scenario, environment)
         self._names = tuple(agent.name for agent in scenario.agents)
+        self._drives = {agent.name: agent.vehicle.drives for agent in scenario.agents}
         self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
         self._spec = referee_spec(scenario)
         self._begin()
@@ -69,7 +70,7 @@ class RefereeCore:
         bodies = self._bodies(tick, inbox)
         if tick == 0:
             # Here and not at the verdict: nobody waits for the referee now, at the end everybody does.
-            self._shortest_m = {name: self._shortest_way_m(bodies[name].position_world_m) for name in self._names}
+            self._shortest_m = {name: self._shortest_way_m(name, bodies[name].position_world_m) for name in self._names}
         samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
         events: list[RefereeEvent] = []
         for case in self._cases:
@@ -138,10 +139,12 @@ class RefereeCore:
 
     # To the source that is nearest by way, not by air. A run ends at the success radius, so the way does too: to the
     # source itself a straight flight would be shorter than the shortest way. A declaration needs no approach at all.
-    def _shortest_way_m(self, start_m: Vec3) -> float | None:
+    # Who drives cannot go over things.
+    def _shortest_way_m(self, name: str, start_m: Vec3) -> float | None:
         within_m = self._rules.within_m if self._rules.success_of == "source" else 0.0
+        way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
         ways_m = (
-            shortest_path_m(self._environment, start_m, source_m, clearance_m=CLEARANCE_M, within_m=within_m)
+            way_to(self._environment, start_m, source_m, clearance_m=CLEARANCE_M, within_m=within_m)
             for source_m in self._rules.sources_m
         )
         return min((way_m for way_m in ways_m if way_m is not None), default=None)

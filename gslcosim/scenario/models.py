@@ -150,16 +150,21 @@ class VehicleSpec(Spec):
     avoidance: Literal["none", "2d", "3d"] = "none"
     separation_m: NonNegative = 0.0
 
+    @property
+    def drives(self) -> bool:
+        """Whether the vehicle stays on the ground."""
+        return self.model == "rover"
+
     @model_validator(mode="after")
     def _check_avoidance(self) -> Self:
-        if self.model == "rover" and self.avoidance == "3d":
+        if self.drives and self.avoidance == "3d":
             raise broken_rule(
                 key="avoidance",
                 expected="none or 2d for a rover, which stays on the floor",
                 found="3d",
                 remedy="Take 2d.",
             )
-        if self.model == "rover" and self.separation_m:
+        if self.drives and self.separation_m:
             raise broken_rule(
                 key="separation_m",
                 expected="0 for a rover: only vehicles in the air go out of the way of others",
@@ -170,7 +175,7 @@ class VehicleSpec(Spec):
 
     @model_validator(mode="after")
     def _check_height(self) -> Self:
-        if self.model == "rover" and self.search_height_m != ROVER_HEIGHT_M:
+        if self.drives and self.search_height_m != ROVER_HEIGHT_M:
             raise broken_rule(
                 key="search_height_m",
                 expected="no height for a rover, which stays on the floor",

@@ -6,7 +6,7 @@ from math import hypot
 import numpy as np
 import pytest
 
-from gslcosim.environment.paths import clearance_field_m, shortest_path, shortest_path_m
+from gslcosim.environment.paths import clearance_field_m, shortest_level_path_m, shortest_path, shortest_path_m
 from gslcosim.environment.room import build_room
 from gslcosim.environment.sight_kernels import is_line_of_sight_free
 from gslcosim.scenario.models import BoxSpec, LayoutSpec, WindSpec
@@ -118,3 +118,34 @@ def test_clearance_is_the_distance_from_centre_to_the_nearest_solid_cell():
     expected = np.linalg.norm(apart, axis=-1).min(axis=-1)
     expected[expected > 0.8] = np.inf
     assert clearance_field_m(is_solid, 0.3, up_to_m=0.8) == pytest.approx(expected, abs=1e-6)
+
+
+# ---------------------------------------------------------------- on the ground
+
+# A wall 1 m high and one that hangs above it: between the two there is a way over, on the ground there is none.
+LOW = room(((7.0, 0.0, 0.0), (8.0, 9.0, 1.0)), ((7.0, 0.0, 2.0), (8.0, 12.0, 4.0)))
+ON_FLOOR_M = (12.0, 5.0, 0.12)
+
+
+def test_a_way_on_the_ground_goes_around_what_a_flight_goes_over():
+    level_m = shortest_level_path_m(LOW, ON_FLOOR_M, GOAL_M, clearance_m=0.0)
+    assert level_m == pytest.approx(around_the_wall_m(0.0), rel=1e-3)
+    assert shortest_path_m(LOW, ON_FLOOR_M, (3.0, 5.0, 0.12), clearance_m=0.0) < level_m - 1.0
+
+
+def test_a_way_on_the_ground_passes_under_what_hangs():
+    hanging = room(((7.0, 0.0, 1.0), (8.0, 12.0, 4.0)))
+    assert shortest_level_path_m(hanging, ON_FLOOR_M, GOAL_M, clearance_m=0.3) == pytest.approx(9.0)
+
+
+def test_near_enough_is_meant_in_space():
+    """2 m up and within 2.5 m: 1.5 m beside the goal on the ground."""
+    goal_m = (3.0, 5.0, 2.12)
+    assert shortest_level_path_m(room(), ON_FLOOR_M, goal_m, clearance_m=0.3, within_m=2.5) == pytest.approx(7.5)
+    assert shortest_level_path_m(room(), ON_FLOOR_M, goal_m, clearance_m=0.3, within_m=1.9) is None
+    assert shortest_level_path_m(room(), goal_m, (3.0, 5.5, 0.5), clearance_m=0.3, within_m=1.9) == 0.0
+
+
+def test_a_start_outside_the_room_has_no_way():
+    for height_m in (-0.5, 4.5):
+        assert shortest_level_path_m(room(), (12.0, 5.0, height_m), GOAL_M, clearance_m=0.3) is None

@@ -45,13 +45,13 @@ def room() -> Environment:
     )
 
 
-def scenario(*names: str, sources=(SOURCE,), mode="on_request", **referee) -> Scenario:
+def scenario(*names: str, sources=(SOURCE,), mode="on_request", model="iris", **referee) -> Scenario:
     agents = [
         {
             "name": name,
             "start": {"attach": True},
             "mode": mode,
-            "vehicle": {"start_m": START},
+            "vehicle": {"model": model, "start_m": START},
             "sensors": [{"model": "tgs2600", "name": "nose"}],
         }
         for name in names or ("beetle",)
@@ -326,10 +326,21 @@ def test_the_shortest_way_leads_around_obstacles_and_to_the_source_that_is_neare
     assert near_m == pytest.approx(2.9)
 
 
-def shortest_of(core: RefereeCore) -> float:
+def test_the_shortest_way_of_a_rover_stays_on_the_floor():
+    """A step 1 m high across half of the room: what flies goes over it, what drives around."""
+    stepped = room()
+    stepped.occupancy[10, :6, :2] = 1
+    level = RefereeCore(scenario(model="rover", success={"of": "declaration"}, stop={"time_limit_s": 0.1}), stepped)
+    free = RefereeCore(scenario(success={"of": "declaration"}, stop={"time_limit_s": 0.1}), stepped)
+    around_m, over_m = (shortest_of(core, start_m=(8.0, 1.0, 0.12)) for core in (level, free))
+    assert over_m < 6.6
+    assert around_m > 2 * math.hypot(3.0, 2.0) - 0.3
+
+
+def shortest_of(core: RefereeCore, start_m=(8.0, 1.0, 2.0)) -> float:
     core.reset(Episode(seed=1))
     for tick in range(2):
-        bodies = BodyPoses(tick=tick, bodies=(body(position_m=(8.0, 1.0, 2.0)),))
+        bodies = BodyPoses(tick=tick, bodies=(body(position_m=start_m),))
         outbox = core.step(tick, {keys.BODIES: bodies, keys.SAMPLES: FieldSamples(tick=tick, samples=())})
     return outbox[keys.VERDICT].agents[0].shortest_path_m
 
