@@ -69,6 +69,29 @@ class Avoidance:
         """Return whether the straight way between two places, world frame [m], keeps clear."""
         return self.routes.space.sees(a_m, b_m)
 
+    def refusal_of_stop(self, name: str, state: NDArray[np.float64], stop: Trajectory) -> str | None:
+        """Return why a vehicle must brake now that would come to rest on a path, or nothing while that keeps clear.
+
+        Who is too near to something already may go to the nearest free place, and nowhere else.
+
+        Args:
+            name: What brought it there, for the text.
+            state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] where it would begin to brake.
+            stop: The path on which it would come to rest.
+        """
+        here_m = self.routes.level(_vec3(state[0]))
+        if not _is_moving(state) or (self._is_clear(stop) if self.routes.is_free(here_m) else self._leaves(state)):
+            return None
+        return (
+            f"{name}: expected a stop at least {self.routes.clearance_m:.2f} m from obstacles, "
+            f"was heading for {_text(stop.end_world_m)} m."
+        )
+
+    def _leaves(self, state: NDArray[np.float64]) -> bool:
+        here_m = self.routes.level(_vec3(state[0]))
+        free_m = self.routes.way_out_m(here_m)
+        return free_m is not None and float(np.subtract(free_m, here_m) @ state[1]) > 0.0
+
     # A place that is too near to something becomes the nearest one outside that the vehicle can reach.
     def _moved(self, leg: Leg, from_m: Vec3) -> tuple[Leg, str | None]:
         place_m = self.routes.level(leg.place_world_m)

@@ -10,6 +10,7 @@ from gslcosim.ticks import ticks_from_seconds
 from gslcosim.world.abilities import Abilities
 from gslcosim.world.arrival import GIVE_UP_AFTER_S, OVERTURNED, OverturnWatch, arrival_of, give_up
 from gslcosim.world.avoidance import Avoidance
+from gslcosim.world.columns import free_height_m
 from gslcosim.world.course import Course
 from gslcosim.world.edges import Edges
 from gslcosim.world.evasion import GIVES_WAY_FOR_S, Evasion
@@ -18,6 +19,10 @@ from gslcosim.world.records import Setpoint
 from gslcosim.world.separation import Neighbours
 from gslcosim.world.space import FlightSpace
 from gslcosim.world.trajectory import AS_BEFORE, Heading, Vec3
+
+# A lower flight than this above where it stood is none [m].
+LEAST_RISE_M = 0.5
+STANDS_WITHIN_M = 0.05
 
 Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
 
@@ -44,7 +49,7 @@ class Conduct:
         self._avoidance = avoidance
         self._tick_ns = tick_ns
         self.course = Course(abilities, tick_ns)
-        self.edges = Edges(space=space, abilities=abilities, tick_ns=tick_ns)
+        self.edges = Edges(space=space, abilities=abilities, tick_ns=tick_ns, avoidance=avoidance)
         self._evasion = Evasion(self.course, space, abilities.limits, tick_ns, avoidance=avoidance)
         self._overturn = OverturnWatch(tick_ns)
         self.under_way: Phase = "driving" if abilities.has_wheels else "flying"
@@ -73,22 +78,31 @@ class Conduct:
 
     # ------------------------------------------------------------ what it is told to do
 
-    def leave_start(self) -> None:
+    def leave_start(self) -> str | None:
         """Take off at the first tick; on wheels only turn them on."""
+        if not self._abilities.has_wheels:
+            return self.take_off(0)
         self.is_armed = True
-        if self._abilities.has_wheels:
-            self.phase = "holding"
-            self.hold_for(0, self._vehicle.hold_s)
-            self.course.look(AS_BEFORE)
-        else:
-            self.take_off(0)
+        self.phase = "holding"
+        self.hold_for(0, self._vehicle.hold_s)
+        self.course.look(AS_BEFORE)
+        return None
 
-    def take_off(self, tick: int) -> None:
-        """Rise to the height of search."""
-        x_m, y_m, _ = self.course.position_m if self.has_taken_off else self.course.trajectory.end_world_m
+    def take_off(self, tick: int) -> str | None:
+        """Rise to the height of search; with avoidance only as far as nothing is in the way."""
+        place_m = self.course.position_m if self.has_taken_off else self.course.trajectory.end_world_m
+        wanted_m = self._vehicle.search_height_m
+        to_m = wanted_m if self._avoidance is None else free_height_m(self._space, place_m, wanted_m)
+        found = f"take_off: expected a free way to a height of {wanted_m:g} m, was free as far as {to_m:.2f} m"
+        if to_m < min(wanted_m, place_m[2] + LEAST_RISE_M):
+            if self._stands_at(place_m):
+                self.hold(tick, self._vehicle.hold_s)
+                return f"{found}; the vehicle stays."
+            to_m = max(to_m, place_m[2])
         self.is_armed = True
-        self._begin(tick, [self._change_of_height("take_off", (x_m, y_m, self._vehicle.search_height_m))])
+        self._begin(tick, [self._change_of_height("take_off", (place_m[0], place_m[1], to_m))])
         self.phase = "taking_off"
+        return None if to_m == wanted_m else f"{found}; goes there."
 
     def land(self, tick: int) -> None:
         """Come down to what is below."""
@@ -184,6 +198,10 @@ class Conduct:
         self._evasion.begin_leg(tick)
         self.course.begin_leg(tick)
         self.phase = self.under_way
+
+    def _stands_at(self, place_m: Vec3) -> bool:
+        above_m = place_m[2] - self._space.support_height_m(place_m)
+        return above_m <= self._abilities.standing_height_m + STANDS_WITHIN_M
 
     def _change_of_height(self, name: str, place_m: Vec3) -> Leg:
         return Leg(name=name, place_world_m=place_m, hold_s=self._vehicle.hold_s)

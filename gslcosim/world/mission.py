@@ -113,7 +113,7 @@ class Mission:
             command: The agent's command that takes effect now, if there is one.
         """
         if tick == 1:
-            self._conduct.leave_start()
+            self.notice = self._conduct.leave_start()
         if command is None or self.phase == "failed":
             return
         self.notice = None
@@ -181,9 +181,10 @@ class Mission:
 
     def _rise_for(self, tick: int, command: Command) -> None:
         is_all = command.kind == "take_off"
-        self._kept_command = None if is_all else command
-        self._conduct.goal, self._goal_notice = command if is_all else None, None
-        self._conduct.take_off(tick)
+        self.notice = self._conduct.take_off(tick)
+        if self.phase == "taking_off":
+            self._kept_command = None if is_all else command
+            self._conduct.goal, self._goal_notice = command if is_all else None, self.notice
 
     def _obey(self, tick: int, command: Command) -> None:
         self._conduct.goal = command

@@ -6,6 +6,7 @@ import numpy as np
 
 from gslcosim.contract.messages import Command, DriveSetpoint
 from gslcosim.world.abilities import Abilities
+from gslcosim.world.columns import is_way_down_free
 from gslcosim.world.course import Course
 from gslcosim.world.edges import Edges
 from gslcosim.world.legs import AT_REST, legs_of, refusal_of_curves, refusal_of_motion
@@ -51,7 +52,7 @@ def refusal_from_here(
     """
     match command.kind:
         case "land":
-            return _refusal_of_ground(course.position_m, edges.space)
+            return _refusal_of_ground(course.position_m, edges.space, avoids=avoids)
         case "mission" if not avoids:
             state = course.motion(tick).state
             if rises_to_m is not None:
@@ -61,17 +62,21 @@ def refusal_from_here(
             wanted_m_s = command.velocity_world_m_s or AT_REST
             path, is_preparing = course.planner.at_velocity(wanted_m_s, course.motion(tick), tick)
             return None if is_preparing else edges.ahead_on(tick, path)
+        case "drive" if command.drive is not None:
+            return edges.ahead_of_drive(tick, course, command.drive.speed_m_s)
         case _:
             return None
 
 
-# Level ground as wide as the vehicle.
-def _refusal_of_ground(position_world_m: Vec3, space: FlightSpace) -> str | None:
+# Level ground as wide as the vehicle, and with avoidance nothing above it.
+def _refusal_of_ground(position_world_m: Vec3, space: FlightSpace, *, avoids: bool) -> str | None:
     x_m, y_m, z_m = position_world_m
     corners = [(x_m + i * space.radius_m, y_m + j * space.radius_m, z_m) for i in (-1, 1) for j in (-1, 1)]
     heights_m = {space.support_height_m(corner) for corner in (position_world_m, *corners)}
     if max(heights_m) - min(heights_m) < 1e-6:
-        return None
+        if not avoids or is_way_down_free(space, position_world_m, max(heights_m)):
+            return None
+        return f"land: expected a free way down from ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m, was something solid in it."
     return (
         f"land: expected level ground within {space.radius_m:g} m of ({x_m:.2f}, {y_m:.2f}), "
         f"was {min(heights_m):g} to {max(heights_m):g} m high."

@@ -42,7 +42,7 @@ class Routes:
 
         In two dimensions it has the same height.
         """
-        start_m = self._free_start_m(from_m)
+        start_m = self.way_out_m(from_m)
         if start_m is None:
             return None
         if self.mode == "3d":
@@ -58,7 +58,7 @@ class Routes:
 
         A start too near to something is left straight to the nearest free place in sight.
         """
-        free_m = self._free_start_m(start_m)
+        free_m = self.way_out_m(start_m)
         if free_m is None:
             return None
         points_m = self._route_3d(free_m, goal_m) if self.mode == "3d" else self._route_2d(free_m, goal_m)
@@ -66,7 +66,8 @@ class Routes:
             return points_m
         return [start_m, *points_m]
 
-    def _free_start_m(self, start_m: Vec3) -> Vec3 | None:
+    def way_out_m(self, start_m: Vec3) -> Vec3 | None:
+        """Return the free place to which a start, world frame [m], is left: itself, or the nearest one in sight."""
         if self.space.is_free(start_m):
             return start_m
         if self.ground_height_m is None:

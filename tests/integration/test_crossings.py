@@ -124,6 +124,27 @@ def test_a_rover_crosses_a_complex_warehouse(study, make_scenario):
         assert math.dist(body.position_world_m[:2], study.SOURCE_M[:2]) < 1.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("model", "mode", "height_m"), [("iris", "3d", 2.0), ("crazyflie", "2d", 2.0), ("rover", "2d", 0.1)]
+)
+def test_random_velocities_in_a_complex_warehouse_touch_nothing(study, make_scenario, model, mode, height_m):
+    environment = complex_warehouse(seed=1)
+    x_m, y_m, _ = study.start_beside(environment, 7.5, 7.5, height_m=max(height_m, 0.5))
+    flight = Flight(make_scenario, environment, (x_m, y_m, height_m), model=model, avoidance=mode)
+    flight.wait()
+    rng, n_notices = np.random.default_rng(3), 0
+    for _ in range(150):
+        direction = rng.normal(size=3) * (1.0, 1.0, 0.3)
+        velocity_m_s = tuple((rng.uniform(0.2, 1.0) * direction / np.linalg.norm(direction)).tolist())
+        flight.step(kind="velocity", velocity_world_m_s=velocity_m_s, hold_s=60.0)
+        for _ in range(30):
+            flight.step()
+        n_notices += flight.body.rejected_command is not None
+        assert not flight.contacts, (flight.body, flight.contacts)
+    assert n_notices > 20
+
+
 # From each free place drawn to the next: pairs of free places of a complex warehouse.
 def fly_free_pairs(study, make_scenario, n_pairs, seed):
     environment = complex_warehouse(seed)
