@@ -28,6 +28,7 @@ print(*sorted({"mujoco", "rerun"} & set(sys.modules)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("service", CORES)
 def test_a_service_imports_no_library_of_another(service):
     """Six processes start at once: what one imports in vain, all wait for."""
