@@ -34,6 +34,7 @@ bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=-
 
 bench-robots: .venv/ready-dev  # how fast vehicles fly and drive, beside targets, and how accurately
 	$(BIN)/python tests/benchmarks/bench_robots.py
+	$(BIN)/python tests/benchmarks/bench_onboard.py
 	$(BIN)/python docs/studies/robot_accuracy.py
 
 crossings: .venv/ready-dev  # rooms crossed from nine starts by a scripted agent; ROOMS=folders of GSL-Bench environments

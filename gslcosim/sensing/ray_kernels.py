@@ -8,6 +8,9 @@ import numpy as np
 
 from gslcosim.environment.sight_kernels import to_next_border
 
+# How far rays may seem to miss by rounding alone; the bins' boxes are sorted in with as much.
+_ROUNDING_BINS = 1e-9
+
 
 @numba.njit(cache=True, nogil=True)
 def distance_to_box(box_m, x, y, z, dx, dy, dz):
@@ -81,11 +84,31 @@ def distance_to_cylinder(cylinder_m, x, y, z, dx, dy, dz):
 
 
 @numba.njit(cache=True, nogil=True)
+def _within(start, direction, n):
+    # Ways along a ray to where it comes between two faces, and to where it leaves; in bins.
+    if direction == 0.0:
+        return (-np.inf, np.inf) if 0.0 <= start <= n else (np.inf, -np.inf)
+    one, other = -start / direction, (n - start) / direction
+    return min(one, other), max(one, other)
+
+
+@numba.njit(cache=True, nogil=True)
+def _way_into_bins(sx, sy, sz, dx, dy, dz, shape):
+    # Way along a ray to the first bin, 0 from within, infinity where it misses them all; in bins. Boxes that reach to
+    # the outer faces must not be lost by rounding: a ray that misses by that little counts as one that meets.
+    near_x, far_x = _within(sx, dx, shape[0])
+    near_y, far_y = _within(sy, dy, shape[1])
+    near_z, far_z = _within(sz, dz, shape[2])
+    enters = max(0.0, near_x, near_y, near_z)
+    return enters if enters <= min(far_x, far_y, far_z) + _ROUNDING_BINS else np.inf
+
+
+@numba.njit(cache=True, nogil=True)
 def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, z, dx, dy, dz, limit_m):
     """Return the way along a ray to the nearest of many boxes, at most `limit_m`.
 
-    The ray visits the bins it passes through in order, and stops at the first hit within the bin that it is in. A ray
-    that starts outside all bins is held against every box.
+    The ray visits the bins it passes through in order, and stops at the first hit within the bin that it is in. One
+    that starts outside all bins begins where it meets them.
 
     Args:
         boxes_m: (n, 6) lower then upper corners, world frame [m].
@@ -109,11 +132,12 @@ def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, 
     """
     nearest = limit_m
     sx, sy, sz = (x - origin_m[0]) / bin_m, (y - origin_m[1]) / bin_m, (z - origin_m[2]) / bin_m
-    i, j, k = math.floor(sx), math.floor(sy), math.floor(sz)
-    if not (0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= k < shape[2]):
-        for n in range(boxes_m.shape[0]):
-            nearest = min(nearest, distance_to_box(boxes_m[n], x, y, z, dx, dy, dz))
-        return nearest
+    enters = _way_into_bins(sx, sy, sz, dx, dy, dz, shape)
+    if enters * bin_m >= limit_m:
+        return limit_m
+    i = min(max(math.floor(sx + enters * dx), 0), shape[0] - 1)
+    j = min(max(math.floor(sy + enters * dy), 0), shape[1] - 1)
+    k = min(max(math.floor(sz + enters * dz), 0), shape[2] - 1)
     next_x, gap_x = to_next_border(sx, i, dx)
     next_y, gap_y = to_next_border(sy, j, dy)
     next_z, gap_z = to_next_border(sz, k, dz)

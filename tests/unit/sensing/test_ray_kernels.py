@@ -1,11 +1,13 @@
 """Rays against closed forms and against every box one by one."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from staged import body, scenario_of
 
+from gslcosim.environment.model import Box
 from gslcosim.sensing.ray_kernels import distance_to_box, distance_to_cylinder
 from gslcosim.sensing.rays import RayScene
 
@@ -65,6 +67,31 @@ def test_bins_change_no_distance(make_room):
         directions /= np.linalg.norm(directions, axis=1)[:, None]
         expected = [min(30.0, *(distance_to_box(box, *start, *d) for box in boxes)) for d in directions]
         assert scene.ranges_m(start, directions, (), 30.0) == pytest.approx(np.array(expected))
+
+
+def test_rays_from_outside_all_boxes_find_the_same(make_room):
+    """Above and beside boxes without walls around them, along their faces too; to the bit."""
+    rng = np.random.default_rng(3)
+    low = rng.uniform((2, 2, 0), (9, 6, 2), (40, 3)).round(1)
+    boxes = np.hstack([low, low + rng.uniform(0.2, 2.0, (40, 3)).round(1)])
+    room = make_room()
+    solids = tuple(
+        Box(name=f"box_{i}", kind="floor", min_m=tuple(box[:3]), max_m=tuple(box[3:]))
+        for i, box in enumerate(boxes.tolist())
+    )
+    scene = RayScene(scenario_of("iris"), replace(room, boxes=solids))
+    faces = boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)
+    starts = [*rng.uniform((-5, -5, 4.5), (20, 15, 9), (20, 3)), np.array([-3.0, 4.0, 1.0])]
+    starts += [np.array([-3.0, 4.0, faces[1][2]]), np.array([-3.0, faces[0][1], 1.0]), faces[1], faces[0]]
+    n_hits = 0
+    for start in starts:
+        towards = rng.uniform((1, 1, 0), (11, 8, 4), (200, 3)) - start
+        directions = np.vstack([towards, np.eye(3), -np.eye(3)])
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        expected = [min(30.0, *(distance_to_box(box, *start, *d) for box in boxes)) for d in directions]
+        assert np.array_equal(scene.ranges_m(start, directions, (), 30.0), expected)
+        n_hits += np.sum(np.array(expected) < 30.0)
+    assert 0.1 < n_hits / (206 * len(starts)) < 0.9
 
 
 def test_other_vehicles_are_met(make_room):
