@@ -10,7 +10,7 @@ packages=(
     octave               # agents/dung_beetle_octave
     jq                   # agents/dung_beetle_shell
     mesa-vulkan-drivers  # pictures of recordings without a GPU
-    libegl1 libgl1-mesa-dri  # cameras without a GPU
+    libegl1 libgl1-mesa-dri libosmesa6  # cameras without a GPU
     iproute2 openssl     # two hosts in network namespaces, and their certificate
     openfoam             # the other wind solver
 )

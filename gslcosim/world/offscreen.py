@@ -4,6 +4,7 @@
 
 import importlib
 import os
+import sys
 from typing import Any
 
 import mujoco
@@ -75,17 +76,28 @@ class OffscreenView:
         return rect
 
 
+# OpenGL's bindings keep to the platform that they were first imported for, even where that does not work.
+def _forget_opengl() -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "OpenGL"]:
+        del sys.modules[name]
+
+
 # Drivers and their bindings fail in many ways: at import, at the first call, or by answering nothing.
 def _open_context(width_px: int, height_px: int) -> Any:
     reasons: list[str] = []
     for way in _WAYS:
         before = os.environ.get("PYOPENGL_PLATFORM")
         try:
-            return importlib.import_module(f"mujoco.{way}").GLContext(width_px, height_px)
+            context = importlib.import_module(f"mujoco.{way}").GLContext(width_px, height_px)
         except Exception as error:
             reasons.append(f"{way}: {error}")
             if before is None:
                 os.environ.pop("PYOPENGL_PLATFORM", None)
+                _forget_opengl()
+            continue
+        # MuJoCo's own part looks here for the library whose functions it is to call.
+        os.environ["MUJOCO_GL"] = way
+        return context
     raise ModelError(
         f"cameras: expected EGL or OSMesa to draw with, was none ({'; '.join(reasons)}). "
         f"On Debian: sudo apt-get install {', or '.join(_WAYS.values())}."

@@ -2,6 +2,10 @@
 
 import io
 import math
+import os
+import subprocess
+import sys
+from ctypes.util import find_library
 
 import numpy as np
 import pytest
@@ -147,3 +151,35 @@ def test_where_nothing_can_draw_it_says_what_to_install(monkeypatch, make_room, 
 
 def _fails(name):
     raise ImportError(f"no {name}")
+
+
+# One box's upper face 2 m below a camera that looks down: which way was taken, and the depth in the middle.
+ALONE = """
+import mujoco
+from gslcosim.world.offscreen import OffscreenView
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><worldbody><geom type='box' size='9 9 1' pos='0 0 -3'/><camera/></worldbody></mujoco>"
+)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+view = OffscreenView(model, 64, 48)
+print(type(view._gl).__module__, round(view.depths_m(data, 0, 64, 48)[24, 32], 3))
+view.close()
+"""
+NO_DRIVER = {"__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("way", "environment"),
+    [("egl", {}), ("osmesa", {"MUJOCO_GL": "osmesa"}), ("osmesa", NO_DRIVER)],
+    ids=["egl", "osmesa_by_choice", "osmesa_where_egl_fails"],
+)
+def test_either_way_to_draw_works_alone(way, environment):
+    """In processes of their own: a process keeps to the first way that it has found."""
+    if find_library("EGL" if way == "egl" else "OSMesa") is None:
+        pytest.skip(f"no library for {way}")
+    kept = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    call = [sys.executable, "-W", "error", "-c", ALONE]
+    done = subprocess.run(call, env=kept | environment, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == [f"mujoco.{way}", "2.0"], done.stderr
