@@ -1,5 +1,6 @@
 """A recording on the screen, or as a picture."""
 
+import contextlib
 import os
 import re
 import subprocess
@@ -11,7 +12,9 @@ from gslcosim.errors import RecordingError
 from gslcosim.recording.rerun_cli import rerun_environment, rerun_program
 
 # Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.
-SCREENSHOT_TIMEOUT_S = 180.0
+SCREENSHOT_TIMEOUT_S = 90.0
+# The viewer was once seen to draw nothing for minutes where it needed 11 s just after.
+N_TRIES = 2
 # The viewer listens for more data; only programs of this machine may send some.
 _LOCAL = ("--bind", "127.0.0.1", "--port", "auto")
 
@@ -55,25 +58,26 @@ def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1
 def _draw(path: Path, png: Path, size: str) -> str:
     # As standard input, because a file given by name is loaded piece by piece, after the picture.
     call = [str(rerun_program()), "-", "--headless", *_LOCAL, "--screenshot-to", str(png), "--window-size", size]
-    with path.open("rb") as recording, tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
-        # Below errors the viewer's notes would be part of the picture. Drivers complain without a runtime directory.
-        environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": folder})
-        try:
-            drawn = subprocess.run(
-                call,
-                stdin=recording,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                env=environment,
-                timeout=SCREENSHOT_TIMEOUT_S,
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            raise RecordingError(
-                f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing.\nFile: {path}"
-            ) from error
-    return drawn.stdout + drawn.stderr
+    for _ in range(N_TRIES):
+        with path.open("rb") as recording, tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
+            # Below errors the viewer's notes would be part of the picture. Drivers want a runtime directory.
+            environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": folder})
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                drawn = subprocess.run(
+                    call,
+                    stdin=recording,
+                    capture_output=True,
+                    text=True,
+                    errors="replace",
+                    env=environment,
+                    timeout=SCREENSHOT_TIMEOUT_S,
+                    check=False,
+                )
+                return drawn.stdout + drawn.stderr
+    raise RecordingError(
+        f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing in {N_TRIES} tries.\n"
+        f"File: {path}"
+    )
 
 
 def _reason(said: str) -> str:

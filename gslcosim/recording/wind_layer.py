@@ -34,7 +34,9 @@ class WindLayer:
         cells = np.column_stack([i[is_air], j[is_air], np.full(int(is_air.sum()), layer)])
         self.wind = environment.wind
         self.spacing_m = stride * grid.cell_m
-        self._centres_m = np.array(grid.origin_m) + (cells + 0.5) * grid.cell_m
+        # In the middle of the square that the arrow stands for, so that those at the walls do not point through them.
+        middles = np.array([stride / 2, stride / 2, 0.5]) - np.array([stride // 2, stride // 2, 0])
+        self._centres_m = np.array(grid.origin_m) + (cells + middles) * grid.cell_m
         # (t, n, 3), copied: it is small, and the frames may be a mapped file.
         winds_m_s = np.asarray(self.wind.velocity_m_s[:, cells[:, 0], cells[:, 1], layer], dtype=np.float64)
         speeds_m_s = np.linalg.norm(winds_m_s, axis=-1)

@@ -116,6 +116,14 @@ def test_arrows_point_with_the_wind_from_air_cells_of_the_layer_only(make_room):
     assert 0.5 * ARROWS_PER_SIDE**2 < WindLayer(make_room(), 2.0).n_arrows < ARROWS_PER_SIDE**2
 
 
+@pytest.mark.parametrize("wind_m_s", [(0.5, 0.0, 0.0), (0.0, -0.5, 0.0)])
+def test_arrows_of_even_wind_stay_in_the_room(make_room, wind_m_s):
+    room = make_room(wind_m_s=(wind_m_s,))
+    origins_m, vectors_m = WindLayer(room, 2.0).arrows_m(0)
+    for points_m in (origins_m, origins_m + vectors_m):
+        assert np.all((points_m >= room.grid.origin_m) & (points_m <= room.grid.max_m))
+
+
 def test_arrows_are_in_proportion_up_to_a_limit_and_still_air_has_none(make_room):
     room = make_room(wind_m_s=((0.1, 0.0, 0.0), (0.05, 0.0, 0.0), (0.1, 0.0, 0.0)))
     layer = WindLayer(room, 2.0)

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from gslcosim.errors import RecordingError
+from gslcosim.recording import viewer
 from gslcosim.recording.viewer import open_viewer, screenshot
 
 
@@ -55,3 +56,35 @@ def test_without_a_driver_the_package_to_install_is_named(record, tmp_path, monk
     with pytest.raises(RecordingError, match="mesa-vulkan-drivers"):
         screenshot(record(), png, window_size=(400, 300))
     assert not png.exists()
+
+
+def _hanging_viewer(folder, *, n_hangs):
+    """Write a program that hangs the first times it is called and then draws; it counts its calls."""
+    calls = folder / "calls"
+    program = folder / "viewer"
+    program.write_text(
+        f"""#!{sys.executable}
+import pathlib, sys, time
+calls = pathlib.Path({str(calls)!r})
+calls.write_text(calls.read_text() + "." if calls.exists() else ".")
+if len(calls.read_text()) <= {n_hangs}:
+    time.sleep(60)
+pathlib.Path(sys.argv[sys.argv.index("--screenshot-to") + 1]).write_bytes(b"drawn")
+"""
+    )
+    program.chmod(0o755)
+    return program
+
+
+@pytest.mark.parametrize("n_hangs", [1, viewer.N_TRIES])
+def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_hangs):
+    path, png, program = record(n_ticks=1), tmp_path / "picture.png", _hanging_viewer(tmp_path, n_hangs=n_hangs)
+    monkeypatch.setattr(viewer, "rerun_program", lambda: program)
+    monkeypatch.setattr(viewer, "SCREENSHOT_TIMEOUT_S", 0.5)
+    if n_hangs < viewer.N_TRIES:
+        screenshot(path, png)
+        assert png.read_bytes() == b"drawn"
+    else:
+        with pytest.raises(RecordingError, match="was still drawing in 2 tries"):
+            screenshot(path, png)
+        assert not png.exists()
