@@ -106,14 +106,7 @@ def _problems_of_further_openings(layout: Layout, wind: WindSpec, grid: Grid, ot
     for i, spec in enumerate(layout.openings):
         path = f"{LAYOUT_PATH}.openings[{i}]"
         if spec.name in {other.name for other in others}:
-            problems.append(
-                Problem(
-                    path=f"{path}.name",
-                    expected="a name that no other opening has",
-                    found=spec.name,
-                    remedy=f"For example {spec.name}_{i + 2}.",
-                )
-            )
+            problems.append(_problem_of_name(spec.name, path, "opening", i + 2))
         if found := problems_of_opening(spec, grid, path):
             problems += found
             continue
@@ -185,20 +178,22 @@ def _common_divisor_m(size_m: Vec3, cell_m: float) -> float | None:
     return None
 
 
+def _problem_of_name(name: str, path: str, kind: str, number: int) -> Problem:
+    return Problem(
+        path=f"{path}.name",
+        expected=f"a name that no other {kind} has",
+        found=name,
+        remedy=f"For example {name}_{number}.",
+    )
+
+
 def _problems_of_obstacles(layout: Layout) -> list[Problem]:
     problems: list[Problem] = []
     names = {*WALL_NAMES, *(box.name for box in furniture_of(layout))}
     for i, spec in enumerate(layout.obstacles):
         path = f"{LAYOUT_PATH}.obstacles[{i}]"
         if spec.name in names:
-            problems.append(
-                Problem(
-                    path=f"{path}.name",
-                    expected="a name that no other box of the room has",
-                    found=spec.name,
-                    remedy=f"For example {spec.name}_{i + 1}.",
-                )
-            )
+            problems.append(_problem_of_name(spec.name, path, "box of the room", i + 1))
         names.add(spec.name)
         problems += _problems_of_extent(spec, layout.size_m, path)
     return problems
