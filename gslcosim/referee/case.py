@@ -21,6 +21,8 @@ Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declare
 # What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that
 # any of the sensors' models tells from clean air.
 GAS_CONTACT_PPM = 0.3
+# What floors and walls give way where a vehicle hits them: it has not left the room [m].
+GIVES_WAY_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +225,8 @@ _OUTCOME_TEXTS: dict[Outcome, str] = {
 
 
 def _is_inside(point_m: Vec3, min_m: Vec3, max_m: Vec3) -> bool:
-    return all(low <= value <= high for value, low, high in zip(point_m, min_m, max_m, strict=True))
+    ranges_m = zip(point_m, min_m, max_m, strict=True)
+    return all(low - GIVES_WAY_M <= value <= high + GIVES_WAY_M for value, low, high in ranges_m)
 
 
 def _words(phase: str) -> str:

@@ -63,10 +63,20 @@ class _Seat:
             if observation.awaiting_command:
                 answer = self.agent.decide(observation)
                 commands += self.door.received(codec.encode(answer))
+                commands += self._lost_answer(answer)
         except (Exception, SystemExit):  # as above
             reason = f"the agent failed at tick {observation.tick}: {traceback.format_exc(limit=-1).strip()}"
             commands += self.door.lost(reason)
         return commands
+
+    # An object answers now or never: what is still owed after its answer never comes.
+    def _lost_answer(self, answer: Command) -> list[Command]:
+        ticks = [observation.tick for observation in self.door.pending]
+        if not ticks:
+            return []
+        return self.door.lost(
+            f"expected an answer to the observation of tick {ticks[0]}, was one to tick {answer.tick}."
+        )
 
     def end(self, reason: str) -> None:
         """Tell the agent that the run is over."""

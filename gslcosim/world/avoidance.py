@@ -17,6 +17,8 @@ _CORNER_SHARES = (1.0, 0.5, 0.25)
 # Corners sharper than this are stopped at [rad].
 _PASSES_UP_TO_RAD = 2.0
 _MOVES_FROM_M_S = 1e-3
+# How many moved places of a mission are told one by one.
+_MOST_NOTICES = 3
 # Nearer than this two places are the same [m].
 _SAME_M = 1e-6
 
@@ -63,6 +65,9 @@ class Avoidance:
                 state = planned[-1].end
         except _NoWayError as reason:
             return Plan(notice=str(reason))
+        n_more = len(notices) - _MOST_NOTICES
+        if n_more > 0:
+            notices[_MOST_NOTICES:] = [f"{n_more} more places are moved."]
         return Plan(legs=tuple(planned), notice=" ".join(notices) or None)
 
     def is_way_free(self, a_m: Vec3, b_m: Vec3) -> bool:

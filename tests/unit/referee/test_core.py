@@ -201,8 +201,12 @@ def test_touching_something_on_arrival_is_no_success():
     assert court.verdict.end_reason == "collision"
 
 
+def test_who_is_pressed_into_the_floor_has_not_left_the_room():
+    assert Court(scenario()).step(body(position_m=(5.0, 1.0, -0.04))).verdict is None
+
+
 def test_leaving_the_room_ends_the_agent():
-    court = Court(scenario()).step(body(position_m=(10.01, 1.0, 2.0)))
+    court = Court(scenario()).step(body(position_m=(10.06, 1.0, 2.0)))
     assert court.verdict.end_reason == "out_of_bounds"
 
 
