@@ -10,7 +10,6 @@ import pytest
 from flights import AGENTS, TINY_ROOM, fly, fly_here, start
 
 ASKED_LESS = ("--set", "referee.stop.time_limit_s=8")
-IMPATIENT = ("--set", "agents[0].answer_within_s=1")
 DOORS = [(door, form) for door in ("stdio", "tcp", "unix") for form in ("msgpack", "json")]
 
 
@@ -26,7 +25,8 @@ def overriding(command, door, frame_format, **more):
 
 
 def wrong(what, frame_format):
-    return overriding([sys.executable, str(AGENTS / "framed_wrong.py"), what, frame_format], "stdio", frame_format)
+    chosen = overriding([sys.executable, str(AGENTS / "framed_wrong.py"), what, frame_format], "stdio", frame_format)
+    return (*chosen, "--set", "agents[0].answer_within_s=1") if what == "silent" else chosen
 
 
 def digest_of(ended):
@@ -129,12 +129,12 @@ USELESS = [
 @pytest.mark.parametrize(("what", "frame_format", "expected"), USELESS)
 def test_an_agent_that_is_no_use_fails_the_task(tmp_path, what, frame_format, expected):
     """What cannot be read on, and who is gone or silent, is agent_failed with the reason."""
-    assert_agent_failed(fly_here(TINY_ROOM, tmp_path, *wrong(what, frame_format), *IMPATIENT), expected)
+    assert_agent_failed(fly_here(TINY_ROOM, tmp_path, *wrong(what, frame_format)), expected)
 
 
 @pytest.mark.parametrize(("what", "frame_format", "expected"), [USELESS[6]])
 def test_among_many_processes_it_fails_in_the_same_words(tmp_path, what, frame_format, expected):
-    assert_agent_failed(fly(TINY_ROOM, tmp_path, *wrong(what, frame_format), *IMPATIENT), expected)
+    assert_agent_failed(fly(TINY_ROOM, tmp_path, *wrong(what, frame_format)), expected)
 
 
 def assert_agent_failed(ended, expected):
@@ -173,7 +173,7 @@ def test_nothing_of_the_run_is_handed_to_an_agent(tmp_path):
 
 def test_the_agents_process_ends_with_the_run(tmp_path):
     """Even one that neither reads the ending nor leaves."""
-    flight = start(TINY_ROOM, tmp_path, *wrong("silent", "json"), "--set", "agents[0].answer_within_s=1")
+    flight = start(TINY_ROOM, tmp_path, *wrong("silent", "json"))
     pid = flight.child("framed_wrong.py")
     flight.end()
     assert not Path(f"/proc/{pid}").exists()
