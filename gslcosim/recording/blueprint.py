@@ -100,7 +100,7 @@ def _map_view(scenario: Scenario, environment: Environment, agents: Sequence[Age
     eye_m, target_m = eye_on_map(environment, height_m)
     return rrb.Spatial3DView(
         origin="/",
-        name=f"{scenario.gas.gas} at {height_m:g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind",
+        name=f"{scenario.gas.gas} at {height_m:.3g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind",
         contents=[*_NOT_ON_MAP, f"+ /{entities.SLICES}/{scenario.gas.gas}"],
         background=colors.BACKGROUND,
         line_grid=False,

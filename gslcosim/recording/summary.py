@@ -35,7 +35,7 @@ def _mission(scenario: Scenario, environment: Environment) -> str:
     ]
     lines += [
         f"- {agent.name}: {agent.vehicle.model} from {_point(agent.vehicle.start_m)}, searching at "
-        f"{agent.vehicle.search_height_m:g} m height"
+        f"{agent.vehicle.search_height_m:.3g} m height"
         for agent in scenario.agents
     ]
     what = "vehicle" if success.of == "source" else "declaration"
