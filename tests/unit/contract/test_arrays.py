@@ -59,7 +59,15 @@ def test_more_dimensions_than_anyone_needs_are_refused():
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
-def test_numbers_that_are_not_finite_are_refused(dtype, poison):
+@pytest.mark.parametrize("n", [3, 100_000])
+@pytest.mark.parametrize("poison", [(np.nan,), (np.inf,), (-np.inf,), (np.inf, -np.inf)])
+def test_numbers_that_are_not_finite_are_refused(dtype, n, poison):
     with pytest.raises(ValidationError, match="finite numbers"):
-        NumericArray.from_array(np.array([1.0, poison, 2.0], dtype))
+        NumericArray.from_array(np.array([*poison, *[1.0] * n], dtype))
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_the_largest_numbers_are_finite(dtype):
+    """Their squares are not."""
+    largest = np.array([np.finfo(dtype).max, 1.0], dtype)
+    assert np.array_equal(NumericArray.from_array(largest).to_array(), largest)
