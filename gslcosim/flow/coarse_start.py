@@ -14,12 +14,14 @@ from gslcosim.flow.domain import Domain, build_domain
 from gslcosim.flow.patches import Inlet, Patch
 from gslcosim.flow.placement import PlacedPatch
 from gslcosim.flow.pressure_kernels import HIGH, LOW
-from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, SettlingWatch
+from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, SettlingWatch, settling_window_s
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, Velocity, make_model, still_velocity
 
-# Below so many cells the flow develops in seconds anyway; chosen.
+# Below so many cells a flow from still air develops in seconds of computing; chosen.
 LEAST_CELLS = 30_000
+# So many windows hold the start of a flow and the two that are compared: time enough to start from still air.
+N_WINDOWS_FROM_STILL = 3.0
 # A start may last so many times as long as what follows; chosen: it then costs a third of that.
 LONGEST_START = 5.0
 _INNER = (slice(LOW, -HIGH),) * 3
@@ -44,24 +46,27 @@ class Numerics:
 
 
 def develop_on_coarse_cells(
-    domain: Domain, numerics: Numerics, *, longest_s: float, progress: Callable[[float], None] | None = None
+    domain: Domain, numerics: Numerics, *, max_time_s: float, progress: Callable[[float], None] | None = None
 ) -> FlowSolver | None:
     """Solve the start of a flow on cells of twice the size, until its energy no longer changes.
 
     Args:
         domain: The domain on the room's own cells.
         numerics: How to solve.
-        longest_s: When to stop although it still does [s].
+        max_time_s: How long the flow will be solved on the room's own cells at most [s].
         progress: Called with the share of the longest start that is over.
 
     Returns:
-        The solver as it is then; nothing where it is not worth it or not possible: few cells, inlets that change, an
-        air or openings that larger cells do not hold, a flow that diverges on them.
+        The solver as it is then; nothing where it is not worth it or not possible: few cells, time enough for a flow
+        from still air to settle, inlets that change, an air or openings that larger cells do not hold, a flow that
+        diverges on them.
     """
     is_steady = all(p.inflow and p.inflow.factor is None and p.inflow.velocity is None for p in domain.inlets)
-    coarse_domain = coarsened(domain) if domain.n_air >= LEAST_CELLS and is_steady else None
+    is_long = domain.n_air >= LEAST_CELLS and max_time_s < N_WINDOWS_FROM_STILL * settling_window_s(domain)
+    coarse_domain = coarsened(domain) if is_steady and is_long else None
     if coarse_domain is None:
         return None
+    longest_s = LONGEST_START * max_time_s
     watch, solver = SettlingWatch(coarse_domain, tolerance_frac=WIND_TOLERANCE_FRAC), numerics.solver(coarse_domain)
     try:
         while solver.time_s < longest_s and not watch.has_developed:
@@ -109,8 +114,14 @@ def _coarsened_patch(placed: PlacedPatch, shape: tuple[int, ...], cell_m: float)
     if not isinstance(placed.patch, Inlet):
         return replace(placed.patch, **corners)
     assert placed.inflow is not None
-    x, y, z = placed.inflow.at(placed.inflow.steady_from_s).reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
-    return replace(placed.patch, **corners, velocity_m_s=(x, y, z), factor=None)
+    fine_m_s = placed.inflow.at(0.0)
+    # Of a coarse cell that the opening covers half, the half is continued.
+    a, b = (
+        np.clip(np.arange(2 * ((row.start + 1) // 2), 2 * ((row.stop + 1) // 2)) - row.start, 0, n - 1)
+        for row, n in zip(placed.rows, fine_m_s.shape[:2], strict=True)
+    )
+    velocity_m_s = fine_m_s[a][:, b].reshape(len(a) // 2, 2, len(b) // 2, 2, 3).mean(axis=(1, 3))
+    return replace(placed.patch, **corners, velocity_m_s=velocity_m_s)
 
 
 def spread_velocity(coarse: FlowSolver, domain: Domain) -> Velocity:

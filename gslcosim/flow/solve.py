@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
 from gslcosim.flow.boundary import clear_ghosts
-from gslcosim.flow.coarse_start import LONGEST_START, Numerics, continue_on_fine_cells, develop_on_coarse_cells
+from gslcosim.flow.coarse_start import Numerics, continue_on_fine_cells, develop_on_coarse_cells
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.frames import FrameKeeper
 from gslcosim.flow.means import MeanFrom
@@ -140,8 +140,8 @@ def solve_wind_report(
     watch = mean = frames = coarse = None
     if end_time_s is None:
         if save_every_s is None:
-            longest_s, start_progress = LONGEST_START * max_time_s, _share_of(progress, 0.0, START_SHARE)
-            coarse = develop_on_coarse_cells(domain, numerics, longest_s=longest_s, progress=start_progress)
+            start_progress = _share_of(progress, 0.0, START_SHARE)
+            coarse = develop_on_coarse_cells(domain, numerics, max_time_s=max_time_s, progress=start_progress)
         progress = _share_of(progress, 0.0 if coarse is None else START_SHARE, 1.0)
         watch = SettlingWatch(
             domain,

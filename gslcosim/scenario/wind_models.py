@@ -54,7 +54,7 @@ class WindSpec(Spec):
     imported wind where there is one, otherwise `built_in`.
 
     A solve goes on until `end_time_s`, or else until the statistics have settled, at most for `max_time_s`. It starts
-    from still air; without an end, large rooms start with a flow that has developed on cells of twice the size.
+    from still air; without an end, halls start with a flow that has developed on cells of twice the size.
     Without an end the wind is the mean of the settled part; with it, the wind is the mean from `average_from_s` on,
     or the last instant. `save_every_s` keeps the wind as it changes instead, from `save_from_s` on; the frames then
     follow each other in the run, again and again with `loops`.

@@ -7,6 +7,7 @@ from gslcosim.flow import Inlet, Open, Outlet, Schedule, SlipWall, coarse_start,
 from gslcosim.flow.coarse_start import Numerics, coarsened, develop_on_coarse_cells, spread_velocity, take_up
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.settling import settling_window_s
 from gslcosim.flow.solver import FlowSolver, mass_balance
 from gslcosim.flow.turbulence import make_model
 
@@ -64,12 +65,16 @@ def test_openings_side_by_side_do_not_overlap():
     assert [placed.n_cells for placed in coarse.placed] == [2, 3, 4 * 6, 3 * 6]
 
 
-def test_a_profile_becomes_its_mean():
+def test_a_profile_becomes_that_of_the_larger_cells():
     profile = np.zeros((4, 2, 3))
     profile[..., 0] = [[0, 1], [2, 3], [4, 5], [6, 7]]
     inlet = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=profile)
     (placed,) = coarsened(build_domain(AIR, CELL_M, [inlet, OUTLET])).inlets
-    assert (placed.inflow.at(0.0) == (3.5, 0, 0)).all()
+    assert placed.inflow.at(0.0)[..., 0].tolist() == [[1.5], [5.5]]
+    shifted = Inlet(min_m=(0, 0.25, 0), max_m=(0, 1.25, 0.5), velocity_m_s=profile)
+    (placed,) = coarsened(build_domain(AIR, CELL_M, [shifted, OUTLET])).inlets
+    # Cells 1 to 4 in pairs from 2 on; of cell 5 there is none.
+    assert placed.inflow.at(0.0)[..., 0].tolist() == [[3.5], [6.5]]
 
 
 @pytest.fixture(scope="module")
@@ -125,8 +130,9 @@ def test_a_solver_goes_on_from_there_with_its_pressure_and_turbulence(developing
 
 @pytest.fixture
 def for_all_rooms(monkeypatch):
-    """Rooms of a few cells begin on larger ones too."""
+    """Rooms of a few cells begin on larger ones too, however long they have."""
     monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    monkeypatch.setattr(coarse_start, "N_WINDOWS_FROM_STILL", np.inf)
 
 
 def test_a_wind_until_it_settles_begins_where_the_coarse_one_has_come_to(for_all_rooms):
@@ -157,20 +163,28 @@ def test_windows_of_a_developed_flow_fit_into_the_time_twice(for_all_rooms):
 
 
 @pytest.mark.parametrize("options", [{"end_time_s": 1.0}, {"max_time_s": 1.0, "save_every_s": 0.5}])
-def test_with_an_end_or_frames_the_air_is_still_at_first(monkeypatch, options):
+def test_with_an_end_or_frames_the_air_is_still_at_first(options, request):
     still = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], **options)
-    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    request.getfixturevalue("for_all_rooms")
     report = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], **options)
     np.testing.assert_array_equal(report.velocity_m_s, still.velocity_m_s)
 
 
+def test_only_where_the_time_holds_no_start_and_two_windows_is_there_another(monkeypatch):
+    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    domain = build_domain(AIR, CELL_M, [INLET, OUTLET])
+    numerics, window_s = Numerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9), settling_window_s(domain)
+    assert develop_on_coarse_cells(domain, numerics, max_time_s=3.1 * window_s) is None
+    assert develop_on_coarse_cells(domain, numerics, max_time_s=0.1 * window_s).time_s == pytest.approx(window_s / 2)
+
+
 def test_small_rooms_inlets_that_change_and_flows_that_diverge_have_no_coarse_start(monkeypatch):
     numerics = Numerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9)
-    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), numerics, longest_s=9.0) is None
+    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), numerics, max_time_s=2.0) is None
     monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
     gusts = Schedule(times_s=(0, 1), values=(0, 1))
     gusty = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=(1, 0, 0), factor=gusts)
-    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [gusty, OUTLET]), numerics, longest_s=9.0) is None
+    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [gusty, OUTLET]), numerics, max_time_s=2.0) is None
     # Far beyond what the scheme bears.
     wild = Numerics(turbulence="laminar", nu_m2_s=1.5e-5, courant=20.0)
-    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), wild, longest_s=9.0) is None
+    assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), wild, max_time_s=2.0) is None
