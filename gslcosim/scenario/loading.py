@@ -17,7 +17,7 @@ from gslcosim.scenario.models import Scenario
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.places import values_of_places
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
-from gslcosim.scenario.random_places import Placer, put_random_places
+from gslcosim.scenario.random_places import Placer, put_random_places, without_consequences
 from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
@@ -74,7 +74,7 @@ def load_scenario(
     directory = path.parent.resolve()
     unplaced = put_random_places(tree.block, directory, placer) if tree.block is not None else []
     scenario, problems = _check(tree, directory, known=unplaced)
-    problems += _check_places(tree, scenario, problems, directory, checks)
+    problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
     if scenario is None or problems or tree.problems:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
     return LoadedScenario(scenario=scenario, path=path, directory=directory, text=text)

@@ -9,10 +9,12 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from gslcosim.scenario.models import EnvironmentSpec, VehicleSpec, WindSpec
-from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.problems import Problem, ProblemLike
 from gslcosim.scenario.spec import Vec3
 
 RANDOM = "random"
+# What a place that cannot be drawn yet is refused with; told only where nothing else is wrong.
+_AFTER_THE_OTHERS = "a random place once the other problems are solved"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +32,8 @@ Placer = Callable[[EnvironmentSpec, WindSpec, Path, int, Sequence[Wanted]], Mapp
 def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | None) -> list[Problem]:
     """Replace `random` positions in a scenario's plain values, in place.
 
-    Where nothing can be drawn because the environment has problems of its own, they stay; those problems are told by
-    others.
+    Where nothing can be drawn because the environment or a vehicle has problems of its own, a stand-in takes their
+    place, so that those problems are found.
 
     Args:
         values: The scenario as dicts, lists and scalars; modified.
@@ -51,7 +53,9 @@ def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | 
         wind = WindSpec.model_validate_json(json.dumps(values.get("wind", {})), strict=True)
         wanted = [Wanted(path=path, vehicle=_vehicle_in(block, key)) for path, block, key in spots]
     except ValidationError:
-        return [_refusal(path, "a random place once the other problems are solved") for path, _, _ in spots]
+        for _, block, key in spots:
+            block[key] = [0.0, 0.0, 0.0]
+        return [_refusal(path, _AFTER_THE_OTHERS) for path, _, _ in spots]
     seed = values.get("seed", 0)
     places = placer(environment, wind, directory, seed if isinstance(seed, int) else 0, wanted)
     for path, block, key in spots:
@@ -60,6 +64,12 @@ def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | 
     return [
         _refusal(path, "a room with free air, and space for the vehicle") for path, _, _ in spots if path not in places
     ]
+
+
+def without_consequences(problems: Sequence[ProblemLike]) -> list[ProblemLike]:
+    """Return problems without those of places that only wait for the others to be solved, if there are others."""
+    causes = [p for p in problems if not (isinstance(p, Problem) and p.expected == _AFTER_THE_OTHERS)]
+    return causes or list(problems)
 
 
 def _refusal(path: str, expected: str) -> Problem:

@@ -75,3 +75,23 @@ def test_without_a_room_at_hand_random_is_refused(tmp_path):
     path.write_text(yaml.safe_dump(SCENARIO))
     with pytest.raises(InvalidScenarioError, match="random"):
         load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "path"),
+    [
+        ({"environment": {"layout": {"kind": "warehouse_simple", "size_m": [15, 15]}}}, "environment.layout.size_m"),
+        ({"vehicle": {"start_m": "random", "hold_s": -1}}, "agents[0].vehicle.hold_s"),
+        (
+            {"vehicle": {"start_m": "random", "model": "rover", "search_height_m": 2}},
+            "agents[0].vehicle.search_height_m",
+        ),
+    ],
+    ids=["room", "number", "between numbers"],
+)
+def test_what_keeps_places_from_being_drawn_is_told_and_not_what_follows_from_it(load, changes, path):
+    if "vehicle" in changes:
+        changes = {"agents": [{**SCENARIO["agents"][0], **changes}]}
+    with pytest.raises(InvalidScenarioError) as caught:
+        load(**changes)
+    assert [located.problem.path for located in caught.value.problems] == [path]
