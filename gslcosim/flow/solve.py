@@ -52,7 +52,8 @@ def solve_wind(
 ) -> F32:
     """Compute the wind in a room from its geometry, its inlets and its outlets.
 
-    Air starts at rest; walls are wherever no patch is. See `solve_wind_report` for how well it was solved.
+    Air starts at rest, in halls without an end as it has developed on larger cells (`coarse_start`); walls are wherever
+    no patch is. See `solve_wind_report` for how well it was solved.
 
     Args:
         free: (nx, ny, nz) True is air; index order ij, the corner of cell (0, 0, 0) is the origin.
@@ -66,6 +67,7 @@ def solve_wind(
         nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
         courant: Largest (|u| + |v| + |w|) dt / h of a step.
         max_time_s: Without an end: when to give up waiting for the statistics to settle [s]; the report says so.
+            The time on larger cells is not counted.
         settle_tolerance_frac: Without an end: largest change of the mean wind from window to window (root mean square).
 
     Returns:
