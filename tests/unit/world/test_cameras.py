@@ -145,8 +145,12 @@ def test_where_nothing_can_draw_it_says_what_to_install(monkeypatch, make_room, 
     monkeypatch.setattr(offscreen.importlib, "import_module", _fails)
     values = make_scenario().model_dump(by_alias=True)
     values["agents"][0]["sensors"] = [camera()]
-    with pytest.raises(ModelError, match=r"expected EGL or OSMesa to draw with, .*apt-get install .*libosmesa6"):
+    with pytest.raises(ModelError) as refusal:
         CamerasCore(Scenario.model_validate(values), make_room())
+    assert str(refusal.value) == (
+        "cameras: expected EGL or OSMesa to draw with, was none (egl: no mujoco.egl; osmesa: no mujoco.osmesa). "
+        "On Debian: sudo apt-get install libegl1 libgl1-mesa-dri, or libosmesa6."
+    )
 
 
 def _fails(name):
