@@ -35,12 +35,11 @@ def arrival_of(tick: int, course: Course) -> Literal["under_way", "passed", "the
     return "late" if course.late_s(tick) >= GIVE_UP_AFTER_S else "under_way"
 
 
-def give_up(tick: int, what: str, course: Course, space: FlightSpace) -> str:
+def give_up(tick: int, course: Course, space: FlightSpace) -> str:
     """Let a vehicle rest a little back from where it got stuck, so that it no longer touches what is in the way.
 
     Args:
         tick: The tick that ended.
-        what: What it did not get to, for the text.
         course: Its course; changed.
         space: Where it may be.
 
@@ -54,7 +53,7 @@ def give_up(tick: int, what: str, course: Course, space: FlightSpace) -> str:
     is_free = space.refusal("back", (x_m, y_m, z_m)) is None
     course.stay(tick, (x_m, y_m, z_m) if is_free else course.position_m)
     return (
-        f"{what}: expected to arrive within {GIVE_UP_AFTER_S:g} s of the planned time, "
+        f"waypoint: expected to arrive within {GIVE_UP_AFTER_S:g} s of the planned time, "
         f"was still {distance_m:.2f} m away; the vehicle holds there."
     )
 

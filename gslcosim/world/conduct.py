@@ -8,7 +8,7 @@ from gslcosim.contract.messages import Command
 from gslcosim.scenario.models import VehicleSpec
 from gslcosim.ticks import ticks_from_seconds
 from gslcosim.world.abilities import Abilities
-from gslcosim.world.arrival import GIVE_UP_AFTER_S, OVERTURNED, OverturnWatch, arrival_of, give_up
+from gslcosim.world.arrival import OVERTURNED, OverturnWatch, arrival_of, give_up
 from gslcosim.world.avoidance import Avoidance
 from gslcosim.world.columns import free_height_m
 from gslcosim.world.course import Course
@@ -23,6 +23,8 @@ from gslcosim.world.trajectory import AS_BEFORE, Heading, Vec3
 # A lower flight than this above where it stood is none [m].
 LEAST_RISE_M = 0.5
 STANDS_WITHIN_M = 0.05
+# How long a vehicle on wheels may stop and turn before it gives up.
+TURNS_FOR_S = 20.0
 
 Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landing", "driving"]
 
@@ -226,8 +228,10 @@ class Conduct:
     def _prepare(self, tick: int) -> str | None:
         if not self.course.is_over(tick):
             return None
-        if self.course.prepares_for_s(tick) > 2 * GIVE_UP_AFTER_S:
-            return give_up(tick, "turn", self.course, self._space)
+        if self.course.prepares_for_s(tick) > TURNS_FOR_S:
+            self.course.stay(tick, self.course.position_m)
+            self._arrive(tick)
+            return f"turn: expected to look where it goes within {TURNS_FOR_S:g} s, did not; the vehicle holds."
         self.course.take_again(tick)
         return None
 
@@ -246,7 +250,7 @@ class Conduct:
             case "there":
                 self._arrive(tick)
             case "late":
-                notice = give_up(tick, "waypoint", self.course, self._space)
+                notice = give_up(tick, self.course, self._space)
                 self._arrive(tick)
                 return notice
         return None

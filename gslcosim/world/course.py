@@ -143,9 +143,11 @@ class Course:
         self.trajectory = stay_at(self.position_m, tick, forgets_integral=True)
 
     def stay(self, tick: int, place_world_m: Vec3) -> None:
-        """Give up the legs ahead and rest at a place, world frame [m]; the leg under way is still to be ended."""
+        """Give up what was wanted and rest at a place, world frame [m]; the leg under way is still to be ended."""
         self.trajectory = stay_at(place_world_m, tick, forgets_integral=True)
         self.ahead.clear()
+        self.kept_velocity_m_s = None
+        self.is_preparing = False
 
     def look(self, heading: Heading) -> None:
         """Change only where the vehicle looks."""

@@ -151,6 +151,26 @@ def test_a_quadrotor_and_a_rover_name_each_other(make_pilot):
     assert pilot.body(1).contacts == ("agent_0",)
 
 
+@pytest.mark.parametrize(
+    "command", [waypoint(3.0, 8.0, 0.1), {"kind": "velocity", "velocity_world_m_s": (0.0, 0.5, 0.0), "hold_s": 600.0}]
+)
+def test_a_turn_that_does_not_end_is_given_up(make_pilot, command):
+    """Nothing waits for ever, not even for a rover whose nose something holds."""
+    pilot = make_pilot(ROVER)
+    pilot.run_until_asked()
+    pilot.step(agent_0=command)
+    for _ in range(240):
+        pilot.core.data.qpos[3:7] = (1.0, 0.0, 0.0, 0.0)
+        if pilot.step().awaiting_command:
+            break
+    assert pilot.body().rejected_command == (
+        "turn: expected to look where it goes within 20 s, did not; the vehicle holds."
+    )
+    assert pilot.body().phase == "holding"
+    pilot.step(agent_0=waypoint(5.0, 3.0, 0.1))
+    assert math.dist(pilot.run_until_asked().position_world_m[:2], (5.0, 3.0)) < 0.1
+
+
 def test_on_its_back_it_says_so_and_refuses(make_pilot):
     pilot = make_pilot(ROVER, mode="lockstep")
     pilot.run(3)
