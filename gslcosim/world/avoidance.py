@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.world.legs import AT_REST, Leg, plan_leg
+from gslcosim.world.legs import AT_REST, Leg, plan_leg, swings_out
 from gslcosim.world.routes import Routes
 from gslcosim.world.trajectory import Limits, Trajectory, Vec3, fly_at
 
@@ -113,7 +113,7 @@ class Avoidance:
         )
 
     def _legs_to(self, leg: Leg, state: NDArray[np.float64]) -> list[Leg]:
-        if self._is_clear(self._path(leg, state)) and not (self.has_wheels and _is_moving(state)):
+        if self._is_direct(leg, state) and not (self.has_wheels and _is_moving(state)):
             return [leg]
         before = self._stopped(leg, state)
         start_m = before[-1].place_world_m if before else _vec3(state[0])
@@ -156,12 +156,16 @@ class Avoidance:
         for share in _CORNER_SHARES:
             passed = replace(bend, velocity_world_m_s=_vec3(0.999 * share * most_m_s * tangent))
             onward = replace(bend, place_world_m=after_m)
-            if self._is_clear(self._path(passed, state)) and self._is_clear(self._path(onward, passed.end)):
+            if self._is_direct(passed, state) and self._is_direct(onward, passed.end):
                 return passed
         return bend
 
     def _path(self, leg: Leg, state: NDArray[np.float64]) -> Trajectory:
         return plan_leg(leg, state, self.limits, 0, self.tick_ns)
+
+    def _is_direct(self, leg: Leg, state: NDArray[np.float64]) -> bool:
+        path = self._path(leg, state)
+        return self._is_clear(path) and not swings_out(leg, path, state, self.limits)
 
     def _is_clear(self, path: Trajectory) -> bool:
         speed_m_s = self.limits.max_speed_m_s

@@ -89,6 +89,8 @@ class Course:
     def follow_leg(self, tick: int) -> None:
         """Take a path along the leg under way from where the vehicle is: at its beginning, or after a turn aside."""
         assert self.leg is not None
+        if not self.is_preparing:
+            self.prepares_since_tick = tick
         self.trajectory, self.is_preparing = self.planner.along(self.leg, self.motion(tick), tick)
         self.setpoint = None
         self.target_world_m = self.legs_to_goal[-1].place_world_m

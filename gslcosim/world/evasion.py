@@ -63,6 +63,7 @@ class Evasion:
         velocity_m_s = passing_velocity(wanted_m_s, neighbours, self._is_open)
         self._path = fly_at(self._course.motion(tick).state, velocity_m_s, self._limits, tick)
         self._course.trajectory = self._path
+        self._course.is_preparing = False
 
     # The velocity straight to where it is going, slower on the last metre, and how far ahead that counts.
     def _wanted(self, tick: int) -> tuple[Vec3, float]:

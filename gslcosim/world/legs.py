@@ -16,6 +16,9 @@ from gslcosim.world.trajectory import AS_BEFORE, Heading, Limits, Trajectory, Ve
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 # Shares of a path's duration at which it is looked at.
 _LOOKS_AT = np.linspace(0.1, 1.0, 10).tolist()
+# How far a path to rest may leave the straight line: in ways that braking takes, and beyond that [m].
+_SWINGS_UP_TO = 2.0
+_SWINGS_BY_M = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,8 +146,11 @@ class FlightPlanner:
     tick_ns: int
 
     def along(self, leg: Leg, motion: Motion, tick: int) -> tuple[Trajectory, bool]:
-        """Return the path along a leg; nothing has to be prepared."""
-        return replace(plan_leg(leg, motion.state, self.limits, tick, self.tick_ns), heading=leg.heading), False
+        """Return the path along a leg, or the stop that has to come before it where it would swing out."""
+        path = plan_leg(leg, motion.state, self.limits, tick, self.tick_ns)
+        if swings_out(leg, path, motion.state, self.limits):
+            return replace(fly_at(motion.state, AT_REST, self.limits, tick), heading=leg.heading), True
+        return replace(path, heading=leg.heading), False
 
     def at_velocity(self, velocity_world_m_s: Vec3, motion: Motion, tick: int) -> tuple[Trajectory, bool]:
         """Return the path to a velocity; nothing has to be prepared."""
@@ -157,3 +163,30 @@ def plan_leg(leg: Leg, state: NDArray[np.float64], limits: Limits, tick: int, ti
         return fly_to(state, leg.place_world_m, limits, tick)
     step_s = tick_ns / NS_PER_S if leg.is_passed else 0.0
     return fly_through(state, leg.end, limits, tick, least_s=leg.after_s or 0.0, step_s=step_s)
+
+
+def swings_out(leg: Leg, path: Trajectory, state: NDArray[np.float64], limits: Limits) -> bool:
+    """Return whether a path to rest goes so far aside that the vehicle had better stop first.
+
+    A quintic that begins in motion the wrong way goes on that way for a good part of its duration: on a long leg it
+    would leave the straight line by metres, where braking takes 0.75 v^2 / a. Legs that are passed or have their time
+    are flown as they are said.
+
+    Args:
+        leg: The leg.
+        path: Its path from a state.
+        state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; world frame.
+        limits: Speed and acceleration kept to.
+
+    Held by:
+        tests/unit/world/test_mission.py
+    """
+    speed_m_s = float(np.linalg.norm(state[1]))
+    if leg.is_passed or leg.after_s is not None or speed_m_s == 0.0:
+        return False
+    allowed_m = _SWINGS_UP_TO * 0.75 * speed_m_s**2 / limits.max_acceleration_m_s2 + _SWINGS_BY_M
+    places_m = np.array([path.state_after(share * path.duration_s)[0] for share in _LOOKS_AT])
+    way_m = np.array(leg.place_world_m) - state[0]
+    along = np.clip((places_m - state[0]) @ way_m / max(float(way_m @ way_m), 1e-12), 0.0, 1.0)
+    aside_m = np.linalg.norm(places_m - state[0] - along[:, np.newaxis] * way_m, axis=1)
+    return bool(aside_m.max() > allowed_m)

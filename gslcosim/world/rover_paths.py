@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.world.legs import AT_REST, Leg, Motion, plan_leg
+from gslcosim.world.legs import AT_REST, Leg, Motion, plan_leg, swings_out
 from gslcosim.world.trajectory import Heading, Limits, Trajectory, Vec3, fly_at, stay_at
 
 # A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one
@@ -34,6 +34,8 @@ class RoverPlanner:
         if math.dist(leg.place_world_m, motion.state[0]) < _THERE_M and not leg.is_passed:
             return self._stop(motion, tick), False
         path = plan_leg(leg, motion.state, self.limits, tick, self.tick_ns)
+        if swings_out(leg, path, motion.state, self.limits):
+            return self._stop(motion, tick), True
         return self._prepared(path, motion, tick)
 
     def at_velocity(self, velocity_world_m_s: Vec3, motion: Motion, tick: int) -> tuple[Trajectory, bool]:

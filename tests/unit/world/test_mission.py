@@ -181,6 +181,23 @@ def test_a_new_waypoint_replaces_the_flight_without_a_jump(make_pilot):
     assert math.dist(pilot.body().position_world_m, (6.0, 7.0, 2.0)) < 0.05
 
 
+@pytest.mark.parametrize("avoidance", ["none", "3d"])
+def test_a_new_waypoint_far_behind_is_flown_to_without_swinging_out(make_pilot, avoidance):
+    """At 1 m/s braking takes 0.4 m; one quintic to there would go on for metres, and into the wall."""
+    pilot = make_pilot({"start_m": (4.0, 3.0, 0.2), "avoidance": avoidance}, mode="lockstep")
+    pilot.run(45)
+    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (14.0, 3.0, 2.0)})
+    body = pilot.run_until(lambda body: body.position_world_m[0] > 11.0)
+    assert body.velocity_world_m_s[0] > 0.6
+    turned_at_m = body.position_world_m[0]
+    pilot.step(agent_0={"kind": "waypoint", "position_world_m": (1.0, 8.0, 2.0)})
+    body = pilot.run_until(lambda body: body.phase == "holding")
+    assert math.dist(body.position_world_m, (1.0, 8.0, 2.0)) < 0.05
+    assert body.rejected_command is None
+    assert max(m.bodies[0].position_world_m[0] for m in pilot.log) < turned_at_m + 1.0
+    assert max(math.hypot(*m.bodies[0].velocity_world_m_s) for m in pilot.log) < 1.1
+
+
 def test_hold_in_flight_brakes_within_the_limits(make_pilot):
     pilot = make_pilot(mode="lockstep")
     pilot.run(45)
