@@ -159,7 +159,7 @@ def check_rendering() -> Iterator[Finding]:
     text = ", ".join(vulkan["text"]) if vulkan["is_there"] else vulkan["text"]
     remedy = "`gslcosim view --screenshot` needs it. On Debian: apt-get install mesa-vulkan-drivers"
     yield _graded("Vulkan", "OK" if vulkan["is_there"] else "WARN", text, remedy)
-    remedy = "Off-screen cameras need it. On Debian: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6 to do without EGL"
+    remedy = "Off-screen cameras need it. On Debian: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6"
     yield _graded("GL (EGL)", "OK" if egl["is_there"] else "WARN", egl["text"], remedy)
 
 
