@@ -26,7 +26,7 @@ from gslcosim.fields.movie import GasMovie
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "fields"))
 import gaden_writers as gaden
-import test_playback as gsl_bench
+import gsl_bench_writers as gsl_bench
 
 CONTENTS = {
     "version_1": gaden.version_1(),
