@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Many processes start for a test: without bytecode each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test check bench bench-agents bench-robots soak golden docs contract setup
+.PHONY: run test check bench bench-agents bench-gas bench-wind bench-robots crossings plume-statistics soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
