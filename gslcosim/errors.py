@@ -29,6 +29,10 @@ class ShapeError(GslCosimError, ValueError):
     """An array argument has the wrong shape or dtype; the caller's code is wrong."""
 
 
+class MethodError(GslCosimError):
+    """A method lacks what it needs, or its card or a parameter is wrong; the user changes the scenario or the card."""
+
+
 class ContractError(GslCosimError):
     """A message is not what the contract says; the sender is wrong."""
 

@@ -4,10 +4,13 @@ from gslcosim.agent_kit.agent import Agent
 from gslcosim.agent_kit.connection import run
 from gslcosim.contract.messages import (
     AttitudeSetpoint,
+    Belief,
     Briefing,
     Command,
     Declaration,
     DriveSetpoint,
+    KnownMap,
+    NominalPlume,
     Observation,
     RadioMessage,
     RadioReception,
@@ -19,10 +22,13 @@ from gslcosim.contract.messages import (
 __all__ = [
     "Agent",
     "AttitudeSetpoint",
+    "Belief",
     "Briefing",
     "Command",
     "Declaration",
     "DriveSetpoint",
+    "KnownMap",
+    "NominalPlume",
     "Observation",
     "RadioMessage",
     "RadioReception",

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import ConfigDict, Field, JsonValue, StringConstraints, model_validator
 
+from gslcosim.contract.knowledge import Belief
 from gslcosim.contract.record import Message, Name, Record, Vec3
 
 
@@ -123,6 +124,8 @@ class Command(Message):
     next command, which is asked for after `hold_s`.
     With `waypoint`, `velocity` and `hold` the vehicle looks towards `yaw_rad`, counter-clockwise from world x, or along
     its path with `faces_path`; with neither it goes on to look where it did.
+    `belief` (since 1.2) publishes where the agent believes the source to be, with a command of any kind; at most one a
+    second of simulated time is taken.
     """
 
     model_config = ConfigDict(json_schema_extra={"allOf": _needed_by_kind()})
@@ -154,6 +157,7 @@ class Command(Message):
     drive: DriveSetpoint | None = None
     yaw_rad: Angle | None = None
     faces_path: bool = False
+    belief: Belief | None = None
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:

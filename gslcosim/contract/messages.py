@@ -17,6 +17,10 @@ from gslcosim.contract.commands import DriveSetpoint as DriveSetpoint
 from gslcosim.contract.commands import RadioMessage as RadioMessage
 from gslcosim.contract.commands import RateSetpoint as RateSetpoint
 from gslcosim.contract.commands import Waypoint as Waypoint
+from gslcosim.contract.knowledge import Belief as Belief
+from gslcosim.contract.knowledge import KnownMap as KnownMap
+from gslcosim.contract.knowledge import NominalPlume as NominalPlume
+from gslcosim.contract.knowledge import ParameterName, ParameterValue
 from gslcosim.contract.record import Message as Message
 from gslcosim.contract.record import Name as Name
 from gslcosim.contract.record import Quaternion as Quaternion
@@ -24,7 +28,7 @@ from gslcosim.contract.record import Record as Record
 from gslcosim.contract.record import Tick as Tick
 from gslcosim.contract.record import Vec3 as Vec3
 
-CONTRACT_VERSION = "1.1"
+CONTRACT_VERSION = "1.2"
 
 # ---------------------------------------------------------------- truth, never visible to agents
 
@@ -252,6 +256,10 @@ class Briefing(Message):
     `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
     `contract_version` and `contract_hash` (since 1.1) say which contract the run speaks: an agent made for another
     major version should say so and exit. `channels` (since 1.1) are those on which it may talk with other agents.
+    `parameters` (since 1.2) are the settings of the method, as the scenario gives them; those it leaves out have the
+    method's own values. `known_map`, `plume` and `known_sources` (since 1.2) are there for an agent that the scenario
+    grants this knowledge: the map of the room, nominal figures of the plume, and, for upper bounds such as the oracle
+    alone, the places of the sources.
     """
 
     agent: Name
@@ -269,6 +277,10 @@ class Briefing(Message):
     sensors: tuple[SensorDescription, ...]
     contract_hash: str = ""
     channels: tuple[ChannelDescription, ...] = ()
+    parameters: dict[ParameterName, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
+    known_map: KnownMap | None = None
+    plume: NominalPlume | None = None
+    known_sources: tuple[Vec3, ...] = ()
 
 
 class Reading(Record):
@@ -338,17 +350,37 @@ class Ending(Message):
 # ---------------------------------------------------------------- referee
 
 
+class BeliefScore(Record):
+    """How good a belief is, by the truth; part of `AgentScore` and `AgentResult`. Since contract 1.2.
+
+    `expected_distance_m` is the mean distance of the believed places to the nearest source: the earth mover's distance
+    of the belief to the truth. `mass_near_frac` is the probability within the success radius of a source,
+    `cell_frac` that of the cells that hold one, `entropy_bits` the belief's entropy. Beliefs with two axes are judged
+    in the plane.
+    """
+
+    expected_distance_m: float
+    mass_near_frac: float
+    cell_frac: float
+    entropy_bits: float
+
+
 class AgentScore(Record):
-    """How one agent stands at this tick."""
+    """How one agent stands at this tick; `belief` (since 1.2) judges the last belief that it published, if any."""
 
     agent: Name
     distance_to_source_m: float
     path_length_m: float
     n_commands: int
+    belief: BeliefScore | None = None
 
 
 class AgentResult(Record):
-    """The final figures of one agent; lengths are absent where they have no meaning (no path, no declaration)."""
+    """The final figures of one agent; lengths are absent where they have no meaning (no path, no declaration).
+
+    `declared_confidence` (since 1.2) is the highest confidence of its declarations, `belief` (since 1.2) judges the
+    last belief that it published.
+    """
 
     name: Name
     success: bool
@@ -362,6 +394,8 @@ class AgentResult(Record):
     directness: float | None
     final_distance_m: float
     declared_error_m: float | None
+    declared_confidence: float | None = None
+    belief: BeliefScore | None = None
 
 
 class RefereeEvent(Record):

@@ -1,10 +1,8 @@
 """YAML text to plain values, with the place of each: the one way a scenario's text is read.
 
-Plain values follow YAML 1.2's core schema, not 1.1's that PyYAML knows: `yes`, `on`, `12:30` and `2024-01-01` are text,
-`1e-3` is a number.
+Plain values follow YAML 1.2's core schema: see `gslcosim.yaml_core`.
 """
 
-import re
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -19,12 +17,12 @@ from gslcosim.scenario.problems import (
     child_path,
     locate,
 )
+from gslcosim.yaml_core import TAG, CoreLoader
 
 # Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
 MAX_VALUES = 100_000
 
-_TAG = "tag:yaml.org,2002:"
-_KNOWN_TAGS = ("map", "seq", "str", "null", "bool", "int", "float")
+_KNOWNTAGS = ("map", "seq", "str", "null", "bool", "int", "float")
 
 
 @dataclass(frozen=True)
@@ -43,26 +41,6 @@ class YamlTree:
         """The values when they are a block with keys, as they should be."""
         values: object = self.values
         return cast("dict[str, Any]", values) if isinstance(values, dict) else None
-
-
-class CoreLoader(yaml.SafeLoader):
-    """Composes nodes with YAML 1.2's core schema in place of PyYAML's YAML 1.1."""
-
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
-
-
-def _resolve(kind: str, pattern: str, first_characters: list[str]) -> None:
-    cast("Any", CoreLoader).add_implicit_resolver(_TAG + kind, re.compile(pattern), first_characters)
-
-
-_resolve("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF"))
-_resolve("null", r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""])
-_resolve("int", r"^(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)$", list("-+0123456789"))
-_resolve(
-    "float",
-    r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
-    list("-+0123456789."),
-)
 
 
 def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
@@ -118,7 +96,7 @@ class _NodeReader:
         return value
 
     def _read_by_kind(self, node: yaml.Node, path: str) -> Any:
-        if node.tag.removeprefix(_TAG) not in _KNOWN_TAGS:
+        if node.tag.removeprefix(TAG) not in _KNOWNTAGS:
             return self._refuse(path, "a plain value", f"one with the tag {node.tag}", "Delete the tag.")
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
@@ -146,7 +124,7 @@ class _NodeReader:
 
     def _scalar(self, node: yaml.ScalarNode, path: str) -> Any:
         text = str(node.value)
-        match node.tag.removeprefix(_TAG):
+        match node.tag.removeprefix(TAG):
             case "str":
                 return text
             case "null":

@@ -1,0 +1,194 @@
+"""The card of a search method: a YAML file beside its program, read without running anything of it."""
+
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from gslcosim.contract.knowledge import ParameterValue
+from gslcosim.errors import MethodError
+from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS
+from gslcosim.yaml_core import CoreLoader
+
+CARD_FILE = "method.yaml"
+FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
+Family = Literal["anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision"]
+Knowledge = Literal["map", "plume", "source"]
+ParameterType = Literal["float", "int", "bool", "text", "floats"]
+Count = Annotated[int, Field(ge=1, le=100)]
+
+
+class _CardPart(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Parameter(_CardPart):
+    """One setting of a method: default, allowed values, unit, where the number comes from, and its effect.
+
+    `type` follows from the default; it is given where the default is null. `min` and `max` bound numbers, and each
+    number of a list. `choices` are all allowed values.
+    """
+
+    default: bool | int | float | str | tuple[float, ...] | None
+    type: ParameterType | None = None
+    min: float | None = None
+    max: float | None = None
+    choices: tuple[bool | int | float | str, ...] = ()
+    unit: str = "1"
+    origin: str
+    meaning: str
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.default is None and self.type is None:
+            raise ValueError("expected a type beside default: null")
+        if self.default is not None and (problem := self.problem_of(self.default)):
+            raise ValueError(f"default: expected {problem}, was {self.default!r}")
+        return self
+
+    @property
+    def kind(self) -> ParameterType:
+        """The type of its values."""
+        if self.type is not None:
+            return self.type
+        kinds: dict[type, ParameterType] = {bool: "bool", int: "int", float: "float", str: "text"}
+        return kinds.get(type(self.default), "floats")
+
+    def problem_of(self, value: object) -> str | None:
+        """Return what is expected instead of a value, or None where it is allowed."""
+        if value is None:
+            return None if self.default is None else f"{_TYPE_WORDS[self.kind]}"
+        if not _is_of_type(value, self.kind):
+            return _TYPE_WORDS[self.kind]
+        if self.choices and value not in self.choices:
+            return f"one of {', '.join(map(str, self.choices))}"
+        numbers = value if isinstance(value, tuple | list) else (value,)
+        for number in numbers:
+            if isinstance(number, int | float) and not isinstance(number, bool):
+                if self.min is not None and number < self.min:
+                    return f"at least {self.min:g} {self._shown_unit}".rstrip()
+                if self.max is not None and number > self.max:
+                    return f"at most {self.max:g} {self._shown_unit}".rstrip()
+        return None
+
+    def parsed(self, value: Any) -> Any:
+        """Return an allowed value as the method gets it: whole numbers become reals where it wants reals."""
+        if value is None:
+            return None
+        if self.kind == "float":
+            return float(value)
+        return tuple(float(number) for number in value) if self.kind == "floats" else value
+
+    @property
+    def _shown_unit(self) -> str:
+        return "" if self.unit == "1" else self.unit
+
+
+_TYPE_WORDS: dict[ParameterType, str] = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "text": "a word",
+    "floats": "a list of numbers",
+}
+
+
+def _is_of_type(value: object, kind: ParameterType) -> bool:
+    is_bool = isinstance(value, bool)
+    if kind == "bool":
+        return is_bool
+    if kind == "text":
+        return isinstance(value, str)
+    if kind == "int":
+        return isinstance(value, int) and not is_bool
+    if kind == "float":
+        return isinstance(value, int | float) and not is_bool
+    return isinstance(value, tuple | list) and all(_is_of_type(number, "float") for number in value)
+
+
+class Needs(_CardPart):
+    """The least that a method needs: sensors by kind with their number, granted knowledge, and a radio channel."""
+
+    sensors: dict[str, Count] = Field(default_factory=dict[str, Count])
+    knows: tuple[Knowledge, ...] = ()
+    radio: bool = False
+
+    # A list of kinds means one of each.
+    @field_validator("sensors", mode="before")
+    @classmethod
+    def _from_list(cls, value: Any) -> Any:
+        return dict.fromkeys(value, 1) if isinstance(value, list | tuple) else value
+
+    @field_validator("sensors")
+    @classmethod
+    def _check_kinds(cls, sensors: dict[str, int]) -> dict[str, int]:
+        unknown = [kind for kind in sensors if kind not in INSTRUMENT_KINDS]
+        if unknown:
+            raise ValueError(f"expected kinds among {', '.join(INSTRUMENT_KINDS)}, was {', '.join(unknown)}")
+        return sensors
+
+
+class MethodCard(_CardPart):
+    """A search method: what it is, what it needs, and what it can be set to.
+
+    `robots` is how many fly it together: a number, or the least and the most. `decision_limit_ms` is how long a
+    decision may take at the 95th percentile.
+    """
+
+    schema_: Literal["gslcosim/method/1"] = Field(alias="schema")
+    title: str
+    family: Family
+    summary: str
+    paper: str
+    needs: Needs = Needs()
+    robots: Count | tuple[Count, Count] = 1
+    dimensions: Literal[2, 3] = 2
+    declares: bool = False
+    believes: bool = False
+    decision_limit_ms: Annotated[float, Field(gt=0)] = 1.0
+    parameters: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")], Parameter] = Field(
+        default_factory=dict[str, Parameter]
+    )
+
+    def defaults(self) -> dict[str, Any]:
+        """Return the value of each parameter that the scenario leaves out."""
+        return {name: parameter.parsed(parameter.default) for name, parameter in self.parameters.items()}
+
+    def settings(self, given: dict[str, ParameterValue]) -> "MappingProxyType[str, Any]":
+        """Return the value of each parameter: the given ones, the others by default; all must be allowed."""
+        parsed = {name: self.parameters[name].parsed(value) for name, value in given.items()}
+        return MappingProxyType({**self.defaults(), **parsed})
+
+
+def card_beside(program: Path) -> MethodCard | None:
+    """Return the card in the folder of an agent's program, or None where there is none.
+
+    Raises:
+        MethodError: the card cannot be read, or is not what a card should be.
+    """
+    path = program.parent / CARD_FILE
+    return load_card(path) if path.is_file() else None
+
+
+def load_card(path: Path) -> MethodCard:
+    """Return the method card of a file.
+
+    Raises:
+        MethodError: the file cannot be read, or is not what a card should be; all its problems in one text.
+    """
+    try:
+        fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise MethodError(f"expected a method card that can be read, got: {error}.\nFile: {path}") from error
+    if not isinstance(fields, dict):
+        raise MethodError(f"expected a method card (a YAML map), was {type(fields).__name__}.\nFile: {path}")
+    try:
+        return MethodCard.model_validate(fields)
+    except ValidationError as error:
+        lines = [
+            f"{'.'.join(str(part) for part in problem['loc'])}: {problem['msg'][:1].lower()}{problem['msg'][1:]}"
+            for problem in error.errors(include_url=False)
+        ]
+        raise MethodError("the method card is wrong: " + "; ".join(lines) + f".\nFile: {path}") from error
