@@ -1,0 +1,185 @@
+"""Glowworm swarm optimisation: who glows more attracts those who see it; with rules for gas and several sources.
+
+All but `OdourGlow` are pure functions; places are (d,) or (n, d) float64 arrays in the world frame [m].
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+_LEAST_M = 1e-9
+
+
+def next_luciferin(luciferin: float, amount: float, *, decay: float, gain: float) -> float:
+    """Return how much a glowworm glows after an iteration.
+
+    l' = (1 - rho) l + gamma f        l, f in the unit of the gas; with f constant l tends to gamma f / rho
+
+    Args:
+        luciferin: l, before.
+        amount: f, how much gas there is here.
+        decay: rho, in [0, 1].
+        gain: gamma.
+
+    Source:
+        Krishnanand and Ghose 2009, doi:10.1007/s11721-008-0021-5; rho 0.4 and gamma 0.6 remembered, unverified.
+    Held by:
+        tests/unit/search/test_glowworms.py
+    """
+    return (1.0 - decay) * luciferin + gain * amount
+
+
+def brighter_neighbours(
+    place_m: Vector, luciferin: float, others_m: Vector, others_luciferin: Vector, radius_m: float
+) -> NDArray[np.int64]:
+    """Return the indices of those who are seen and glow more.
+
+    N = {j: |x_j - x| < r_d and l_j > l}
+
+    Args:
+        place_m: (d,) x [m].
+        luciferin: l, the glowworm's own.
+        others_m: (n, d) x_j [m].
+        others_luciferin: (n,) l_j.
+        radius_m: r_d, how far it sees now [m].
+    """
+    distances_m = np.linalg.norm(others_m.reshape(-1, len(place_m)) - place_m, axis=1)
+    return np.flatnonzero((distances_m < radius_m) & (others_luciferin > luciferin))
+
+
+def attraction(luciferin: float, brighter_luciferin: Vector) -> Vector:
+    """Return the probability with which each brighter neighbour is followed.
+
+    p_j = (l_j - l) / sum over k of (l_k - l)        dimensionless, sums to 1; (n,), empty without neighbours
+
+    Args:
+        luciferin: l, the glowworm's own.
+        brighter_luciferin: (n,) l_j of those that glow more, finite.
+    """
+    excess = brighter_luciferin - luciferin
+    # The largest one first is 1, so that neither tiny nor huge differences lose the sum.
+    scaled = excess / excess.max() if len(excess) else excess
+    return scaled / scaled.sum()
+
+
+def chosen(probabilities: Vector, draw: float) -> int:
+    """Return the index that a random number in [0, 1) falls on, each with its probability."""
+    return min(int(np.searchsorted(np.cumsum(probabilities), draw, side="right")), len(probabilities) - 1)
+
+
+def step_towards(place_m: Vector, goal_m: Vector, step_m: float) -> Vector:
+    """Return the place after a step of fixed length to another; it may pass it, as in the paper.
+
+    x' = x + s (x_j - x) / |x_j - x|        [m] = [m] + [m]
+    """
+    way_m = goal_m - place_m
+    distance_m = float(np.linalg.norm(way_m))
+    return place_m + way_m * (step_m / distance_m) if distance_m > _LEAST_M else place_m.copy()
+
+
+def next_radius_m(radius_m: float, n_neighbours: int, *, wanted: int, gain_m: float, sight_m: float) -> float:
+    """Return how far a glowworm looks next: farther with too few brighter neighbours, less far with too many.
+
+    r' = min(r_s, max(0, r + beta (n_t - |N|)))        [m] = [m] + [m] [1]
+
+    Args:
+        radius_m: r, before [m].
+        n_neighbours: |N|, brighter ones within it.
+        wanted: n_t, how many it wants.
+        gain_m: beta, change for each one too few [m].
+        sight_m: r_s, the farthest that it can see [m].
+
+    Source:
+        Krishnanand and Ghose 2009; beta 0.08 and n_t 5 remembered, unverified.
+    Held by:
+        tests/unit/search/test_glowworms.py (stays in [0, r_s])
+    """
+    return min(sight_m, max(0.0, radius_m + gain_m * (wanted - n_neighbours)))
+
+
+class OdourGlow:
+    """What a glowworm in a plume glows: the most gas of the last seconds, without decay; below a threshold nothing.
+
+    l(t) = max of c over (t - T, t] where that exceeds the threshold, else 0        [ppm]
+
+    State: the samples that may still be the most. Samples come in the order of time.
+
+    Source:
+        The odour version by the authors' group (abstracts only): decay makes it worse, threshold 1 ppm.
+    Held by:
+        tests/unit/search/test_glowworms.py
+    """
+
+    def __init__(self, *, memory_s: float, threshold: float) -> None:
+        """Begin dark; `memory_s` is T, `threshold` in the unit of the samples."""
+        self._memory_s, self._threshold = memory_s, threshold
+        self._peaks: deque[tuple[float, float]] = deque()
+
+    def add(self, time_s: float, amount: float) -> float:
+        """Take note of a sample; return the luciferin."""
+        while self._peaks and self._peaks[-1][1] <= amount:
+            self._peaks.pop()
+        self._peaks.append((time_s, amount))
+        while self._peaks[0][0] <= time_s - self._memory_s and len(self._peaks) > 1:
+            self._peaks.popleft()
+        return self.luciferin
+
+    @property
+    def luciferin(self) -> float:
+        """How much it glows."""
+        most = self._peaks[0][1] if self._peaks else 0.0
+        return most if most > self._threshold else 0.0
+
+    def darken(self) -> None:
+        """Forget all: the gas belongs to a source that has been declared."""
+        self._peaks.clear()
+
+
+def circling_m(place_m: Vector, other_m: Vector, *, radius_m: float, step_m: float, side: int) -> Vector:
+    """Return the next place on a circle about another robot, which avoids it and explores.
+
+    x' = x_j + r R(side s / r) (x - x_j) / |x - x_j|        s step along the circle [m], r its radius [m]
+
+    Exactly at the other one it leaves along x.
+
+    Args:
+        place_m: (2,) x [m].
+        other_m: (2,) x_j [m].
+        radius_m: r [m].
+        step_m: s [m].
+        side: +1 counter-clockwise, -1 clockwise.
+    """
+    away_m = place_m - other_m
+    angle_rad = math.atan2(away_m[1], away_m[0]) + side * step_m / radius_m
+    return other_m + radius_m * np.array([math.cos(angle_rad), math.sin(angle_rad)])
+
+
+def in_forbidden(place_m: Sequence[float], declared_m: Sequence[Sequence[float]], radius_m: float) -> bool:
+    """Return whether a place is in the region about a declared source, where no other is looked for."""
+    return any(math.dist(place_m, centre_m) < radius_m for centre_m in declared_m)
+
+
+def out_of_forbidden(place_m: Vector, declared_m: Sequence[Sequence[float]], radius_m: float) -> Vector:
+    """Return the nearest place on the edge of the declared region that a place is in, or the place itself.
+
+    x' = s + R (x - s) / |x - s|        s centre of the nearest declared region [m], R its radius [m]
+
+    Regions that overlap are left one after the other, in several steps. Exactly at its centre it leaves along x.
+
+    Source:
+        Zhang et al. 2011 (CCC), modified GSO as told in the thesis on GSL-Bench; R 2 m remembered, unverified.
+    Held by:
+        tests/unit/search/test_glowworms.py
+    """
+    if not in_forbidden(tuple(place_m), declared_m, radius_m):
+        return place_m.copy()
+    centre_m = np.array(min(declared_m, key=lambda centre_m: math.dist(centre_m, place_m)))
+    away_m = place_m - centre_m
+    distance_m = float(np.linalg.norm(away_m))
+    if distance_m <= _LEAST_M:
+        away_m, distance_m = np.eye(len(place_m))[0], 1.0
+    return centre_m + away_m * (radius_m / distance_m)
