@@ -1,0 +1,234 @@
+"""Where the source may be, by tracing puffs of gas back with the wind: the source map of Pang and Farrell."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Observation
+from gslcosim.search.beliefs import normalised_from_log
+from gslcosim.search.grids import CellGrid
+from gslcosim.search.instruments import Vane
+from gslcosim.search.puff_tracing_kernels import trace_back, trace_puffs
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PuffModel:
+    """How puffs travel: `step_s` between releases that are told apart, over the last `window_s`.
+
+    A puff is `initial_sigma_m` wide at birth and wanders by `spread_m_sqrt_s` times the root of its age, on each axis;
+    where it is met it is detected with `detection_probability`. With an initial size of 0 the puff that is released
+    just now is left out: it has no extent.
+    """
+
+    step_s: float = 0.5
+    window_s: float = 120.0
+    initial_sigma_m: float = 0.0
+    spread_m_sqrt_s: float = 0.2
+    detection_probability: float = 0.9
+
+    @property
+    def n_steps(self) -> int:
+        """How many steps the window has, at least one."""
+        return max(1, round(self.window_s / self.step_s))
+
+    @property
+    def first_age(self) -> int:
+        """From which age on puffs count [steps]: 0 with an initial size, else 1."""
+        return 0 if self.initial_sigma_m > 0.0 else 1
+
+    def variances_m2(self, n_displacements: int) -> Array:
+        """Return (n, 2) variances of puffs of age 0, 1, 2, ... steps, by axis [m2].
+
+        v(m) = s0^2 + s^2 m dt        [m2] = [m2] + [m2/s] [s]
+        """
+        ages_s = np.arange(n_displacements, dtype=np.float64) * self.step_s
+        variance_m2 = self.initial_sigma_m**2 + self.spread_m_sqrt_s**2 * ages_s
+        return np.stack([variance_m2, variance_m2], axis=1)
+
+
+def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
+    """Return how far the wind has carried puffs of each age, in a wind that is the same everywhere.
+
+    V(0) = 0;  V(m) = sum of the last m winds dt        [m] = [m/s] [s]
+
+    Args:
+        wind_m_s: (n, 2) winds of the steps past, the oldest first, world frame [m/s].
+        step_s: Length of a step dt [s].
+
+    Returns:
+        (n + 1, 2) displacements of puffs of age 0 to n steps, world frame [m].
+
+    Source:
+        Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068.
+    Held by:
+        tests/unit/search/test_puff_tracing.py
+    """
+    newest_first = wind_m_s[::-1] * step_s
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(newest_first, axis=0)])
+
+
+class WindRecord:
+    """The wind that a vehicle has met: means over equal steps of time, with the places.
+
+    Call `add` with every observation. The vehicle's own velocity is added to the wind that its anemometer feels.
+    Where observations are missing the wind stays as it was.
+
+    State: at most `n_steps` means, and the sums of the step under way.
+
+    Held by:
+        tests/unit/search/test_puff_tracing.py
+    """
+
+    def __init__(self, vane: Vane, *, step_s: float, n_steps: int) -> None:
+        """Begin without a wind; older steps than the last `n_steps` are forgotten."""
+        self._vane, self._step_s, self._n_steps = vane, step_s, n_steps
+        # Rows of x, y, u, v.
+        self._steps: deque[Array] = deque(maxlen=n_steps)
+        self._sum = np.zeros(4)
+        self._n_samples = 0
+        self._step_ends_s: float | None = None
+        self._last_tick: int | None = None
+
+    def add(self, observation: Observation) -> None:
+        """Take note of an observation; a tick counts once, and an anemometer that warms up does not."""
+        if observation.tick == self._last_tick or not self._vane.is_ready(observation):
+            return
+        self._last_tick = observation.tick
+        if self._step_ends_s is None:
+            self._step_ends_s = observation.time_s + self._step_s
+        self._sum += self._sample(observation)
+        self._n_samples += 1
+        n_over = math.floor((observation.time_s - self._step_ends_s) / self._step_s + 1e-6) + 1
+        if n_over > 0:
+            self._steps.extend([self._sum / self._n_samples] * min(n_over, self._n_steps))
+            self._step_ends_s += n_over * self._step_s
+            self._sum, self._n_samples = np.zeros(4), 0
+
+    def places_m(self) -> Array:
+        """Return (n, 2) where the vehicle was in each step, the oldest first, world frame [m]."""
+        return self._table()[:, :2]
+
+    def winds_m_s(self) -> Array:
+        """Return (n, 2) the mean wind of each step, the oldest first, world frame [m/s]: where the air goes."""
+        return self._table()[:, 2:]
+
+    def mean_wind_m_s(self) -> Array:
+        """Return the mean of all steps, 0 without any."""
+        winds_m_s = self.winds_m_s()
+        return winds_m_s.mean(axis=0) if len(winds_m_s) else np.zeros(2)
+
+    def _table(self) -> Array:
+        return np.array(self._steps).reshape(-1, 4)
+
+    # The anemometer feels the wind less the vehicle's own velocity.
+    def _sample(self, observation: Observation) -> Array:
+        u_m_s, v_m_s = self._vane.wind_world_m_s(observation)
+        own_u_m_s, own_v_m_s, _ = observation.velocity_world_m_s
+        x_m, y_m, _ = observation.position_world_m
+        return np.array([x_m, y_m, u_m_s + own_u_m_s, v_m_s + own_v_m_s])
+
+
+def displacements_m(
+    record: WindRecord, model: PuffModel, sensor_m: Sequence[float], *, reach_m: float | None = None
+) -> Array:
+    """Return how far puffs of age 0, 1, 2, ... steps have come that are at the sensor now, (n, 2) [m].
+
+    Args:
+        record: The wind so far.
+        model: Gives step and window.
+        sensor_m: Place of the measurement, world frame [m].
+        reach_m: Without it the wind is the same everywhere, as in the paper, and puffs are traced back as far as it is
+            known. With it a measured wind holds so far from where it was measured [m], the mean wind elsewhere, and
+            puffs are traced back over the whole window.
+    """
+    winds_m_s = record.winds_m_s()[-model.n_steps :]
+    if reach_m is None:
+        return partial_sums_m(winds_m_s, model.step_s)
+    mean_m_s, places_m = record.mean_wind_m_s(), record.places_m()
+    sensor = np.array(sensor_m[:2], dtype=np.float64)
+    return trace_back(sensor, model.n_steps, model.step_s, mean_m_s, places_m, record.winds_m_s(), reach_m, 0.05)
+
+
+class SourceMap:
+    """The probability of each cell to hold the source, kept as logarithms.
+
+    A detection multiplies by (1 - f) beta / max(beta) + f, its absence by (1 - f) gamma + f, where f is a floor: no
+    single measurement lowers a cell by more than that, for a wrong model must not rule out the true cell for good.
+    With f 0 these are the rules of the paper.
+
+    State: the logarithms, unnormalised, of the grid's shape; cells that cannot hold the source are minus infinity.
+
+    Source:
+        Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068; the floor is ours.
+    Held by:
+        tests/unit/search/test_puff_tracing.py (a map against brute force)
+    """
+
+    def __init__(self, grid: CellGrid, *, free: NDArray[np.bool_] | None = None, floor_frac: float = 0.0) -> None:
+        """Begin with equal probabilities.
+
+        Args:
+            grid: The cells, in the plane.
+            free: Which cells may hold the source; without it all of them.
+            floor_frac: The floor f.
+        """
+        self.grid = grid
+        self.log_p: Array = np.zeros(grid.shape)
+        if free is not None and free.any():
+            self.log_p[~free] = -np.inf
+        self._floor_frac = floor_frac
+
+    def probability(self) -> Array:
+        """Return the probability of each cell, of the grid's shape."""
+        return normalised_from_log(self.log_p)
+
+    def detect(self, mean_share: Array) -> None:
+        """Take note of a detection; `mean_share` is beta. A detection that no cell explains says nothing."""
+        highest = float(mean_share[np.isfinite(self.log_p)].max(initial=0.0))
+        if highest > 0.0:
+            self.multiply(np.minimum(1.0, mean_share / highest))
+
+    def miss(self, log_share: Array) -> None:
+        """Take note that nothing was detected; `log_share` is ln gamma."""
+        self.multiply(np.exp(log_share))
+
+    def multiply(self, likelihood: Array) -> None:
+        """Multiply by a likelihood between 0 and 1, raised to the floor."""
+        floored = (1.0 - self._floor_frac) * likelihood + self._floor_frac
+        with np.errstate(divide="ignore"):
+            updated = self.log_p + np.log(floored)
+        highest = float(updated.max())
+        # Measurements that together rule out every cell are a wrong model, not a proof: the map stays as it was.
+        if math.isfinite(highest):
+            self.log_p = updated - highest
+
+
+def update(
+    source_map: SourceMap, model: PuffModel, sensor_m: Sequence[float], travelled_m: Array, *, is_hit: bool
+) -> None:
+    """Update a map by one measurement.
+
+    Args:
+        source_map: The map.
+        model: How puffs spread, and how surely they are detected.
+        sensor_m: Place of the measurement, world frame [m].
+        travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps; see `displacements_m`.
+        is_hit: Whether gas was detected.
+    """
+    grid, first = source_map.grid, model.first_age
+    variance_m2 = model.variances_m2(len(travelled_m))
+    low_m, sensor = np.array(grid.origin_m[:2]), np.array(sensor_m[:2], dtype=np.float64)
+    n_x, n_y = grid.shape
+    mean_share, log_share = trace_puffs(
+        low_m, grid.cell_m, n_x, n_y, sensor, travelled_m[first:], variance_m2[first:], model.detection_probability
+    )
+    if is_hit:
+        source_map.detect(mean_share)
+    else:
+        source_map.miss(log_share)
