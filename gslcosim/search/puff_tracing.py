@@ -1,18 +1,16 @@
 """Where the source may be, by tracing puffs of gas back with the wind: the source map of Pang and Farrell."""
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Observation
 from gslcosim.search.beliefs import normalised_from_log
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.instruments import Vane
 from gslcosim.search.puff_tracing_kernels import trace_back, trace_puffs
+from gslcosim.search.wind_field import WindField, WindRecord
 
 Array = NDArray[np.float64]
 
@@ -73,69 +71,8 @@ def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(newest_first, axis=0)])
 
 
-class WindRecord:
-    """The wind that a vehicle has met: means over equal steps of time, with the places.
-
-    Call `add` with every observation. The vehicle's own velocity is added to the wind that its anemometer feels.
-    Where observations are missing the wind stays as it was.
-
-    State: at most `n_steps` means, and the sums of the step under way.
-
-    Held by:
-        tests/unit/search/test_puff_tracing.py
-    """
-
-    def __init__(self, vane: Vane, *, step_s: float, n_steps: int) -> None:
-        """Begin without a wind; older steps than the last `n_steps` are forgotten."""
-        self._vane, self._step_s, self._n_steps = vane, step_s, n_steps
-        # Rows of x, y, u, v.
-        self._steps: deque[Array] = deque(maxlen=n_steps)
-        self._sum = np.zeros(4)
-        self._n_samples = 0
-        self._step_ends_s: float | None = None
-        self._last_tick: int | None = None
-
-    def add(self, observation: Observation) -> None:
-        """Take note of an observation; a tick counts once, and an anemometer that warms up does not."""
-        if observation.tick == self._last_tick or not self._vane.is_ready(observation):
-            return
-        self._last_tick = observation.tick
-        if self._step_ends_s is None:
-            self._step_ends_s = observation.time_s + self._step_s
-        self._sum += self._sample(observation)
-        self._n_samples += 1
-        n_over = math.floor((observation.time_s - self._step_ends_s) / self._step_s + 1e-6) + 1
-        if n_over > 0:
-            self._steps.extend([self._sum / self._n_samples] * min(n_over, self._n_steps))
-            self._step_ends_s += n_over * self._step_s
-            self._sum, self._n_samples = np.zeros(4), 0
-
-    def places_m(self) -> Array:
-        """Return (n, 2) where the vehicle was in each step, the oldest first, world frame [m]."""
-        return self._table()[:, :2]
-
-    def winds_m_s(self) -> Array:
-        """Return (n, 2) the mean wind of each step, the oldest first, world frame [m/s]: where the air goes."""
-        return self._table()[:, 2:]
-
-    def mean_wind_m_s(self) -> Array:
-        """Return the mean of all steps, 0 without any."""
-        winds_m_s = self.winds_m_s()
-        return winds_m_s.mean(axis=0) if len(winds_m_s) else np.zeros(2)
-
-    def _table(self) -> Array:
-        return np.array(self._steps).reshape(-1, 4)
-
-    # The anemometer feels the wind less the vehicle's own velocity.
-    def _sample(self, observation: Observation) -> Array:
-        u_m_s, v_m_s = self._vane.wind_world_m_s(observation)
-        own_u_m_s, own_v_m_s, _ = observation.velocity_world_m_s
-        x_m, y_m, _ = observation.position_world_m
-        return np.array([x_m, y_m, u_m_s + own_u_m_s, v_m_s + own_v_m_s])
-
-
 def displacements_m(
-    record: WindRecord, model: PuffModel, sensor_m: Sequence[float], *, reach_m: float | None = None
+    record: WindRecord, model: PuffModel, sensor_m: Sequence[float], *, field: WindField | None = None
 ) -> Array:
     """Return how far puffs of age 0, 1, 2, ... steps have come that are at the sensor now, (n, 2) [m].
 
@@ -143,16 +80,13 @@ def displacements_m(
         record: The wind so far.
         model: Gives step and window.
         sensor_m: Place of the measurement, world frame [m].
-        reach_m: Without it the wind is the same everywhere, as in the paper, and puffs are traced back as far as it is
-            known. With it a measured wind holds so far from where it was measured [m], the mean wind elsewhere, and
-            puffs are traced back over the whole window.
+        field: Without it the wind is the same everywhere, as in the paper, and puffs are traced back as far as it is
+            known. With it they are traced back through this field, over the whole window.
     """
-    winds_m_s = record.winds_m_s()[-model.n_steps :]
-    if reach_m is None:
-        return partial_sums_m(winds_m_s, model.step_s)
-    mean_m_s, places_m = record.mean_wind_m_s(), record.places_m()
-    sensor = np.array(sensor_m[:2], dtype=np.float64)
-    return trace_back(sensor, model.n_steps, model.step_s, mean_m_s, places_m, record.winds_m_s(), reach_m, 0.05)
+    if field is None:
+        return partial_sums_m(record.winds_m_s()[-model.n_steps :], model.step_s)
+    grid, sensor = field.grid, np.array(sensor_m[:2], dtype=np.float64)
+    return trace_back(sensor, model.n_steps, model.step_s, np.array(grid.origin_m), grid.cell_m, field.winds_m_s())
 
 
 class SourceMap:

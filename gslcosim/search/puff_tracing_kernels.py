@@ -81,49 +81,46 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
 
 
 @numba.njit(cache=True)
-def trace_back(sensor_m, n_steps, step_s, mean_wind_m_s, place_m, wind_m_s, reach_m, mean_weight):
-    """Return how far puffs have come that arrive at a place, through a wind that was measured here and there.
+def trace_back(sensor_m, n_steps, step_s, low_m, cell_m, wind_m_s):
+    """Return how far puffs have come that arrive at a place, through a steady wind that differs from place to place.
 
     p(m + 1) = p(m) - W(p(m)) dt,  V(m) = x - p(m)
-    W(p) = (w0 W0 + sum over j of exp(-|p - x_j|^2 / (2 r^2)) W_j) / (w0 + sum over j of the same weights)
     [m] = [m/s] [s]
 
-    Where nothing has been measured the wind is the mean one, W0; with a single wind everywhere V(m) = m W dt.
+    W is linear between the centres of cells, and beyond the outer ones as at the border; with one wind everywhere
+    V(m) = m W dt. Walls are no obstacle.
 
     Args:
         sensor_m: (2,) place x of the measurement, world frame [m].
         n_steps: Number of steps backward.
         step_s: Length of a step dt [s].
-        mean_wind_m_s: (2,) wind W0 where none is known, world frame [m/s].
-        place_m: (n, 2) places x_j of measurements, world frame [m].
-        wind_m_s: (n, 2) winds W_j measured there, world frame [m/s].
-        reach_m: Distance r over which a measurement holds [m].
-        mean_weight: Weight w0 of the mean wind, > 0; a measurement on the spot weighs 1.
+        low_m: (2,) lower corner of cell (0, 0), world frame, xy [m].
+        cell_m: Edge of the square cells [m].
+        wind_m_s: (n_x, n_y, 2) wind at the centres of the cells, world frame [m/s].
 
     Returns:
         (n_steps + 1, 2) displacements V(0) = 0, V(1), ..., world frame [m].
 
     Source:
-        Ours: section 9.1's remedy for rooms, with a kernel average in place of a solved wind map.
+        Ours: displacements along the path in place of one wind for the whole room.
     Accuracy:
         First order in dt (Euler).
     Held by:
         tests/unit/search/test_puff_tracing.py (uniform wind; a wind of two halves)
     """
     displacement_m = np.zeros((n_steps + 1, 2))
+    n_x, n_y = wind_m_s.shape[0], wind_m_s.shape[1]
     x_m, y_m = sensor_m[0], sensor_m[1]
-    per_reach = -0.5 / (reach_m * reach_m)
     for step in range(n_steps):
-        weight = mean_weight
-        u_m_s, v_m_s = mean_weight * mean_wind_m_s[0], mean_weight * mean_wind_m_s[1]
-        for k in range(place_m.shape[0]):
-            dx_m, dy_m = place_m[k, 0] - x_m, place_m[k, 1] - y_m
-            near = math.exp(per_reach * (dx_m * dx_m + dy_m * dy_m))
-            weight += near
-            u_m_s += near * wind_m_s[k, 0]
-            v_m_s += near * wind_m_s[k, 1]
-        x_m -= u_m_s / weight * step_s
-        y_m -= v_m_s / weight * step_s
-        displacement_m[step + 1, 0] = sensor_m[0] - x_m
-        displacement_m[step + 1, 1] = sensor_m[1] - y_m
+        a = min(max((x_m - low_m[0]) / cell_m - 0.5, 0.0), n_x - 1.0)
+        b = min(max((y_m - low_m[1]) / cell_m - 0.5, 0.0), n_y - 1.0)
+        i, j = min(int(a), max(n_x - 2, 0)), min(int(b), max(n_y - 2, 0))
+        i_1, j_1 = min(i + 1, n_x - 1), min(j + 1, n_y - 1)
+        a, b = a - i, b - j
+        for axis in range(2):
+            near = (1.0 - b) * wind_m_s[i, j, axis] + b * wind_m_s[i, j_1, axis]
+            far = (1.0 - b) * wind_m_s[i_1, j, axis] + b * wind_m_s[i_1, j_1, axis]
+            displacement_m[step + 1, axis] = displacement_m[step, axis] + ((1.0 - a) * near + a * far) * step_s
+        x_m = sensor_m[0] - displacement_m[step + 1, 0]
+        y_m = sensor_m[1] - displacement_m[step + 1, 1]
     return displacement_m

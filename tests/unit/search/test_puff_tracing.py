@@ -12,12 +12,12 @@ from gslcosim.search.instruments import Vane
 from gslcosim.search.puff_tracing import (
     PuffModel,
     SourceMap,
-    WindRecord,
     displacements_m,
     partial_sums_m,
     update,
 )
 from gslcosim.search.puff_tracing_kernels import trace_back, trace_puffs
+from gslcosim.search.wind_field import WindField, WindRecord
 
 GRID = CellGrid((0.0, 0.0), 0.5, (13, 9))
 SENSOR_M = (4.2, 2.1)
@@ -138,56 +138,28 @@ def test_a_product_over_very_many_puffs_stays_a_number():
 
 
 def test_tracing_back_in_the_same_wind_everywhere_is_the_partial_sum():
-    wind, places = np.tile([[0.3, -0.1]], (5, 1)), np.random.default_rng(1).uniform(0, 5, (5, 2))
-    traced_m = trace_back(np.array([2.0, 2.0]), 10, 0.5, np.array([0.3, -0.1]), places, wind, 1.0, 0.05)
+    wind = np.tile([0.3, -0.1], (4, 3, 1))
+    traced_m = trace_back(np.array([2.0, 2.0]), 10, 0.5, np.zeros(2), 1.0, wind)
     assert traced_m == pytest.approx(partial_sums_m(np.tile([[0.3, -0.1]], (10, 1)), 0.5))
 
 
 def test_tracing_back_follows_the_wind_of_the_place():
-    """West of x = 5 the air goes east, east of it north: a puff met in the east came from the south, then stops."""
-    places = np.array([[x, y] for x in (1.0, 3.0, 7.0, 9.0) for y in (1.0, 3.0, 5.0)])
-    winds = np.where(places[:, :1] < 5.0, [[0.5, 0.0]], [[0.0, 0.5]])
-    east = trace_back(np.array([8.0, 4.0]), 4, 1.0, np.zeros(2), places, winds, 0.8, 1e-6)[-1]
-    west = trace_back(np.array([3.0, 4.0]), 4, 1.0, np.zeros(2), places, winds, 0.8, 1e-6)[-1]
-    assert east == pytest.approx([0.0, 2.0], abs=0.05)
-    assert west == pytest.approx([2.0, 0.0], abs=0.05)
+    """West of x = 5 the air goes east, east of it north: a puff met in the east has come from the south."""
+    wind = np.zeros((10, 10, 2))
+    wind[:5, :, 0], wind[5:, :, 1] = 0.5, 0.5
+    east = trace_back(np.array([8.0, 4.0]), 4, 1.0, np.zeros(2), 1.0, wind)[-1]
+    west = trace_back(np.array([3.0, 4.0]), 4, 1.0, np.zeros(2), 1.0, wind)[-1]
+    assert east == pytest.approx([0.0, 2.0])
+    assert west == pytest.approx([2.0, 0.0])
 
 
-def test_far_from_every_measurement_the_wind_is_the_mean_one():
-    far = trace_back(np.array([50.0, 50.0]), 2, 1.0, np.array([0.2, 0.0]), np.zeros((1, 2)), np.ones((1, 2)), 1.0, 0.05)
-    assert far[-1] == pytest.approx([0.4, 0.0])
-
-
-def seen(tick, wind=(0.5, math.pi), *, velocity_m_s=(0.0, 0.0, 0.0), warming=()):
-    return observation(tick=tick, readings={"vane": wind}, velocity_m_s=velocity_m_s, warming=warming)
-
-
-def test_a_record_of_the_wind_has_a_mean_for_each_step():
-    record = WindRecord(Vane(name="vane"), step_s=0.5, n_steps=3)
-    for tick in range(1, 22):
-        record.add(seen(tick, (0.1 * tick, math.pi)))
-        record.add(seen(tick, (9.0, math.pi)))
-    assert record.winds_m_s().shape == (3, 2)
-    assert record.winds_m_s()[:, 0] == pytest.approx([0.9, 1.4, 1.9], abs=1e-9)
-    assert record.places_m() == pytest.approx(np.tile([[7.0, 5.0]], (3, 1)))
-
-
-def test_the_wind_of_a_moving_vehicle_is_that_of_the_air():
-    record = WindRecord(Vane(name="vane"), step_s=0.1, n_steps=10)
-    for tick in range(1, 5):
-        # It flies east at 1 m/s in still air, and feels a wind from the east.
-        record.add(seen(tick, (1.0, 0.0), velocity_m_s=(1.0, 0.0, 0.0)))
-    assert np.abs(record.winds_m_s()).max() < 1e-12
-
-
-def test_a_silence_leaves_the_wind_as_it_was_and_warming_instruments_are_not_believed():
-    record = WindRecord(Vane(name="vane"), step_s=0.5, n_steps=100)
-    record.add(seen(1, (5.0, 0.0), warming=("vane",)))
-    assert len(record.winds_m_s()) == 0
-    assert record.mean_wind_m_s() == pytest.approx([0.0, 0.0])
-    record.add(seen(2))
-    record.add(seen(102))
-    assert record.winds_m_s() == pytest.approx(np.tile([[0.5, 0.0]], (20, 1)))
+def test_between_centres_the_wind_is_linear_and_beyond_them_constant():
+    wind = np.zeros((3, 2, 2))
+    wind[:, :, 0] = [[1.0, 3.0], [2.0, 4.0], [3.0, 5.0]]
+    places_m = {(1.0, 1.0): 2.5, (0.5, 0.5): 1.0, (-9.0, 9.0): 3.0, (9.0, -9.0): 3.0, (2.5, 1.0): 4.0}
+    for place_m, expected in places_m.items():
+        travelled = trace_back(np.array(place_m), 1, 1.0, np.zeros(2), 1.0, wind)
+        assert travelled[1] == pytest.approx([expected, 0.0]), place_m
 
 
 def test_displacements_end_with_the_window_or_with_what_is_known():
@@ -195,9 +167,11 @@ def test_displacements_end_with_the_window_or_with_what_is_known():
     model = PuffModel(step_s=0.5, window_s=4.0)
     assert len(displacements_m(record, model, SENSOR_M)) == 1
     for tick in range(1, 102):
-        record.add(seen(tick))
+        record.add(observation(tick=tick, readings={"vane": (0.5, math.pi)}))
     assert displacements_m(record, model, SENSOR_M)[-1] == pytest.approx([2.0, 0.0])
-    assert displacements_m(record, model, SENSOR_M, reach_m=1.0)[-1] == pytest.approx([2.0, 0.0])
+    field = WindField(GRID, reach_m=1.0)
+    field.add((7.0, 5.0), (0.3, 0.1))
+    assert displacements_m(record, model, SENSOR_M, field=field)[-1] == pytest.approx([1.2, 0.4])
 
 
 def test_a_puff_with_a_size_at_birth_is_seen_where_it_is_released():
