@@ -13,8 +13,7 @@ a report with wind and best place has at most 63 bytes.
 import re
 from dataclasses import dataclass, replace
 
-from gslcosim.agent_kit import Briefing, Observation, RadioMessage
-from gslcosim.contract.messages import ChannelDescription, Vec3
+from gslcosim.contract.messages import Briefing, ChannelDescription, Observation, RadioMessage, Vec3
 
 MAX_NUMBERS = 8
 EARLY_S = 1.0
@@ -129,7 +128,8 @@ class Team:
 
     def recent(self, now_s: float, max_age_s: float = float("inf")) -> dict[str, Report]:
         """Return the last reports that are no older than `max_age_s`, by name in sorted order."""
-        return {name: self.reports[name] for name in self.others if self.age_s(name, now_s) <= max_age_s}
+        heard = (name for name in self.others if name in self.reports)
+        return {name: self.reports[name] for name in heard if self.age_s(name, now_s) <= max_age_s}
 
     def call(self, report: Report, to: str = "all") -> tuple[RadioMessage, ...]:
         """Return what goes into `outgoing` to tell the others; nothing without a channel or where it does not fit."""

@@ -126,7 +126,9 @@ def test_the_last_report_of_each_member_is_kept_with_its_age():
 
 
 def test_who_was_never_heard_is_infinitely_old():
-    assert Team(briefing("one", "two")).age_s("two", 1.0) == math.inf
+    team = Team(briefing("one", "two"))
+    assert team.age_s("two", 1.0) == math.inf
+    assert team.recent(1.0) == {}
 
 
 def test_repeated_and_late_texts_change_nothing():
