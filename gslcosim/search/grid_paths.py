@@ -3,6 +3,7 @@
 Free cells are arrays of truth values of the grid's shape, in two dimensions (nx, ny) or three (nx, ny, nz).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -155,15 +156,17 @@ def inflated(free: Free, grid: CellGrid, clearance_m: float) -> Free:
     return cells_with_room(_in_3d(free), clearance_m / grid.cell_m).reshape(free.shape)
 
 
-def free_cells_of(known_map: KnownMap, grid: CellGrid) -> Free:
+def free_cells_of(known_map: KnownMap, grid: CellGrid, *, height_m: float | None = None) -> Free:
     """Return the cells of a grid in the plane that no obstacle of a map reaches into; outside of the map none is free.
 
     A wall thinner than a cell stays a wall: gas and ways do not slip through. Gaps narrower than two cells may close.
-    Of a map in space the middle layer counts.
+    Of a map in space the layer at `height_m` counts, without a height the middle one.
     """
     occupied = known_map.occupied.to_array()
     if occupied.ndim == 3:
-        occupied = occupied[:, :, occupied.shape[2] // 2]
+        n = occupied.shape[2]
+        layer = n // 2 if height_m is None else math.floor((height_m - known_map.origin_m[2]) / known_map.cell_m)
+        occupied = occupied[:, :, min(max(layer, 0), n - 1)]
     blocked_before = np.zeros((occupied.shape[0] + 1, occupied.shape[1] + 1), np.int64)
     blocked_before[1:, 1:] = (occupied != 0).cumsum(axis=0).cumsum(axis=1)
     bands = [_overlapped(grid, axis, known_map, occupied.shape[axis]) for axis in (0, 1)]

@@ -215,3 +215,9 @@ def _walls(numbers: Index, weight: float, edges: str) -> list[_Equations]:
         touches = (numbers >= 0) & (there < 0)
         equations.append((2 * numbers[touches][:, None] + axis, (1.0,), weight))
     return equations
+
+
+def warm_up() -> None:
+    """Load or compile what a map runs, on a few cells, so that nothing is compiled in flight."""
+    free = np.ones((3, 3), np.bool_)
+    WindMap(free, CellGrid((0.0, 0.0), 1.0, free.shape)).add((1.5, 1.5), (1.0, 0.0))

@@ -200,3 +200,14 @@ def test_the_cells_of_the_map_itself_are_free_as_they_are_and_none_outside():
     free = free_cells_of(map_of(np.zeros((12, 9))), elsewhere)
     assert free.sum() == 12 * 9
     assert free[5:17, 10:19].all()
+
+
+def test_of_a_map_in_space_the_layer_at_the_height_counts():
+    occupied = np.zeros((4, 4, 5))
+    occupied[1, :, 3] = 1
+    grid = CellGrid((1.0, 2.0), 0.2, (4, 4))
+    volume = KnownMap(origin_m=(1.0, 2.0, 0.0), cell_m=0.2, occupied=NumericArray.from_array(occupied.astype(np.uint8)))
+    assert not free_cells_of(volume, grid, height_m=0.7)[1].any()
+    assert free_cells_of(volume, grid, height_m=0.3).all()
+    assert free_cells_of(volume, grid, height_m=9.0).all()
+    assert free_cells_of(volume, grid).all()
