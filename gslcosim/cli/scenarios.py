@@ -38,7 +38,7 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
         arguments.scenario,
         overrides=arguments.set,
         seed=arguments.seed,
-        checks=(check_places,),
+        checks=(check_places, check_methods),
         placer=draw_places,
     )
 
@@ -48,3 +48,10 @@ def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike
     from gslcosim.environment.placement import problems_of_places
 
     return problems_of_places(scenario, scenario_dir=directory)
+
+
+def check_methods(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+    """Return what the agents' methods lack: sensors, grants, channels, right parameters."""
+    from gslcosim.sensing.method_checks import problems_of_methods
+
+    return problems_of_methods(scenario, directory)

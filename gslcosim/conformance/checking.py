@@ -154,7 +154,8 @@ class Check:
         self.report_progress(name)
         time.sleep(max(0.0, self._started_at + MIN_S_BETWEEN_STARTS - time.monotonic()))
         self._started_at = time.monotonic()
-        return Flight(self.wiring.open(), Script(name=name, seed=seed, variation=variation), self.limits).play()
+        script = Script(name=name, seed=seed, variation=variation)
+        return Flight(self.wiring.open(), script, self.limits, self.wiring.needs()).play()
 
     def _add(self, *found: dict[str, Failure]) -> None:
         for failures in found:

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from gslcosim.conformance.answers import Answer, read_answer, refused_answer
-from gslcosim.conformance.scripted_world import ScriptedWorld, briefing_for, ticks, with_unknown_fields
+from gslcosim.conformance.scripted_world import TICK_NS, ScriptedWorld, briefing_for, ticks, with_unknown_fields
 from gslcosim.conformance.wiring import Event, Wire
 from gslcosim.contract.messages import Command, Ending, Message, Observation
-from gslcosim.runtime.door import Door
+from gslcosim.methods.card import Needs
+from gslcosim.runtime.door import BELIEF_EVERY_S, Door
 from gslcosim.scenario.models import AgentSpec
+from gslcosim.ticks import NS_PER_S
 
 Variation = Literal["plain", "unknown fields", "optional fields", "repeats", "ending at once", "lost link"]
 
@@ -20,6 +22,7 @@ MAX_WRONG = 3
 REPEAT_EVERY_QUESTIONS = 3
 REPEAT_AFTER_S = 1.0  # as the supervisor of a run does
 END_REASON = "time_limit"
+BELIEF_EVERY_TICKS = BELIEF_EVERY_S * NS_PER_S // TICK_NS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,12 +108,13 @@ class Transcript:
 class Flight:
     """Plays one script with one start of an agent."""
 
-    def __init__(self, wire: Wire, script: Script, limits: Limits) -> None:
+    def __init__(self, wire: Wire, script: Script, limits: Limits, needs: Needs | None = None) -> None:
         self._wire = wire
         self._limits = limits
         self._began = time.monotonic()
-        self._world = ScriptedWorld(script.seed)
-        self._door = Door("agent")
+        self._needs = needs or Needs()
+        self._world = ScriptedWorld(script.seed, self._needs)
+        self._door = Door("agent", belief_every_ticks=BELIEF_EVERY_TICKS)
         self._open_tick: int | None = None
         self._transcript = Transcript(script, joins_by_start=wire.joins_by_start)
 
@@ -131,7 +135,7 @@ class Flight:
         transcript = self._transcript
         transcript.unheard = self._wire.unheard()
         transcript.briefed_at_s = self._now()
-        self._send(briefing_for(transcript.script.seed))
+        self._send(briefing_for(transcript.script.seed, self._needs))
         # Over Zenoh the keys of an agent have no order among each other.
         self._await(lambda: not self._wire.may_lose, self._limits.settle_s)
         if transcript.script.variation != "ending at once":

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gslcosim.conformance.answers import shown_command
 from gslcosim.conformance.findings import Failure
-from gslcosim.conformance.flight import FLOOD_MESSAGES, Arrival, Limits, Question, Transcript
+from gslcosim.conformance.flight import BELIEF_EVERY_TICKS, FLOOD_MESSAGES, Arrival, Limits, Question, Transcript
 from gslcosim.contract.messages import Command
 from gslcosim.runtime.processes import exit_text
 
@@ -129,6 +129,7 @@ def _in_order(transcript: Transcript, limits: Limits) -> Iterator[Failure]:
         for question in transcript.questions:
             yield from _question_failures(transcript, question, limits)
         yield from _unasked_failures(transcript)
+        yield from _belief_failures(transcript)
     yield from _trespasses(transcript)
     yield from _early_leave(transcript)
 
@@ -193,6 +194,19 @@ def _unasked_failures(transcript: Transcript) -> Iterator[Failure]:
             sent = sent if answer.tick in transcript.told_ticks else f"no observation of tick {answer.tick}"
             got = _with_fault(answer.shown, arrival)
             yield _failure(transcript, "unasked", sent=sent, expected="no command", got=got)
+
+
+# The vehicle would fly all the same: the door passes a command without a belief that comes too soon.
+def _belief_failures(transcript: Transcript) -> Iterator[Failure]:
+    last: int | None = None
+    for tick, command in sorted(transcript.commands().items()):
+        if command.belief is None:
+            continue
+        if last is not None and tick - last < BELIEF_EVERY_TICKS:
+            got = f"beliefs at ticks {last} and {tick}"
+            expected = f"beliefs at least {BELIEF_EVERY_TICKS} ticks apart"
+            yield _failure(transcript, "beliefs", sent=_observation(tick), expected=expected, got=got)
+        last = tick
 
 
 def _trespasses(transcript: Transcript) -> Iterator[Failure]:

@@ -102,6 +102,11 @@ _ALL = (
         remedy="Look at awaiting_command: where it is false the observation is for information.",
     ),
     Rule(
+        id="beliefs",
+        sentence="publishes at most one belief in a second of simulated time",
+        remedy="Remember time_s of the observation that the last belief answered; send the next one a second later.",
+    ),
+    Rule(
         id="flood",
         sentence="sends no messages in masses",
         remedy="Send one command for each observation that awaits one; do not send in a loop of your own.",

@@ -4,6 +4,7 @@ A room with a smooth plume and a steady wind with noise. A vehicle is where its 
 question comes. Ticks leap over the places where integers get longer in msgpack, which a run reaches only after hours.
 """
 
+import base64
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,17 +12,24 @@ from typing import Any
 
 import numpy as np
 
+from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
     Bounds,
     Briefing,
+    CameraImage,
+    ChannelDescription,
     Command,
+    KnownMap,
+    NominalPlume,
     Observation,
     Reading,
     SensorDescription,
     Vec3,
 )
 from gslcosim.contract.schema import contract_hash
+from gslcosim.methods.card import Needs
+from gslcosim.methods.instrument_kinds import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, count_of_kind
 from gslcosim.rng import stream
 
 AGENT = "agent_1"
@@ -31,6 +39,49 @@ ROOM_M: Vec3 = (12.0, 8.0, 3.0)
 START_M: Vec3 = (9.0, 4.0, 1.5)
 SOURCE_M: Vec3 = (2.0, 4.0, 1.5)
 CLEAN_AIR_OHM = 50_000.0
+_AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], np.float32)
+_MODEL_OF_KIND = {
+    "gas": ("pid", "mixing_ratio", "ppm"),
+    "gas_ohm": ("tgs2600", "resistance", "ohm"),
+    "gas_ppm": ("pid", "mixing_ratio", "ppm"),
+    "wind": ("anemometer", WIND_QUANTITY, "m/s, rad"),
+    "range": ("four_range_finders", RANGE_QUANTITY, "m"),
+    "camera": ("camera", CAMERA_QUANTITY, "1"),
+}
+_CHANNELS = (
+    ChannelDescription(name="radio", members=(AGENT, OTHER_AGENT), range_m=None, delay_ticks=1, max_bytes=1024),
+)
+_MAP_CELL_M = 0.25
+_MAP = KnownMap(
+    origin_m=(0.0, 0.0, START_M[2]),
+    cell_m=_MAP_CELL_M,
+    occupied=NumericArray.from_array(
+        np.zeros((round(ROOM_M[0] / _MAP_CELL_M), round(ROOM_M[1] / _MAP_CELL_M)), np.uint8)
+    ),
+    height_m=START_M[2],
+)
+_PLUME = NominalPlume(
+    release_ppm_m3_s=1.6,
+    puffs_per_s=10.0,
+    initial_sigma_m=0.1,
+    growth_m2_s=0.001,
+    diffusivity_m2_s=0.002,
+    wind_speed_m_s=0.5,
+)
+# A grey picture of 8 x 8 pixels.
+_PICTURE = CameraImage(
+    encoding="png",
+    width_px=8,
+    height_px=8,
+    focal_px=6.0,
+    centre_px=(4.0, 4.0),
+    position_body_m=(0.1, 0.0, 0.0),
+    quaternion_body_wxyz=(0.5, -0.5, 0.5, -0.5),
+    taken_tick=0,
+    data=base64.b64decode(
+        "iVBORw0KGgoAAAANSUhEUgAAAAgAAAAICAIAAABLbSncAAAAFElEQVR4nGNsaGhgwAaYsIoOWgkAMBcBkGHHl6YAAAAASUVORK5CYII="
+    ),
+)
 REFUSED_QUESTION = 6
 
 # Questions one by one and in a row, after pauses of several lengths; 2^7, 2^8 and 2^16 are crossed by questions.
@@ -44,8 +95,9 @@ def ticks() -> Iterator[tuple[int, bool]]:
         yield tick, tick in QUESTION_TICKS
 
 
-def briefing_for(seed: int) -> Briefing:
-    """Return what the agent is told first; its seed is the check's."""
+def briefing_for(seed: int, needs: Needs | None = None) -> Briefing:
+    """Return what the agent is told first; its seed is the check's. What its method needs is there."""
+    needs = needs or Needs()
     return Briefing(
         tick=0,
         agent=AGENT,
@@ -60,13 +112,26 @@ def briefing_for(seed: int) -> Briefing:
         search_height_m=START_M[2],
         hold_s=2.0,
         time_limit_s=10_000.0,
-        sensors=(
-            _sensor("nose", "tgs2600", "resistance", "ohm"),
-            _sensor("wind", "anemometer", "apparent_wind", "m/s, rad"),
-            _sensor("pid", "pid", "mixing_ratio", "ppm"),
-        ),
+        sensors=sensors_for(needs),
         contract_hash=contract_hash(),
+        channels=_CHANNELS if needs.radio else (),
+        known_map=_MAP if "map" in needs.knows else None,
+        plume=_PLUME if "plume" in needs.knows else None,
+        known_sources=(SOURCE_M,) if "source" in needs.knows else (),
     )
+
+
+def sensors_for(needs: Needs) -> tuple[SensorDescription, ...]:
+    """Return a nose, an anemometer and a PID, and after them as many more as a method needs."""
+    sensors = [
+        _sensor("nose", "tgs2600", "resistance", "ohm"),
+        _sensor("wind", "anemometer", WIND_QUANTITY, "m/s, rad"),
+        _sensor("pid", "pid", "mixing_ratio", "ppm"),
+    ]
+    for kind, n_needed in needs.sensors.items():
+        n_missing = n_needed - count_of_kind(kind, sensors)
+        sensors += [_sensor(f"{kind}_{i + 1}", *_MODEL_OF_KIND[kind]) for i in range(n_missing)]
+    return tuple(sensors)
 
 
 @dataclass
@@ -74,6 +139,7 @@ class ScriptedWorld:
     """One flight's world. The same seed and the same commands give the same observations."""
 
     seed: int
+    needs: Needs = field(default_factory=Needs)
     position_m: Vec3 = START_M
     notice: str | None = None
     _n_commands: int = 0
@@ -120,11 +186,32 @@ class ScriptedWorld:
         ppm = 100.0 * math.exp(-math.dist(self.position_m, SOURCE_M) / 3.0)
         ohm = CLEAN_AIR_OHM / (1.0 + 0.02 * ppm) * (1.0 + 0.01 * float(self._noise.standard_normal()))
         upwind_rad = math.pi + 0.1 * float(self._noise.standard_normal())
-        return (
-            Reading(sensor="nose", quantity="resistance", unit="ohm", values=(ohm,)),
-            Reading(sensor="wind", quantity="apparent_wind", unit="m/s, rad", values=(0.5, upwind_rad)),
-            Reading(sensor="pid", quantity="mixing_ratio", unit="ppm", values=(ppm,)),
+        values = {
+            "resistance": (ohm,),
+            "mixing_ratio": (ppm,),
+            WIND_QUANTITY: (0.5, upwind_rad),
+            RANGE_QUANTITY: self._ranges_m(),
+            CAMERA_QUANTITY: (),
+        }
+        return tuple(
+            Reading(
+                sensor=sensor.name,
+                quantity=sensor.quantity,
+                unit=sensor.unit,
+                values=values[sensor.quantity],
+                image=_PICTURE if sensor.quantity == CAMERA_QUANTITY else None,
+            )
+            for sensor in sensors_for(self.needs)
         )
+
+    # The vehicle looks along +x; ahead, left, back, right.
+    def _ranges_m(self) -> tuple[float, ...]:
+        x_m, y_m, _ = self.position_m
+        return (ROOM_M[0] - x_m, ROOM_M[1] - y_m, x_m, y_m)
+
+
+# Maps whose keys are data: what is added there would be data, too.
+_MAPS = ("parameters",)
 
 
 def with_unknown_fields(fields: dict[str, Any]) -> dict[str, Any]:
@@ -138,7 +225,7 @@ def with_unknown_fields(fields: dict[str, Any]) -> dict[str, Any]:
         "x_list": [1, [2.5, "three"], {"four": 4}],
         "x_map": {"a": {"b": []}},
     }
-    later = {key: _extended(value, more) for key, value in fields.items()} | more
+    later = {key: value if key in _MAPS else _extended(value, more) for key, value in fields.items()} | more
     if "contract_version" in later:
         major = CONTRACT_VERSION.split(".")[0]
         later |= {"contract_version": f"{major}.99", "contract_hash": "0" * 32}
@@ -152,4 +239,11 @@ def _extended(value: Any, more: dict[str, Any]) -> Any:
 
 
 def _sensor(name: str, model: str, quantity: str, unit: str) -> SensorDescription:
-    return SensorDescription(name=name, model=model, quantity=quantity, unit=unit, mount_body_m=(0.0, 0.0, 0.1))
+    return SensorDescription(
+        name=name,
+        model=model,
+        quantity=quantity,
+        unit=unit,
+        mount_body_m=(0.0, 0.0, 0.1),
+        directions_body=NumericArray.from_array(_AROUND) if quantity == RANGE_QUANTITY else None,
+    )

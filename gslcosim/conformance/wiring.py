@@ -21,6 +21,7 @@ from gslcosim.gateway.framing import FrameFormat
 from gslcosim.gateway.link import EventKind, Link
 from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
+from gslcosim.methods.card import Needs, card_beside
 from gslcosim.runtime.guests import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.processes import Children
 
@@ -66,6 +67,19 @@ class Wiring:
             raise UsageError(
                 f"expected an agent's command that can be started, was {program!r}.\nFolder: {self.directory}"
             )
+
+    def needs(self) -> Needs:
+        """Return what the method card beside the agent's program says that it needs; nothing where there is no card.
+
+        Raises:
+            MethodError: the card is wrong.
+        """
+        for word in self.command:
+            program = self.directory / word
+            card = card_beside(program) if program.is_file() else None
+            if card is not None:
+                return card.needs
+        return Needs()
 
     def open(self) -> "Wire":
         """Return a wire to an agent that is yet to be started."""

@@ -2,10 +2,11 @@
 
 import base64
 import json
-from typing import Any, TypeVar, cast
+from functools import cache
+from typing import Any, TypeVar, cast, get_args
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from gslcosim.contract.messages import Message
 from gslcosim.errors import ContractError
@@ -51,6 +52,43 @@ def base64_text(value: object) -> str:
     if isinstance(value, bytes):
         return base64.b64encode(value).decode()
     raise TypeError(f"expected bytes, was {type(value).__name__}")
+
+
+def with_bytes(message_type: type[Message], fields: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a JSON object with bytes where its base64 text stands for them; the rest as it is.
+
+    Raises:
+        ContractError: such a text is not base64.
+    """
+    for path in _paths_of_bytes(message_type):
+        fields = _with_bytes_at(fields, path, f"{message_type.__name__}: {'.'.join(path)}")
+    return fields
+
+
+def _with_bytes_at(fields: dict[str, Any], path: tuple[str, ...], place: str) -> dict[str, Any]:
+    name, *rest = path
+    value: Any = fields.get(name)
+    if rest:
+        return {**fields, name: _with_bytes_at(value, tuple(rest), place)} if isinstance(value, dict) else fields  # pyright: ignore[reportUnknownArgumentType]
+    if not isinstance(value, str):
+        return fields
+    try:
+        return {**fields, name: base64.b64decode(value, validate=True)}
+    except ValueError as error:
+        raise ContractError(f"{place}: expected base64 text, was {_short(value)} ({error}).") from error
+
+
+# Not into lists: no message that an agent writes has bytes there.
+@cache
+def _paths_of_bytes(record: type[BaseModel]) -> tuple[tuple[str, ...], ...]:
+    paths: list[tuple[str, ...]] = []
+    for name, field in record.model_fields.items():
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if kind is bytes:
+                paths.append((name,))
+            elif isinstance(kind, type) and issubclass(kind, BaseModel):
+                paths += [(name, *rest) for rest in _paths_of_bytes(kind)]
+    return tuple(paths)
 
 
 def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:

@@ -10,6 +10,8 @@ from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
     AttitudeSetpoint,
+    Belief,
+    BeliefScore,
     BodyPoses,
     BodyState,
     Bounds,
@@ -26,8 +28,10 @@ from gslcosim.contract.messages import (
     FieldSamples,
     FilamentCloud,
     GasAmount,
+    KnownMap,
     Message,
     MountSample,
+    NominalPlume,
     Observation,
     RadioArrival,
     RadioMessage,
@@ -78,6 +82,12 @@ _IMAGE = CameraImage(
     taken_tick=64,
     data=b"\x89PNG\r\n\x1a\n\x00\xff",
 )
+_BELIEF = Belief(
+    origin_m=(0.0, -1.5, 2.0),
+    cell_m=0.5,
+    probability=NumericArray.from_array(np.array([[0.5, 0.25, 0.0], [0.125, 0.0, 0.125]], np.float32)),
+)
+_BELIEF_SCORE = BeliefScore(expected_distance_m=1.25, mass_near_frac=0.75, cell_frac=0.5, entropy_bits=1.75)
 EXAMPLES: dict[str, Message] = {
     "bodies_flying": BodyPoses(tick=7, bodies=(_BODY,)),
     "bodies_all_fields": BodyPoses(
@@ -162,7 +172,7 @@ EXAMPLES: dict[str, Message] = {
     "briefing": Briefing(
         tick=0,
         agent="beetle",
-        contract_version="1.1",
+        contract_version="1.2",
         mission="Find the source of ethanol: come within 1 m of it in 300 s.",
         tick_ns=100_000_000,
         seed=1_234_567,
@@ -192,6 +202,29 @@ EXAMPLES: dict[str, Message] = {
             ChannelDescription(name="radio", members=("beetle", "second"), range_m=5.0, delay_ticks=1, max_bytes=1024),
             ChannelDescription(name="far", members=("beetle", "second"), range_m=None, delay_ticks=10, max_bytes=64),
         ),
+        parameters={
+            "step_m": 0.75,
+            "n_cells": 40,
+            "declares": True,
+            "wall_rule": "bounce",
+            "weights": (0.5, 2, 1e-3),
+            "sides": ("left", "right"),
+        },
+        known_map=KnownMap(
+            origin_m=(0.0, 0.0, 2.0),
+            cell_m=0.25,
+            occupied=NumericArray.from_array(np.array([[0, 1, 0], [0, 0, 1]], np.uint8)),
+            height_m=2.0,
+        ),
+        plume=NominalPlume(
+            release_ppm_m3_s=1.575,
+            puffs_per_s=10.0,
+            initial_sigma_m=0.125,
+            growth_m2_s=0.001,
+            diffusivity_m2_s=0.002,
+            wind_speed_m_s=1.0,
+        ),
+        known_sources=((5.0, 1.0, 2.0), (1.0, 10.0, 2.0)),
     ),
     "observation": Observation(
         tick=65,
@@ -259,10 +292,23 @@ EXAMPLES: dict[str, Message] = {
     "command_faces_path": Command(tick=66, kind="velocity", velocity_world_m_s=(0.5, 0.0, 0.0), faces_path=True),
     "command_told_contract": Command(tick=0, kind="hold", hold_s=0.0, contract="1.1+00112233445566778899aabbccddeeff"),
     "command_noop": Command(tick=67, kind="noop"),
+    "command_belief": Command(tick=68, kind="waypoint", position_world_m=(1.0, 2.0, 2.0), belief=_BELIEF),
+    "command_belief_3d": Command(
+        tick=69,
+        kind="noop",
+        belief=Belief(
+            origin_m=(0.0, 0.0, 0.0),
+            cell_m=1.0,
+            probability=NumericArray.from_array(np.full((2, 1, 2), 0.25, np.float32)),
+        ),
+    ),
     "ending": Ending(tick=900, reason="success"),
     "score": Score(
         tick=12,
-        agents=(AgentScore(agent="beetle", distance_to_source_m=9.5, path_length_m=3.0, n_commands=2),),
+        agents=(
+            AgentScore(agent="beetle", distance_to_source_m=9.5, path_length_m=3.0, n_commands=2),
+            AgentScore(agent="second", distance_to_source_m=9.5, path_length_m=3.0, n_commands=2, belief=_BELIEF_SCORE),
+        ),
     ),
     "score_final": Score(
         tick=900,
@@ -288,6 +334,8 @@ EXAMPLES: dict[str, Message] = {
                     "movement_overhead": 3.2,
                     "directness": 0.25,
                     "declared_error_m": 0.5,
+                    "declared_confidence": 0.75,
+                    "belief": _BELIEF_SCORE,
                 }
             ),
         ),

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, StringConstraints, field_validator
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.record import Record, Vec3
@@ -12,10 +12,9 @@ MAX_BELIEF_CELLS = 65_536
 # How far the sum of a belief's probabilities may be from 1: single precision over many cells.
 BELIEF_SUM_TOLERANCE = 1e-3
 
-ParameterScalar = bool | int | float | Annotated[str, Field(max_length=1000)]
+ParameterScalar = bool | int | float | Annotated[str, StringConstraints(max_length=1000)]
 # A parameter of a method: any scalar of YAML, or a list of them.
 ParameterValue = ParameterScalar | Annotated[tuple[ParameterScalar, ...], Field(max_length=1000)]
-ParameterName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 CellSize = Annotated[float, Field(gt=0, le=1000)]
 
 

@@ -20,7 +20,7 @@ from gslcosim.contract.commands import Waypoint as Waypoint
 from gslcosim.contract.knowledge import Belief as Belief
 from gslcosim.contract.knowledge import KnownMap as KnownMap
 from gslcosim.contract.knowledge import NominalPlume as NominalPlume
-from gslcosim.contract.knowledge import ParameterName, ParameterValue
+from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.contract.record import Message as Message
 from gslcosim.contract.record import Name as Name
 from gslcosim.contract.record import Quaternion as Quaternion
@@ -277,7 +277,7 @@ class Briefing(Message):
     sensors: tuple[SensorDescription, ...]
     contract_hash: str = ""
     channels: tuple[ChannelDescription, ...] = ()
-    parameters: dict[ParameterName, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
+    parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
     known_map: KnownMap | None = None
     plume: NominalPlume | None = None
     known_sources: tuple[Vec3, ...] = ()

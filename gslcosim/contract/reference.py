@@ -102,6 +102,8 @@ def _type_text(annotation: Any) -> str:
         return " or ".join(_type_text(argument) for argument in arguments)
     if origin is tuple and arguments[-1] is Ellipsis:
         return f"list of {_type_text(arguments[0])}"
+    if origin is dict:
+        return f"map of {_type_text(arguments[0])} to {_type_text(arguments[1])}"
     if origin is tuple:
         return f"{len(arguments)} x {_type_text(arguments[0])}"
     if isinstance(annotation, type) and issubclass(annotation, Record | NumericArray):

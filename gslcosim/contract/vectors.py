@@ -172,6 +172,13 @@ _FAULTS_OF_ALL = (
     _Fault(name="tick_above_2_53", reason="ticks end at 2^53", change={"tick": 2**53 + 1}),
 )
 _WAYPOINT = {"tick": 7, "kind": "waypoint"}
+
+
+def _belief(dtype: str, shape: list[int], data_hex: str) -> _Fields:
+    probability = {"dtype": dtype, "shape": shape, "data": bytes.fromhex(data_hex)}
+    return {"origin_m": _POINT, "cell_m": 0.5, "probability": probability}
+
+
 _FAULTS_OF = {
     "Command": (
         _Fault(name="no_kind", reason="kind is missing", change={"kind": _DROP}),
@@ -261,6 +268,41 @@ _FAULTS_OF = {
             reason="confidence is at most 1",
             change={"declaration": {"position_world_m": _POINT, "confidence": 1.5}},
         ),
+        _Fault(
+            name="belief_with_another_sum",
+            reason="the probabilities of a belief are together 1",
+            change={"belief": _belief("float32", [2, 1], "0000003f0000803e")},
+            schema_refuses=False,
+        ),
+        _Fault(
+            name="belief_below_0",
+            reason="no probability is negative",
+            change={"belief": _belief("float32", [2, 1], "0000c03f000000bf")},
+            schema_refuses=False,
+        ),
+        _Fault(
+            name="belief_in_float64",
+            reason="a belief is float32",
+            change={"belief": _belief("float64", [1, 1], "000000000000f03f")},
+            schema_refuses=False,
+        ),
+        _Fault(
+            name="belief_with_one_axis",
+            reason="a belief has 2 or 3 axes",
+            change={"belief": _belief("float32", [1], "0000803f")},
+            schema_refuses=False,
+        ),
+        _Fault(
+            name="belief_without_cells",
+            reason="a belief has at least one cell",
+            change={"belief": _belief("float32", [0, 3], "")},
+            schema_refuses=False,
+        ),
+        _Fault(
+            name="belief_in_cells_of_0",
+            reason="cells have a size",
+            change={"belief": {**_belief("float32", [1, 1], "0000803f"), "cell_m": 0.0}},
+        ),
         _Fault(name="reason_too_long", reason="reason has at most 500 characters", change={"reason": "x" * 501}),
         _Fault(name="reason_is_nil", reason="reason is text; leave it out instead", change={"reason": None}),
     ),
@@ -272,6 +314,25 @@ _FAULTS_OF = {
     ),
     "Briefing": (
         _Fault(name="unknown_mode", reason="there is no such mode", change={"mode": "real_time"}),
+        _Fault(
+            name="parameter_in_capitals",
+            reason="names are a-z, 0-9 and _",
+            change={"parameters": {"Step": 1.0}},
+            schema_refuses=False,
+        ),
+        _Fault(name="parameter_is_a_map", reason="a scalar or a list", change={"parameters": {"step_m": {"a": 1}}}),
+        _Fault(name="parameter_is_nil", reason="a scalar or a list", change={"parameters": {"step_m": None}}),
+        _Fault(
+            name="map_in_cells_of_0",
+            reason="cells have a size",
+            change={
+                "known_map": {
+                    "origin_m": _POINT,
+                    "cell_m": 0.0,
+                    "occupied": {"dtype": "uint8", "shape": [1, 1], "data": bytes(1)},
+                }
+            },
+        ),
         _Fault(name="no_seed", reason="seed is missing", change={"seed": _DROP}),
     ),
     "Ending": (_Fault(name="no_reason", reason="reason is missing", change={"reason": _DROP}),),

@@ -13,6 +13,7 @@ from typing import Any, Literal, cast
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.contract import codec
+from gslcosim.contract.messages import Command
 from gslcosim.errors import ContractError
 
 FrameFormat = Literal["msgpack", "json"]
@@ -189,7 +190,7 @@ def payload_of_frame(frame_format: FrameFormat, frame: bytes) -> bytes:
     """
     if frame_format == "msgpack":
         return frame
-    fields = _fields_of_line(frame)
+    fields = codec.with_bytes(Command, _fields_of_line(frame))
     try:
         return _msgpack.packb(fields, use_bin_type=True)
     except (ValueError, TypeError, OverflowError, RecursionError) as error:

@@ -7,12 +7,14 @@ from typing import Literal
 from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
+    BeliefScore,
     BodyState,
     Command,
     MountSample,
     RefereeEvent,
 )
 from gslcosim.referee import metrics
+from gslcosim.referee.beliefs import score_of
 from gslcosim.ticks import seconds_from_ticks
 
 Vec3 = tuple[float, float, float]
@@ -60,6 +62,8 @@ class AgentCase:
         self._end_tick = 0
         self._n_commands = 0
         self._declared_error_m: float | None = None
+        self._declared_confidence: float | None = None
+        self._belief: BeliefScore | None = None
         self._rejection: str | None = None
         self._has_taken_off = False
         self._has_met_gas = False
@@ -110,6 +114,7 @@ class AgentCase:
             distance_to_source_m=self._distance_m(body.position_world_m),
             path_length_m=body.path_length_m,
             n_commands=self._n_commands,
+            belief=self._belief,
         )
 
     def result(self, shortest_path_m: float | None) -> AgentResult:
@@ -136,16 +141,21 @@ class AgentCase:
             directness=metrics.directness(self._start_m, end_m, source_m, path_length_m),
             final_distance_m=self._distance_m(end_m),
             declared_error_m=self._declared_error_m,
+            declared_confidence=self._declared_confidence,
+            belief=self._belief,
         )
 
     def _note_command(self, command: Command | None) -> list[RefereeEvent]:
         if command is None or command.kind == "failed":
             return []
         self._n_commands += 1
+        if command.belief is not None:
+            self._belief = score_of(command.belief, self._rules.sources_m, within_m=self._rules.within_m)
         if command.declaration is None or command.kind != "declare_source":
             return []
         x, y, z = command.declaration.position_world_m
         self._declared_error_m = self._distance_m(command.declaration.position_world_m)
+        self._declared_confidence = max(command.declaration.confidence, self._declared_confidence or 0.0)
         text = (
             f"declares the source at ({x:.2f}, {y:.2f}, {z:.2f}) m with confidence "
             f"{command.declaration.confidence:g}, {self._declared_error_m:.2f} m off"

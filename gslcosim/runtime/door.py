@@ -6,15 +6,29 @@ from dataclasses import dataclass, field
 from gslcosim.contract import codec
 from gslcosim.contract.commands import AGENT_KINDS
 from gslcosim.contract.compatibility import OtherContractError, check_contract
-from gslcosim.contract.messages import Command, Observation
+from gslcosim.contract.messages import Belief, Command, Observation
 from gslcosim.errors import ContractError
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models import AgentSpec
+from gslcosim.ticks import NS_PER_S
 
 MAX_COMMAND_BYTES = 1024 * 1024
+# At most one belief in so much simulated time is taken.
+BELIEF_EVERY_S = 1
 MAX_EARLY = 16
 EARLY_TICKS = 64
 MAX_FAULTS = 50
 # How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
 GONE = "the agent is gone"
+
+
+def door_of(agent: AgentSpec, scenario: Scenario) -> "Door":
+    """Return the door of an agent of a scenario."""
+    return Door(
+        agent.name,
+        may_overlap=agent.latency_ticks > 1,
+        belief_every_ticks=max(1, round(BELIEF_EVERY_S * NS_PER_S / scenario.tick_ns)),
+    )
 
 
 def door_name(agent: str) -> str:
@@ -41,10 +55,12 @@ class Door:
 
     Observations and answers may arrive in either order: a few early answers are kept until their observation comes.
     `may_overlap` says that a later observation can await an answer while an earlier one still does (latency mode).
+    Of the beliefs only one in `belief_every_ticks` passes; a command that brings one sooner passes without it.
     """
 
     agent: str
     may_overlap: bool = False
+    belief_every_ticks: int = 1
     faults: list[AgentFault] = field(default_factory=list[AgentFault])
     n_faults: int = 0
     latest_tick: int = -1
@@ -54,6 +70,7 @@ class Door:
     _gone: str | None = None
     _refused_early: tuple[int, str] | None = None
     _told_contract: str | None = None
+    _belief_tick: int | None = None
 
     @property
     def pending(self) -> tuple[Observation, ...]:
@@ -121,7 +138,20 @@ class Door:
             return self._refuse(f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'.")
         del self._pending[command.tick]
         # Who answers the same must leave the same trail, whether it says what it speaks or not.
-        return [command.model_copy(update={"contract": None})]
+        return [command.model_copy(update={"contract": None, "belief": self._timely_belief(command)})]
+
+    # By ticks and not by a clock, so that the same commands always leave the same trail.
+    def _timely_belief(self, command: Command) -> Belief | None:
+        if command.belief is None:
+            return None
+        if self._belief_tick is not None and command.tick - self._belief_tick < self.belief_every_ticks:
+            self._note(
+                f"Command: belief: expected at most one in {self.belief_every_ticks} ticks (a second of simulated "
+                f"time), was the next after {command.tick - self._belief_tick}. The command counts without it."
+            )
+            return None
+        self._belief_tick = command.tick
+        return command.belief
 
     # An answer that cannot be read may have overtaken its observation too; the question must not wait for another.
     def _take_refused_early(self, tick: int) -> list[Command]:

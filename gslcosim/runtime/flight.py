@@ -62,13 +62,7 @@ def fly(
     _repair(run_dir, outcome)
     if outcome.digest is not None:
         outcome.digest.save(run_dir.digest)
-    result = outcome.as_result(
-        run_id=run_dir.run_id,
-        scenario=scenario.name,
-        seed=scenario.seed,
-        tick_ns=scenario.tick_ns,
-        wall_s=time.perf_counter() - began,
-    )
+    result = outcome.as_result(scenario, run_id=run_dir.run_id, wall_s=time.perf_counter() - began)
     run_dir.save_result(result)
     report(FlightStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
     return FlightResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)

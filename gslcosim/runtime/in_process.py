@@ -17,13 +17,14 @@ from gslcosim.errors import GslCosimError, UsageError
 from gslcosim.runtime.agents import find_python_agent, load_python_agent
 from gslcosim.runtime.assembly import Setup, build_core, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import Door, door_name, faults_of
+from gslcosim.runtime.door import Door, door_name, door_of, faults_of
 from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Stepper
+from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
 from gslcosim.ticks import seconds_from_ticks
 
@@ -300,7 +301,7 @@ def fly_in_process(setup: Setup, directory: Path, network: Network, report: Call
     events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
     guests = Guests(setup, directory, network, lambda kind, name, payload: events.put((kind, name, payload)))
     agent_types = _agent_types(setup, directory, guests)
-    seats = [_seat(agent, agent_types, guests) for agent in setup.scenario.agents]
+    seats = [_seat(agent, setup.scenario, agent_types, guests) for agent in setup.scenario.agents]
     socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
     with ExitStack() as stack:
         stack.callback(shutil.rmtree, socket_dir, ignore_errors=True)
@@ -351,8 +352,10 @@ def _agent_types(setup: Setup, directory: Path, guests: Guests) -> dict[str, typ
     return types
 
 
-def _seat(agent: AgentSpec, agent_types: dict[str, type[Agent]], guests: Guests) -> "_Seat | _GuestSeat":
-    door = Door(agent.name, may_overlap=agent.latency_ticks > 1)
+def _seat(
+    agent: AgentSpec, scenario: Scenario, agent_types: dict[str, type[Agent]], guests: Guests
+) -> "_Seat | _GuestSeat":
+    door = door_of(agent, scenario)
     return _GuestSeat(agent, guests, door) if agent.name in guests else _Seat(agent, agent_types[agent.process], door)
 
 

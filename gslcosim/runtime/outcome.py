@@ -8,6 +8,7 @@ from typing import Any
 from gslcosim.contract.messages import Ending, Verdict
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.door import AgentFault
+from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
 
@@ -70,15 +71,16 @@ class Outcome:
             return ExitCode.FAULT
         return ExitCode.SUCCESS if self.verdict.end_reason == "success" else ExitCode.AGENT_FAILED
 
-    def as_result(self, *, run_id: str, scenario: str, seed: int, tick_ns: int, wall_s: float) -> dict[str, Any]:
+    def as_result(self, scenario: Scenario, *, run_id: str, wall_s: float) -> dict[str, Any]:
         """Return the content of `result.json`."""
+        tick_ns = scenario.tick_ns
         sim_time_s = seconds_from_ticks(self.ticks_flown, tick_ns)
         factor = sim_time_s / self.flight_wall_s if self.flight_wall_s > 0 else 0.0
         return {
             "schema": "gslcosim/result/1",
             "run_id": run_id,
-            "scenario": scenario,
-            "seed": seed,
+            "scenario": scenario.name,
+            "seed": scenario.seed,
             "valid": self.is_valid,
             "end_reason": self._end_reason(),
             "sim_time_s": sim_time_s,
@@ -90,9 +92,21 @@ class Outcome:
             "digest": self.digest.hex if self.digest else None,
             "resends": sum(timing.get("n_resends", 0) for timing in self.timing.values()),
             "faults": self._faults(),
-            "agents": [agent.model_dump() for agent in self.verdict.agents] if self.verdict else [],
+            "agents": self._agents(scenario),
             "timing_us_per_tick": {name: _per_tick_us(timing) for name, timing in self.timing.items()},
         }
+
+    # With what each was set to and granted, without which its figures cannot be compared with another's.
+    def _agents(self, scenario: Scenario) -> list[dict[str, Any]]:
+        specs = {agent.name: agent for agent in scenario.agents}
+        return [
+            {
+                **agent.model_dump(),
+                "knows": list(specs[agent.name].knows.granted),
+                "parameters": specs[agent.name].parameters,
+            }
+            for agent in (self.verdict.agents if self.verdict else ())
+        ]
 
     def _end_reason(self) -> str:
         if self.is_interrupted:

@@ -16,7 +16,7 @@ from gslcosim.runtime import control
 from gslcosim.runtime.agents import start_command
 from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import MAX_COMMAND_BYTES, Door, door_name, faults_of
+from gslcosim.runtime.door import MAX_COMMAND_BYTES, door_name, door_of, faults_of
 from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS
 from gslcosim.runtime.inlet import Inlet
@@ -60,9 +60,7 @@ class Supervisor:
         self._services = service_names(setup.scenario)
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._seats = {
-            agent.name: Seat(
-                agent, Door(agent.name, may_overlap=agent.latency_ticks > 1), Inlet(agent.name, self._put_event)
-            )
+            agent.name: Seat(agent, door_of(agent, setup.scenario), Inlet(agent.name, self._put_event))
             for agent in setup.scenario.agents
         }
         # Who flies whom: a process has the name of the agent that it was started for.

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.scenario.gas_models import GasSpec as GasSpec
 from gslcosim.scenario.gas_models import SourceSpec as SourceSpec
 from gslcosim.scenario.geometry_models import GeometrySpec as GeometrySpec
@@ -185,9 +186,29 @@ class VehicleSpec(Spec):
         return self
 
 
+class KnowledgeSpec(Spec):
+    """The knowledge that an agent is granted beyond its sensors, told in its briefing; `result.json` says so.
+
+    `map` is the occupancy of the room: `true` or `2d` cut at the agent's search height, `3d` the whole of it.
+    `plume` are nominal figures of the plume: strength, spread, wind speed. `source` are the places of the sources, for
+    upper bounds such as the oracle.
+    """
+
+    map: bool | Literal["2d", "3d"] = False
+    plume: bool = False
+    source: bool = False
+
+    @property
+    def granted(self) -> tuple[str, ...]:
+        """The names of what is granted."""
+        return tuple(name for name in type(self).model_fields if getattr(self, name))
+
+
 class AgentSpec(Spec):
     """One agent with its vehicle and sensors.
 
+    `parameters` are settings of the method, handed to the agent as they are: any scalars, or lists of them.
+    `knows` grants knowledge that sensors do not give.
     `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
     `{latency: N}` N ticks after each observation.
     """
@@ -200,6 +221,8 @@ class AgentSpec(Spec):
     vehicle: VehicleSpec
     sensors: Annotated[tuple[SensorSpec, ...], Field(min_length=1)]
     answer_within_s: Positive = 30.0
+    parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
+    knows: KnowledgeSpec = KnowledgeSpec()
 
     @property
     def latency_ticks(self) -> int:

@@ -28,7 +28,7 @@ def problem_of_python(name_or_file: str, *, directory: Path, path: str) -> Probl
     beside = f"{name_or_file}.py"
     return Problem(
         path=path,
-        expected=f"a bundled agent ({', '.join(sorted(known))}) or a file like ./my_agent.py",
+        expected="a bundled agent (`gslcosim list` names them) or a file like ./my_agent.py",
         found=f"'{name_or_file}'",
         remedy=f"Did you mean ./{beside}?" if (directory / beside).is_file() else did_you_mean(name_or_file, known),
     )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
-from gslcosim.contract.messages import Belief
+from gslcosim.contract.messages import Belief, Observation
 from gslcosim.search.grids import CellGrid
 
 Array = NDArray[np.float64]
@@ -101,6 +101,22 @@ def mean_of_best_m(p: Array, grid: CellGrid, share: float = 0.05) -> tuple[float
     kept = np.zeros(p.size)
     kept[best] = weights[best]
     return mean_m(normalised(kept), grid)
+
+
+class BeliefPublisher:
+    """Publishes a belief with commands, at most once in so much simulated time, as the contract wants it."""
+
+    def __init__(self, *, every_s: float = 1.0) -> None:
+        """Begin without a belief published; `every_s` is at least 1."""
+        self._every_s = every_s
+        self._last_s = -float("inf")
+
+    def message(self, observation: Observation, p: Array, grid: CellGrid, *, height_m: float = 0.0) -> Belief | None:
+        """Return the belief to send with the answer to an observation, or None where the last one is too recent."""
+        if observation.time_s - self._last_s < self._every_s - 1e-9:
+            return None
+        self._last_s = observation.time_s
+        return belief_message(p, grid, height_m=height_m)
 
 
 def belief_message(p: Array, grid: CellGrid, *, height_m: float = 0.0) -> Belief:

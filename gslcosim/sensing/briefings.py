@@ -6,16 +6,17 @@ from gslcosim.environment.model import Environment
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models import AgentSpec
+from gslcosim.sensing.granted import map_for, nominal_plume
 from gslcosim.sensing.table import descriptions_of
 
 
 def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, *, seed: int) -> Briefing:
-    """Return an agent's briefing: task, room, limits, sensors and a seed of its own; never the source's place.
+    """Return an agent's briefing: task, room, limits, sensors, a seed of its own, and what it is granted to know.
 
     Args:
         agent: Whose briefing.
         scenario: The run's scenario.
-        environment: The run's room; the agent learns its bounds only.
+        environment: The run's room; the agent learns its bounds, and the map only where it is granted.
         seed: The run's seed; the agent's own derives from it and does not reveal it.
     """
     grid = environment.grid
@@ -36,6 +37,10 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
         sensors=descriptions_of(agent, scenario),
         contract_hash=contract_hash(),
         channels=_channels_of(agent, scenario),
+        parameters=agent.parameters,
+        known_map=map_for(agent, environment),
+        plume=nominal_plume(scenario) if agent.knows.plume else None,
+        known_sources=tuple(source.position_m for source in scenario.gas.sources) if agent.knows.source else (),
     )
 
 

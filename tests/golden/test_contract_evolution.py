@@ -1,6 +1,6 @@
 """The rules of docs/contract-evolution.md, held against the contract of the past.
 
-`contract_1_0.json` has the schemas and bytes of contract 1.0 as they were; it is never rewritten.
+`contract_1_0.json` and `contract_1_1.json` have the schemas and bytes of these contracts; they are never rewritten.
 """
 
 import copy
@@ -15,7 +15,7 @@ from gslcosim.contract.examples import EXAMPLES
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.schema import json_schema_of, message_types
 
-PAST = json.loads((Path(__file__).parent / "contract_1_0.json").read_text())
+PASTS = [json.loads(path.read_text()) for path in sorted(Path(__file__).parent.glob("contract_*.json"))]
 TYPES = {item.__name__: item for item in message_types()}
 NOW = {name: json_schema_of(item) for name, item in TYPES.items()}
 # What an agent reads; there a new word in an enumeration would surprise it.
@@ -63,14 +63,24 @@ def _bare(schema):
     return schema
 
 
-@pytest.mark.parametrize("message", PAST["schemas"])
-def test_nothing_of_the_past_is_broken(message):
-    assert breaks(PAST["schemas"][message], NOW[message], may_add_words=message not in READ_BY_AGENTS) == []
+def of_past(key):
+    """Parametrize over an entry of each past contract: the contract and the entry."""
+    return [pytest.param(past, item, id=f"{past['version']}-{name_of(item)}") for past in PASTS for item in past[key]]
 
 
-@pytest.mark.parametrize("vector", PAST["vectors"], ids=lambda vector: vector["name"])
-def test_an_old_agent_is_understood(vector):
-    """What was written by 1.0 is read now, and what it said is kept; new fields have their defaults."""
+def name_of(item):
+    return item["name"] if isinstance(item, dict) else item
+
+
+@pytest.mark.parametrize(("past", "message"), of_past("schemas"))
+def test_nothing_of_the_past_is_broken(past, message):
+    assert breaks(past["schemas"][message], NOW[message], may_add_words=message not in READ_BY_AGENTS) == []
+
+
+@pytest.mark.parametrize(("past", "vector"), of_past("vectors"))
+def test_an_old_agent_is_understood(past, vector):
+    """What was written by a past contract is read now, and what it said is kept; new fields have their defaults."""
+    del past
     message = codec.decode(TYPES[vector["message"]], bytes.fromhex(vector["msgpack"]))
     said = codec._unpack_map("", bytes.fromhex(vector["msgpack"]))
     assert keeps(message.model_dump(), said)
@@ -85,25 +95,27 @@ def keeps(now, said):
     return now == said
 
 
+@pytest.mark.parametrize("past", PASTS, ids=lambda past: past["version"])
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_old_agent_understands(example):
-    """What is written now, new fields included, is a valid message of 1.0 for a reader that ignores unknown keys.
+def test_an_old_agent_understands(past, example):
+    """What is written now, new fields included, is a valid message of the past for a reader that ignores unknown keys.
 
-    Kinds of commands that 1.0 did not have are left out: only the framework reads them.
+    Kinds of commands that it did not have are left out: only the framework reads them.
     """
     name = type(EXAMPLES[example]).__name__
     fields = json.loads(codec.encode_json(EXAMPLES[example]))
-    is_new_kind = name == "Command" and fields["kind"] not in PAST["schemas"]["Command"]["properties"]["kind"]["enum"]
-    if name not in PAST["schemas"] or is_new_kind:
+    is_new_kind = name == "Command" and fields["kind"] not in past["schemas"]["Command"]["properties"]["kind"]["enum"]
+    if name not in past["schemas"] or is_new_kind:
         return
-    jsonschema.validate(fields, PAST["schemas"][name], jsonschema.Draft202012Validator)
+    jsonschema.validate(fields, past["schemas"][name], jsonschema.Draft202012Validator)
 
 
+@pytest.mark.parametrize("past", PASTS, ids=lambda past: past["version"])
 @pytest.mark.parametrize("name", sorted(READ_BY_AGENTS))
-def test_a_new_agent_flies_in_an_old_run(name):
+def test_a_new_agent_flies_in_an_old_run(past, name):
     """It misses what is new there: each field since then has a default."""
-    old = PAST["schemas"][name]
-    for vector in (vector for vector in PAST["vectors"] if vector["message"] == name):
+    old = past["schemas"][name]
+    for vector in (vector for vector in past["vectors"] if vector["message"] == name):
         message = codec.decode(TYPES[name], bytes.fromhex(vector["msgpack"]))
         for field, info in TYPES[name].model_fields.items():
             assert field in old["properties"] or getattr(message, field) == info.default
@@ -120,7 +132,7 @@ def test_what_a_later_framework_adds_is_ignored():
 
 
 def test_a_release_of_today_is_of_the_same_major_version():
-    assert CONTRACT_VERSION.split(".")[0] == PAST["version"].split(".")[0]
+    assert {past["version"].split(".")[0] for past in PASTS} == {CONTRACT_VERSION.split(".")[0]}
     assert CONTRACT_VERSION.split(".")[0] == str(codec.MAJOR_VERSION)
 
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, StringConstraints, ValidationError
 
 from gslcosim.contract import codec
 from gslcosim.contract.arrays import DTYPES, NumericArray
-from gslcosim.contract.messages import Command, Message
+from gslcosim.contract.messages import Belief, Command, Message
 from gslcosim.contract.schema import message_types
 from gslcosim.errors import ContractError
 
@@ -25,6 +25,16 @@ arrays = st.sampled_from(sorted(DTYPES)).flatmap(
         shapes,
         elements={"allow_nan": False, "allow_infinity": False} if dtype.startswith("float") else None,
     )
+)
+
+probabilities = st_numpy.arrays(
+    "float32", st_numpy.array_shapes(min_dims=2, max_dims=3, max_side=3), elements=st.floats(0.125, 1.0, width=32)
+).map(lambda weights: NumericArray.from_array((weights / weights.sum()).astype("float32")))
+beliefs = st.builds(
+    Belief,
+    origin_m=st.tuples(*[st.floats(-1e6, 1e6)] * 3),
+    cell_m=st.floats(0.01, 10.0),
+    probability=probabilities,
 )
 
 
@@ -41,8 +51,12 @@ def values_of(annotation: Any, constraints: tuple[Any, ...] = ()) -> st.SearchSt
         return st.lists(values_of(arguments[0]), max_size=3).map(tuple)
     if origin is tuple:
         return st.tuples(*(values_of(argument) for argument in arguments))
+    if origin is dict:
+        return st.dictionaries(*(values_of(argument) for argument in arguments), max_size=3)
     if annotation is NumericArray:
         return arrays.map(NumericArray.from_array)
+    if annotation is Belief:
+        return beliefs
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return records_of(annotation)
     return scalars_of(annotation, constraints)

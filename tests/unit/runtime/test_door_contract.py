@@ -4,7 +4,7 @@ import msgpack
 
 from gslcosim.contract import codec
 from gslcosim.contract.compatibility import spoken_contract
-from gslcosim.contract.messages import Command, Observation
+from gslcosim.contract.messages import CONTRACT_VERSION, Command, Observation
 from gslcosim.runtime.door import Door
 
 
@@ -57,7 +57,7 @@ def test_the_contract_is_named_even_where_the_command_makes_no_sense_here():
 
 def test_another_hash_is_a_fault_once_and_the_flight_goes_on():
     door = asked_door()
-    strange = f"1.1+{'0' * 32}"
+    strange = f"{CONTRACT_VERSION}+{'0' * 32}"
     assert door.received(answer(0, strange))[0].kind == "hold"
     door.observed(question(1))
     assert door.received(answer(1, strange))[0].kind == "hold"
