@@ -8,10 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.contract.messages import Command, Observation
 from gslcosim.search import beliefs
+from gslcosim.search.flying import declaration
 from gslcosim.search.grids import CellGrid
+from gslcosim.search.hits import GasLevel
+from gslcosim.search.instruments import Nose
 
 Point = tuple[float, ...]
+# Questions nearer together than this are asked at one stop.
+_SAME_STOP_M = 0.1
 Array = NDArray[np.float64]
 
 
@@ -131,6 +137,54 @@ class ReactiveRule:
         beyond = [stop for stop in stops if _ahead_m(best, stop, upwind_rad) >= self._edge_m]
         lost = max(self._threshold, self._edge_share * best.gas)
         return bool(beyond) and all(stop.gas <= lost for stop in beyond)
+
+
+class ReactiveDeclarer:
+    """Gives the declarations of a reactive method with one nose: `ReactiveRule` on what is above clean air.
+
+    State: the rule's stops, the cleanest air that was met, and what was declared.
+
+    Held by:
+        tests/unit/search/test_declaring.py
+    """
+
+    def __init__(self, nose: Nose, *, height_m: float, is_on: bool = True) -> None:
+        """Begin with nothing declared.
+
+        Args:
+            nose: Whose readings.
+            height_m: Where the source is said to be, for a method in the plane [m].
+            is_on: Whether to declare at all.
+        """
+        self._level, self._height_m, self._is_on = GasLevel(nose), height_m, is_on
+        self._rule = ReactiveRule(threshold=self._level.threshold)
+        self._declared = Declared()
+        self._stop_m: Point | None = None
+
+    def command(
+        self, observation: Observation, value: float | None, *, upwind_rad: float | None = None, is_planar: bool = True
+    ) -> Command | None:
+        """Take note of a stop; return the declaration that answers the question, if there is one.
+
+        Args:
+            observation: The question.
+            value: The reading of this stop, in the nose's unit; absent while the sensor warms up.
+            upwind_rad: The direction the wind comes from [rad]; absent without a vane or in calm air.
+            is_planar: Whether the method searches at one height.
+        """
+        if value is None or not self._is_on:
+            return None
+        stop_m = observation.position_world_m[: 2 if is_planar else 3]
+        level = self._level.of(value)
+        # After a declaration the vehicle is asked again where it is.
+        if self._stop_m is None or math.dist(stop_m, self._stop_m) > _SAME_STOP_M:
+            self._stop_m = stop_m
+            self._rule.add(stop_m, level)
+        estimate = self._declared.passes(self._rule.estimate(upwind_rad))
+        if estimate is None:
+            return None
+        place_m = (*estimate.position_m, self._height_m)[:3]
+        return declaration(observation, place_m, estimate.confidence)
 
 
 class UnchangedRule:

@@ -8,6 +8,8 @@ from gslcosim.search.instruments import Nose
 
 # A reading may jump between two observations that a silent second separates; steps of time are bounded below.
 _LEAST_STEP_S = 1e-9
+# A MOX sensor below this part of its resistance in clean air says no more than that there is very much gas.
+_LEAST_RATIO = 1e-3
 
 
 def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: float = 0.0) -> bool:
@@ -65,6 +67,39 @@ class RunningRange:
         if not self.most > self.least:
             return 0.0
         return min(1.0, max(0.0, (value - self.least) / (self.most - self.least)))
+
+
+class GasLevel:
+    """How far a nose is above clean air, whatever its unit, with a threshold to compare it with.
+
+    ohm: c = R_clean / R - 1        R_clean the most that was ever shown, a MOX sensor in the cleanest air it has met
+    ppm, hits, detections: c as it is
+
+    State: R_clean.
+
+    Held by:
+        tests/unit/search/test_hits.py
+    """
+
+    def __init__(self, nose: Nose) -> None:
+        """Begin without having seen clean air: the first reading is level 0."""
+        self.nose = nose
+        self._clean_ohm = 0.0
+
+    @property
+    def threshold(self) -> float:
+        """The least level that counts as gas: 0.1 ppm, hits or detections; 0.04 for ohms.
+
+        A TGS2600 has the level 0.18 in 0.5 ppm of ethanol, about five thresholds, as it is for the others.
+        """
+        return 0.04 if self.nose.unit == "ohm" else 0.1
+
+    def of(self, value: float) -> float:
+        """Return the level of a reading, in the sensor's unit, and remember the cleanest air."""
+        if self.nose.unit != "ohm":
+            return value
+        self._clean_ohm = max(self._clean_ohm, value)
+        return self._clean_ohm / max(value, _LEAST_RATIO * self._clean_ohm) - 1.0 if self._clean_ohm > 0.0 else 0.0
 
 
 class OnsetDetector:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Bounds, KnownMap
+from gslcosim.contract.messages import Bounds, Briefing, KnownMap
 from gslcosim.search.draws import Draws
 
 Point = tuple[float, ...]
@@ -96,6 +96,16 @@ class Room:
             obstacles=obstacles,
         )
 
+    @classmethod
+    def of(cls, briefing: Briefing, margin_m: float, *, is_planar: bool = True) -> "Room":
+        """Return the room of a briefing with a margin, and with the obstacles of its map, if one was granted.
+
+        A planar method sees a map with three axes at its search height.
+        """
+        known_map, height_m = briefing.known_map, briefing.search_height_m if is_planar else None
+        obstacles = None if known_map is None else obstacles_of(known_map, height_m=height_m)
+        return cls.within(briefing.bounds, margin_m, obstacles=obstacles)
+
     def contains(self, point_m: Sequence[float]) -> bool:
         """Return whether a point with two or three coordinates is inside, whatever the obstacles."""
         return all(low <= x <= high for x, low, high in zip(point_m, self.min_m, self.max_m))
@@ -103,6 +113,25 @@ class Room:
     def is_free(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
         """Return whether a leg may go straight to an end."""
         return self.contains(end_m) and (self.obstacles is None or self.obstacles.is_free_line(start_m, end_m))
+
+    def farthest(self, start_m: Sequence[float], heading_rad: float, length_m: float) -> Point:
+        """Return how far a straight leg may go along a heading, in whole millimetres, x and y [m].
+
+        It ends at the margin, or short of what is solid, in steps of 0.1 m.
+        From outside the margin it is the nearest place inside.
+        """
+        if not self.contains(start_m[:2]):
+            return self.nearest(start_m[:2])
+        direction = (math.cos(heading_rad), math.sin(heading_rad))
+        for x, step, low, high in zip(start_m, direction, self.min_m, self.max_m):
+            side = high if step > 0.0 else low
+            length_m = min(length_m, (side - x) / step) if step != 0.0 else length_m
+        for i in range(1 if self.obstacles is None else math.ceil(length_m / 0.1)):
+            shorter_m = length_m - 0.1 * i
+            end_m = tuple(to_millimetre(x + shorter_m * step) for x, step in zip(start_m, direction))
+            if self.obstacles is None or self.obstacles.is_free_line(start_m[:2], end_m):
+                return end_m
+        return tuple(to_millimetre(x) for x in start_m[:2])
 
     def nearest(self, point_m: Sequence[float]) -> Point:
         """Return the point inside that is nearest, in whole millimetres, with as many coordinates."""

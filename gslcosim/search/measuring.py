@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gslcosim.contract.messages import Observation, Vec3
+from gslcosim.search.hits import is_more_gas
 from gslcosim.search.instruments import Nose, Vane
 
 # A vehicle that does one of these stands still: its readings belong together.
@@ -122,6 +123,54 @@ class StopAndMeasure:
             speed_m_s=self._vane.speed_m_s(observation) if self._vane else 0.0,
             upwind_rad=self._vane.upwind_rad(observation) if self._vane else 0.0,
         )
+
+
+class MoreGas:
+    """Compares the gas of each decision with that of the one before.
+
+    State: the readings of this hold, and the reading of the last decision.
+
+    Held by:
+        tests/unit/search/test_measuring.py
+    """
+
+    def __init__(self, nose: Nose, *, eps: float, is_mean: bool) -> None:
+        """Begin without a reading to compare with.
+
+        Args:
+            nose: Whose readings.
+            eps: Dead band, see `is_more_gas`.
+            is_mean: Whether a reading is the mean over the hold, or the last one of it.
+        """
+        self.value: float | None = None
+        self._nose, self._eps, self._is_mean = nose, eps, is_mean
+        self._stop = StopAndMeasure([nose])
+        self._before: float | None = None
+
+    def add(self, observation: Observation) -> None:
+        """Take note of an observation, from `Agent.observe`."""
+        if self._is_mean:
+            self._stop.add(observation)
+
+    def has_more(self, observation: Observation) -> bool:
+        """Return whether there is more gas than at the last decision; the first time there is not.
+
+        `value` is then the reading in the sensor's unit, absent while the sensor warms up.
+        """
+        amount, self.value = self._read(observation)
+        if amount is None:
+            return False
+        before, self._before = self._before, amount
+        return before is not None and is_more_gas(amount, before, eps=self._eps)
+
+    def _read(self, observation: Observation) -> tuple[float | None, float | None]:
+        if self._is_mean:
+            self._stop.add(observation)
+            measured = self._stop.measured()
+            return (None, None) if measured is None else (measured.amounts[0], measured.values[0])
+        if not self._nose.is_ready(observation):
+            return None, None
+        return self._nose.amount(observation), self._nose.value(observation)
 
 
 class TrustedWind:
