@@ -8,6 +8,7 @@ import rerun as rr
 
 from gslcosim.contract.messages import BodyState, Command, MountSample, Observation, Vec3, Waypoint
 from gslcosim.recording import colors
+from gslcosim.recording.belief_rows import BeliefRows
 from gslcosim.recording.entities import AgentEntities
 from gslcosim.recording.instruments import LIDAR_MODELS, RANGE_FINDER_MODELS, Curves, wind_speed_m_s
 from gslcosim.recording.onboard_rows import ImageRows, LidarRows, Poses, RayRows, Timing
@@ -48,6 +49,7 @@ class AgentRows:
         self.markers = MarkerRows(names.markers, radius_m=MARKER_RADIUS_M)
         self.distance = ScalarRows(names.distance)
         self.tracking_error = ScalarRows(names.tracking_error)
+        self.belief = BeliefRows(names)
         self.position_m: Vec3 = names.agent.vehicle.start_m
         self._mission: tuple[Waypoint, ...] | None = None
         self._gas = {
@@ -63,6 +65,7 @@ class AgentRows:
     def all(self) -> list[Rows]:
         """Return the rows of every entity."""
         own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
+        own = (*own, *self.belief.all())
         truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
         return [*own, *truth, *(rows for sinks in self._readings.values() for rows in sinks)]
 
@@ -111,7 +114,9 @@ class AgentRows:
                 rows.add(tick, reading)
 
     def note_command(self, tick: int, command: Command) -> None:
-        """Take note of where the vehicle is sent, and of declarations."""
+        """Take note of where the vehicle is sent, of declarations and beliefs."""
+        if command.belief is not None:
+            self.belief.note_belief(tick, command.belief)
         if command.kind == "waypoint" and command.position_world_m is not None:
             self.waypoints.add(tick, command.position_world_m, "", self.names.color)
         elif command.kind == "mission" and command.waypoints != self._mission:

@@ -24,12 +24,13 @@ _NOT_ON_MAP = (
     f"- /{entities.FILAMENTS}",
     f"- /{entities.SLICES}/**",
     f"- /{entities.SEEN}/**",
+    f"- /{entities.BELIEFS}/**",
     "- /room/**",
     "- /plots/**",
 )
 
 
-def default_blueprint(scenario: Scenario, environment: Environment) -> rrb.Blueprint:
+def default_blueprint(scenario: Scenario, environment: Environment, *, believers: Sequence[str] = ()) -> rrb.Blueprint:
     """Return the layout: the room, the map at search height and the text left, cameras and curves right.
 
     Where vehicles have on-board sensors, each has a page of its own behind this one, with their pictures and curves.
@@ -38,9 +39,10 @@ def default_blueprint(scenario: Scenario, environment: Environment) -> rrb.Bluep
     Args:
         scenario: What is flown.
         environment: The room.
+        believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
     """
     agents = entities_of(scenario)
-    flight = _flight_page(scenario, environment, agents)
+    flight = _flight_page(scenario, environment, agents, believers)
     pages = [page for agent in agents if (page := sensor_page(agent))]
     return rrb.Blueprint(
         rrb.Tabs(flight, *pages, active_tab=0) if pages else flight,
@@ -52,23 +54,30 @@ def default_blueprint(scenario: Scenario, environment: Environment) -> rrb.Bluep
     )
 
 
-def _flight_page(scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities]) -> rrb.Horizontal:
+def _flight_page(
+    scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities], believers: Sequence[str]
+) -> rrb.Horizontal:
     texts: list[rrb.View | rrb.Tabs] = [
         rrb.TextDocumentView(origin=entities.SUMMARY, name="Run"),
         rrb.Tabs(_log_view(entities.EVENTS, "Referee"), _log_view(entities.CONTACTS, "Contacts"), active_tab=0),
     ]
     if scenario.channels:
         texts.append(_log_view(entities.RADIO, "Radio"))
+    believing = [agent for agent in agents if agent.agent.name in believers]
+    maps: list[rrb.View | rrb.Tabs] = [_map_view(scenario, environment, agents)]
+    views = [_belief_view(environment, agents, agent) for agent in believing]
+    if views:
+        maps.append(rrb.Tabs(*views, active_tab=0) if len(views) > 1 else views[0])
     left = rrb.Vertical(
         _room_view(scenario, environment, agents),
         rrb.Horizontal(
-            _map_view(scenario, environment, agents),
+            *maps,
             rrb.Vertical(*texts, row_shares=[3, *(2 for _ in texts[1:])]),
-            column_shares=[1, 1],
+            column_shares=[1] * (len(maps) + 1),
         ),
         row_shares=[4, 3],
     )
-    cameras, plots = cameras_in_flight(agents), flight_plots(scenario, agents)
+    cameras, plots = cameras_in_flight(agents), flight_plots(scenario, agents, believing)
     shares = [*(CAMERA_SHARE for _ in cameras), *(1.0 for _ in plots)]
     right = rrb.Vertical(*cameras, *plots, row_shares=shares)
     return rrb.Horizontal(left, right, column_shares=[5, 2], name="Flight")
@@ -84,7 +93,7 @@ def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[Ag
     return rrb.Spatial3DView(
         origin="/",
         name=f"{title(scenario)} (floor grid {floor_grid_m(environment):g} m)",
-        contents=["+ /**", "- /map/**", f"- /{entities.SLICES}/**", "- /plots/**"],
+        contents=["+ /**", "- /map/**", f"- /{entities.SLICES}/**", f"- /{entities.BELIEFS}/**", "- /plots/**"],
         background=colors.BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -109,6 +118,21 @@ def _map_view(scenario: Scenario, environment: Environment, agents: Sequence[Age
             position=eye_m,
             look_target=target_m,
             eye_up=(0.0, 1.0, 0.0),
+        ),
+        overrides=_histories(agents),
+    )
+
+
+def _belief_view(environment: Environment, agents: Sequence[AgentEntities], agent: AgentEntities) -> rrb.Spatial3DView:
+    eye_m, target_m = eye_on_map(environment, agent.agent.vehicle.search_height_m)
+    return rrb.Spatial3DView(
+        origin="/",
+        name=f"Where {agent.agent.name} believes the source to be",
+        contents=[*_NOT_ON_MAP, "- /map/scale/**", f"- /{entities.WIND}", f"+ /{agent.belief}"],
+        background=colors.BACKGROUND,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye_m, look_target=target_m, eye_up=(0.0, 1.0, 0.0)
         ),
         overrides=_histories(agents),
     )

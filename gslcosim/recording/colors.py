@@ -86,6 +86,18 @@ def gas_colors() -> NDArray[np.uint8]:
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
 
 
+# Dark teal over turquoise to white: no colour of the gas.
+_BELIEF_ANCHORS = ((33, 37, 45), (20, 78, 99), (28, 140, 140), (110, 205, 160), (240, 255, 235))
+
+
+def belief_colors() -> NDArray[np.uint8]:
+    """Return the (256, 4) colours of a belief: the floor's where there is none, white in the most probable cell."""
+    anchors = np.array(_BELIEF_ANCHORS, dtype=np.float64)
+    at = np.linspace(0, len(anchors) - 1, N_LEVELS)
+    rgb = np.column_stack([np.interp(at, np.arange(len(anchors)), anchors[:, i]) for i in range(3)])
+    return np.column_stack([np.rint(rgb).astype(np.uint8), np.full(N_LEVELS, 255, dtype=np.uint8)])
+
+
 def slice_colors() -> NDArray[np.uint8]:
     """Return the (256, 4) colours of a slice: the floor's where there is no gas, blending into the scale's."""
     share = np.clip(np.arange(N_LEVELS) / (N_LEVELS / 4), 0, 1)[:, None]

@@ -164,7 +164,18 @@ class RecorderCore:
         for agent, port in self._commands:
             command = cast(Command | None, inbox.get(port))
             if command is not None:
+                believed_before = agent.belief.has_any
                 agent.note_command(tick, command)
+                if agent.belief.has_any and not believed_before:
+                    self._show_beliefs(agent)
+
+    # Nobody knows before the run who will publish beliefs, and an empty view would be in the way of the others.
+    def _show_beliefs(self, agent: AgentRows) -> None:
+        if self._file is None:
+            return
+        believers = tuple(name for name, rows in self._agents.items() if rows.belief.has_any)
+        agent.belief.draw(self._file, label="" if len(self._agents) == 1 else f"{agent.names.agent.name} ")
+        self._file.lay_out(default_blueprint(self._scenario, self._environment, believers=believers))
 
     def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
         for sent in traffic.transmissions if traffic else ():
@@ -175,6 +186,7 @@ class RecorderCore:
             return
         for standing in score.agents:
             self._agents[standing.agent].distance.add(tick, standing.distance_to_source_m)
+            self._agents[standing.agent].belief.note_score(tick, standing.belief)
         for event in score.events:
             level = "WARN" if event.kind in WARNING_EVENTS else "INFO"
             agent = self._agents.get(event.agent) if event.agent is not None else None

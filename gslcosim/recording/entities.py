@@ -17,11 +17,13 @@ RADIO = "radio"
 SUMMARY = "summary"
 SEEN = "seen"
 MESHES = "room/geometry"
+BELIEFS = "beliefs"
 
 GAS_PLOTS = "plots/gas_ppm"
 RESPONSE_PLOTS = "plots/response"
 WIND_PLOTS = "plots/wind_m_s"
 DISTANCE_PLOTS = "plots/distance_m"
+BELIEF_PLOTS = "plots/belief_frac"
 TRACKING_PLOTS = "plots/tracking_error_m"
 ON_BOARD_PLOTS = "plots/on_board"
 
@@ -65,6 +67,21 @@ class AgentEntities:
     def distance(self) -> str:
         """Curve of the distance to the nearest source."""
         return f"{DISTANCE_PLOTS}/{self.agent.name}"
+
+    @property
+    def belief(self) -> str:
+        """Picture of where it believes the source to be."""
+        return f"{BELIEFS}/{self.agent.name}"
+
+    @property
+    def belief_mass(self) -> str:
+        """Curve of the probability that its belief gives to the surroundings of the source."""
+        return f"{BELIEF_PLOTS}/{self.agent.name}"
+
+    @property
+    def belief_distance(self) -> str:
+        """Curve of the mean distance of the believed places to the nearest source."""
+        return f"{self.distance}/belief"
 
     @property
     def tracking_error(self) -> str:

@@ -23,8 +23,10 @@ MAX_CURVES_WITH_LEGEND = 6
 _ACRONYMS = ("tgs", "pid", "tdlas")
 
 
-def flight_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView | rrb.Tabs]:
-    """Return the plots beside the flight, those of gas and wind where there are sensors for them."""
+def flight_plots(
+    scenario: Scenario, agents: Sequence[AgentEntities], believing: Sequence[AgentEntities] = ()
+) -> list[rrb.TimeSeriesView | rrb.Tabs]:
+    """Return the plots beside the flight, those of gas, wind and beliefs where there are some."""
     plots: list[rrb.TimeSeriesView | rrb.Tabs] = []
     responses = _response_plots(scenario, agents)
     if responses:
@@ -36,7 +38,10 @@ def flight_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list[rr
     n_vanes = sum(len(agent.wind_sensors) for agent in agents)
     if n_vanes:
         plots.append(_plot(entities.WIND_PLOTS, "Wind speed at the vehicle [m/s]", 2 * n_vanes))
-    plots.append(_plot(entities.DISTANCE_PLOTS, "Distance to the source [m]", len(agents)))
+    if believing:
+        within_m = scenario.referee.success.within_m
+        plots.append(_plot(entities.BELIEF_PLOTS, f"Belief within {within_m:g} m of the source [1]", len(believing)))
+    plots.append(_plot(entities.DISTANCE_PLOTS, "Distance to the source [m]", len(agents) + len(believing)))
     plots.append(_plot(entities.TRACKING_PLOTS, "Control error: distance to the reference [m]", len(agents)))
     return plots
 

@@ -45,6 +45,10 @@ class RunFile:
             ) from error
         self._stream.send_recording_name(name)
 
+    def lay_out(self, blueprint: rrb.Blueprint) -> None:
+        """Replace the layout with which the recording opens."""
+        self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
+
     def draw(self, entity: str, *parts: rr.AsComponents) -> None:
         """Write what an entity shows at all times."""
         self._stream.log(entity, *parts, static=True, strict=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import gslcosim
+from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
 
@@ -99,10 +100,10 @@ class RunDir:
         _save_json(self.path / "result.json", result)
 
     def log_command(self, agent: str, command: Command) -> None:
-        """Append a command that took effect to `inputs.log`, one JSON object a line."""
+        """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text."""
         line = {"agent": agent, **command.model_dump(exclude_none=True)}
         with (self.path / "inputs.log").open("a") as log:
-            log.write(json.dumps(line) + "\n")
+            log.write(json.dumps(line, default=codec.base64_text) + "\n")
 
 
 def _save_json(path: Path, content: Mapping[str, Any]) -> None:
