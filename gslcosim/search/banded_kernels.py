@@ -129,3 +129,21 @@ def solve_transposed_lu_inplace(band, values):
             factor = band[i, width + j - i]
             for c in range(m):
                 values[j, c] -= factor * values[i, c]
+
+
+@numba.njit(cache=True, nogil=True)
+def add_rows_inplace(total, factors, rows):
+    """Add a weighted sum of rows, in their order: total += sum over r of f_r rows_r.
+
+    Args:
+        total: (n,) sums; modified.
+        factors: (n_rows,) weights.
+        rows: (n_rows, n) what is added.
+
+    Held by:
+        tests/unit/search/test_banded.py
+    """
+    for r in range(rows.shape[0]):
+        factor = factors[r]
+        for i in range(rows.shape[1]):
+            total[i] += factor * rows[r, i]

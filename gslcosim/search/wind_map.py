@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.banded_kernels import factorise_cholesky_inplace, solve_cholesky_inplace
+from gslcosim.search.banded_kernels import add_rows_inplace, factorise_cholesky_inplace, solve_cholesky_inplace
 from gslcosim.search.grid_paths import Free, nearest_free
 from gslcosim.search.grids import CellGrid
 
@@ -137,9 +137,24 @@ class WindMap:
         at = np.array([2 * number + axis for number in numbers for axis in (0, 1)])
         weight = np.repeat([self._sums[number][0] for number in numbers], 2)
         sums = np.array([self._sums[number][1:] for number in numbers]).reshape(-1)
-        shares = np.linalg.solve(columns[:, at] + np.diag(1.0 / weight), sums / weight)
-        wind_m_s[self._free] = (shares @ columns).reshape(-1, 2)[self._numbers[self._free]]
+        shares = _solved(columns[:, at] + np.diag(1.0 / weight), sums / weight)
+        field_m_s = np.zeros(columns.shape[1])
+        add_rows_inplace(field_m_s, shares, columns)
+        wind_m_s[self._free] = field_m_s.reshape(-1, 2)[self._numbers[self._free]]
         return wind_m_s
+
+
+# A full symmetric matrix is a band as wide as it is long. Not by numpy: how it shares work among threads must not show
+# in the last bit.
+def _solved(matrix: Array, side: Array) -> Array:
+    n = len(matrix)
+    band = np.zeros((n, n))
+    for i in range(n):
+        band[i, n - 1 - i :] = matrix[i, : i + 1]
+    assert factorise_cholesky_inplace(band), "the weights of readings make the matrix positive"
+    solution = side[None].copy()
+    solve_cholesky_inplace(band, solution)
+    return solution[0]
 
 
 # Free cells get their numbers along the shorter axis first, so that neighbours have near ones.
@@ -220,4 +235,6 @@ def _walls(numbers: Index, weight: float, edges: str) -> list[_Equations]:
 def warm_up() -> None:
     """Load or compile what a map runs, on a few cells, so that nothing is compiled in flight."""
     free = np.ones((3, 3), np.bool_)
-    WindMap(free, CellGrid((0.0, 0.0), 1.0, free.shape)).add((1.5, 1.5), (1.0, 0.0))
+    winds = WindMap(free, CellGrid((0.0, 0.0), 1.0, free.shape))
+    winds.add((1.5, 1.5), (1.0, 0.0))
+    winds.wind_m_s()

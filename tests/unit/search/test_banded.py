@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from gslcosim.search.banded_kernels import (
+    add_rows_inplace,
     factorise_cholesky_inplace,
     factorise_lu_inplace,
     solve_cholesky_inplace,
@@ -55,3 +56,9 @@ def test_lu_solves_the_transposed_equations_as_a_dense_solver_does(seed):
     factorise_lu_inplace(band)
     solve_transposed_lu_inplace(band, solution)
     assert solution == pytest.approx(np.linalg.solve(matrix.T, sides), rel=1e-9, abs=1e-12)
+
+
+def test_rows_are_added_with_their_factors():
+    total = np.array([1.0, 2.0])
+    add_rows_inplace(total, np.array([2.0, -1.0]), np.array([[1.0, 10.0], [3.0, 4.0]]))
+    assert total.tolist() == [0.0, 18.0]
