@@ -107,6 +107,43 @@ def updated_belief(belief: Floats, likelihood: Floats, power: float = 1.0) -> Fl
     return joint / total if total > 0.0 and math.isfinite(total) else belief
 
 
+class RunningWind:
+    """The mean of the wind's vector over the last while, and its direction where it is strong enough to have one.
+
+    w <- w + (1 - exp(-dt / memory)) (measured - w)        [m/s]; dt since the last measurement
+
+    A plume lies along the mean wind, not along that of the moment.
+
+    State: the mean vector, the time of the last measurement, and the last direction that could be trusted.
+
+    Held by:
+        tests/unit/search/test_offsets.py
+    """
+
+    def __init__(self, *, memory_s: float = 30.0, threshold_m_s: float = 0.1) -> None:
+        """Begin without a wind.
+
+        Args:
+            memory_s: Over how long the wind is averaged [s].
+            threshold_m_s: A mean no faster than this has no direction [m/s]; the last one is kept.
+        """
+        self.downwind_rad: float | None = None
+        self._memory_s, self._threshold_m_s = memory_s, threshold_m_s
+        self._mean_m_s = (0.0, 0.0)
+        self._last_s: float | None = None
+
+    def add(self, time_s: float, speed_m_s: float, upwind_rad: float) -> None:
+        """Take note of a wind by its speed and the direction it comes from."""
+        weight = 1.0 if self._last_s is None else -math.expm1(-max(0.0, time_s - self._last_s) / self._memory_s)
+        self._last_s = time_s
+        x_m_s, y_m_s = self._mean_m_s
+        x_m_s += weight * (-speed_m_s * math.cos(upwind_rad) - x_m_s)
+        y_m_s += weight * (-speed_m_s * math.sin(upwind_rad) - y_m_s)
+        self._mean_m_s = (x_m_s, y_m_s)
+        if math.hypot(x_m_s, y_m_s) > self._threshold_m_s:
+            self.downwind_rad = math.atan2(y_m_s, x_m_s)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlumeTable:
     """What was learned of plumes of one family, and policies for it.

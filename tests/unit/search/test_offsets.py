@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.offsets import MOVES, OffsetGrid, PlumeTable, headings_rad, offsets_m, updated_belief
+from gslcosim.search.offsets import (
+    MOVES,
+    OffsetGrid,
+    PlumeTable,
+    RunningWind,
+    headings_rad,
+    offsets_m,
+    updated_belief,
+)
 from gslcosim.search.pomdp import Pomdp, solved_by_value_iteration
 
 GRID = OffsetGrid(first_m=(-2.0, -3.0), cell_m=1.0, shape=(6, 7))
@@ -121,3 +129,20 @@ def test_a_table_comes_back_from_its_file(tmp_path):
     assert loaded.vectors["home"] == pytest.approx(saved.vectors["home"])
     places, belief = np.array([[2.0, 0.0], [1.0, 2.0]]), np.array([0.75, 0.25])
     assert loaded.action_values("home", belief, places) == pytest.approx([1.75, -1.75, -0.5, 0.5])
+
+
+def test_a_running_wind_follows_a_turn_with_its_memory():
+    wind = RunningWind(memory_s=10.0)
+    wind.add(0.0, 0.5, math.pi)
+    assert wind.downwind_rad == pytest.approx(0.0)
+    wind.add(10.0 * math.log(2.0), 0.5, -NORTH_RAD)
+    assert wind.downwind_rad == pytest.approx(math.pi / 4)
+
+
+def test_gusts_that_cancel_leave_the_last_direction_and_none_leaves_none():
+    calm, gusty = RunningWind(memory_s=1e-3), RunningWind(memory_s=1e-3)
+    calm.add(0.0, 0.09, 1.0)
+    assert calm.downwind_rad is None
+    gusty.add(0.0, 0.5, math.pi)
+    gusty.add(9.0, 0.05, 1.0)
+    assert gusty.downwind_rad == pytest.approx(0.0)
