@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
 from gslcosim.search.flying import waypoint
@@ -10,6 +11,8 @@ from gslcosim.search.legs import Room
 from gslcosim.search.method import settings_of
 
 THERE_M = 0.3
+# From rest to 1 m/s within half the acceleration of the slowest vehicle in the air, and a bit [m].
+RUN_UP_M = 0.6
 
 
 class Sweep(Agent):
@@ -19,6 +22,7 @@ class Sweep(Agent):
         settings = settings_of(briefing, __file__)
         self.room = Room.of(briefing, settings.wall_margin_m)
         self.spacing_m = settings.lane_frac * settings.radius_m
+        self.speed_m_s = settings.speed_m_s
         self.heights_m = settings.heights_m or (briefing.search_height_m,)
         self.bends_m: deque[tuple[float, float, float]] = deque()
         self.is_one_by_one = False
@@ -32,15 +36,31 @@ class Sweep(Agent):
         """Return what is left of the lanes in one mission; after a refusal one bend after the other."""
         self.observe(observation)
         if observation.notice is not None and self.bends_m:
-            if self.is_one_by_one:
-                self.bends_m.popleft()
-            self.is_one_by_one = True
+            self.give_in()
         if not self.bends_m:
             self.bends_m.extend(self.new_lanes(observation))
         if self.is_one_by_one:
             return waypoint(observation, *self.bends_m[0], hold_s=0.0)
-        places = tuple(Waypoint(position_world_m=bend_m) for bend_m in self.bends_m)
+        places = tuple(self.places(observation.position_world_m))
         return Command(tick=observation.tick, kind="mission", waypoints=places[:1000])
+
+    def places(self, start_m: tuple[float, float, float]) -> Iterator[Waypoint]:
+        """Yield what the mission passes: on long ways a place after each bend and one before the next, at speed."""
+        for bend_m in self.bends_m:
+            way_m = math.dist(start_m, bend_m)
+            if self.speed_m_s > 0.0 and way_m > 2.5 * RUN_UP_M * self.speed_m_s**2:
+                unit = [(b - a) / way_m for a, b in zip(start_m, bend_m)]
+                for along_m in (RUN_UP_M * self.speed_m_s**2, way_m - RUN_UP_M * self.speed_m_s**2):
+                    yield passed(start_m, unit, along_m, self.speed_m_s)
+            yield Waypoint(position_world_m=bend_m)
+            start_m = bend_m
+
+    def give_in(self) -> None:
+        """After a refusal rest at each bend; after another one fly them one by one, and leave out what is refused."""
+        if self.is_one_by_one:
+            self.bends_m.popleft()
+        self.is_one_by_one = self.speed_m_s == 0.0
+        self.speed_m_s = 0.0
 
     def new_lanes(self, observation: Observation) -> list[tuple[float, float, float]]:
         """Return the bends of a whole sweep, at one height after the other, each from where the last one ended."""
@@ -50,6 +70,13 @@ class Sweep(Agent):
             bends_m += [(x_m, y_m, height_m) for x_m, y_m in lanes_m(self.room, self.spacing_m, start_m)]
         solid = self.room.obstacles
         return [bend_m for bend_m in bends_m if solid is None or not solid.is_solid(bend_m)] or bends_m
+
+
+def passed(start_m: Sequence[float], unit: Sequence[float], along_m: float, speed_m_s: float) -> Waypoint:
+    """Return a place so far along a way, passed along it with a speed."""
+    x_m, y_m, z_m = (a + along_m * u for a, u in zip(start_m, unit))
+    vx_m_s, vy_m_s, vz_m_s = (speed_m_s * u for u in unit)
+    return Waypoint(position_world_m=(x_m, y_m, z_m), velocity_world_m_s=(vx_m_s, vy_m_s, vz_m_s))
 
 
 if __name__ == "__main__":

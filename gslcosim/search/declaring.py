@@ -16,8 +16,6 @@ from gslcosim.search.hits import GasLevel
 from gslcosim.search.instruments import Nose
 
 Point = tuple[float, ...]
-# Questions nearer together than this are asked at one stop.
-_SAME_STOP_M = 0.1
 Array = NDArray[np.float64]
 
 
@@ -148,14 +146,16 @@ class ReactiveDeclarer:
         tests/unit/search/test_declaring.py
     """
 
-    def __init__(self, nose: Nose, *, height_m: float, is_on: bool = True) -> None:
+    def __init__(self, nose: Nose, *, height_m: float, is_on: bool = True, apart_m: float = 0.1) -> None:
         """Begin with nothing declared.
 
         Args:
             nose: Whose readings.
             height_m: Where the source is said to be, for a method in the plane [m].
             is_on: Whether to declare at all.
+            apart_m: Questions no farther apart than this are asked at one stop [m].
         """
+        self._apart_m = apart_m
         self._level, self._height_m, self._is_on = GasLevel(nose), height_m, is_on
         self._rule = ReactiveRule(threshold=self._level.threshold)
         self._declared = Declared()
@@ -177,7 +177,7 @@ class ReactiveDeclarer:
         stop_m = observation.position_world_m[: 2 if is_planar else 3]
         level = self._level.of(value)
         # After a declaration the vehicle is asked again where it is.
-        if self._stop_m is None or math.dist(stop_m, self._stop_m) > _SAME_STOP_M:
+        if self._stop_m is None or math.dist(stop_m, self._stop_m) > self._apart_m:
             self._stop_m = stop_m
             self._rule.add(stop_m, level)
         estimate = self._declared.passes(self._rule.estimate(upwind_rad))

@@ -1,0 +1,94 @@
+"""Braitenberg: two noses that slow down two wheels. README.md beside this file has the rules."""
+
+import math
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.declaring import ReactiveDeclarer
+from gslcosim.search.draws import Draws
+from gslcosim.search.hits import GasLevel, RunningRange
+from gslcosim.search.instruments import Nose, noses_of
+from gslcosim.search.legs import Room, next_leg
+from gslcosim.search.method import settings_of
+from gslcosim.search.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
+
+# A range of gas smaller than so many thresholds counts as one of so many: noise is not to be spread over it.
+LEAST_RANGE = 5.0
+CLIMBS_PER_S = 0.5
+# How much room it leaves to turn round [m].
+LOOKS_AHEAD_M = 0.5
+
+
+class Braitenberg(Agent):
+    """Remembers where it wants to go, and the range of what each nose has shown."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.sides = [(nose, GasLevel(nose), RunningRange()) for nose in lateral_pair(noses_of(briefing))]
+        for _, level, seen in self.sides:
+            seen.add(0.0)
+            seen.add(LEAST_RANGE * level.threshold)
+        left, right = self.sides[0][0], self.sides[1][0]
+        self.half_base_m = (left.mount_body_m[1] - right.mount_body_m[1]) / 2.0
+        self.room = Room.of(briefing, self.settings.wall_margin_m)
+        self.height_m = briefing.search_height_m
+        self.draws = Draws(briefing.seed)
+        self.heading_rad: float | None = None
+        self.declarer = ReactiveDeclarer(left, height_m=self.height_m, is_on=self.settings.declares, apart_m=0.5)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return how to go on for the next moment, or a declaration."""
+        nose = self.sides[0][0]
+        value = nose.value(observation) if nose.is_ready(observation) else None
+        declared = self.declarer.command(observation, value)
+        if declared is not None:
+            return declared
+        speed_m_s, turn_rad_s = self.speed_and_turn(observation)
+        heading_rad = observation.yaw_rad if self.heading_rad is None else self.heading_rad
+        self.heading_rad = self.free_heading_rad(
+            observation, heading_rad + turn_rad_s * self.settings.period_s, speed_m_s
+        )
+        climb_m_s = CLIMBS_PER_S * (self.height_m - observation.position_world_m[2])
+        velocity_m_s = (speed_m_s * math.cos(self.heading_rad), speed_m_s * math.sin(self.heading_rad), climb_m_s)
+        return Command(
+            tick=observation.tick,
+            kind="velocity",
+            velocity_world_m_s=velocity_m_s,
+            hold_s=self.settings.period_s,
+            yaw_rad=math.remainder(self.heading_rad, math.tau),
+        )
+
+    def speed_and_turn(self, observation: Observation) -> tuple[float, float]:
+        """Return speed [m/s] and rate of turn [rad/s] that the two noses make."""
+        left_frac, right_frac = (self.fraction(observation, *side) for side in self.sides)
+        wheels_m_s = wheel_speeds_m_s(
+            left_frac,
+            right_frac,
+            most_m_s=self.settings.speed_m_s,
+            gain=self.settings.gain,
+            is_crossed=self.settings.wiring == "crossed",
+        )
+        speed_m_s, turn_rad_s = speed_and_turn(*wheels_m_s, self.half_base_m)
+        most_rad_s = self.settings.most_turn_rad_s
+        return speed_m_s, max(-most_rad_s, min(most_rad_s, turn_rad_s))
+
+    def fraction(self, observation: Observation, nose: Nose, level: GasLevel, seen: RunningRange) -> float:
+        """Return what a nose shows, from 0 for the least that it has shown to 1 for the most."""
+        if not nose.is_ready(observation):
+            return 0.0
+        now = level.of(nose.value(observation))
+        seen.add(now)
+        return seen.fraction(now)
+
+    def free_heading_rad(self, observation: Observation, heading_rad: float, speed_m_s: float) -> float:
+        """Return the heading if there is room ahead, else one drawn at random along which there is."""
+        ahead_m = LOOKS_AHEAD_M + speed_m_s * self.settings.period_s
+        wanted = () if observation.notice is not None else (heading_rad,)
+        leg = next_leg(observation.position_world_m, wanted, ahead_m, self.room, self.draws)
+        if leg.heading_rad is not None:
+            return leg.heading_rad
+        x_m, y_m, _ = observation.position_world_m
+        return math.atan2(leg.end_m[1] - y_m, leg.end_m[0] - x_m)
+
+
+if __name__ == "__main__":
+    run(Braitenberg)

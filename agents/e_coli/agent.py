@@ -1,0 +1,43 @@
+"""E. coli: on with more gas, otherwise anywhere. README.md beside this file has the rules and the exact arithmetic."""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.declaring import ReactiveDeclarer
+from gslcosim.search.draws import Draws
+from gslcosim.search.instruments import noses_of
+from gslcosim.search.legs import Room
+from gslcosim.search.measuring import MoreGas
+from gslcosim.search.method import settings_of
+from gslcosim.search.pacing import Pacer
+from gslcosim.search.walks import RunAndTumble
+
+
+class EColi(Agent):
+    """Remembers the gas of its last stop and its last heading."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = settings_of(briefing, __file__)
+        nose = noses_of(briefing)[0]
+        self.draws = Draws(briefing.seed)
+        self.gas = MoreGas(nose, eps=settings.eps, is_mean=settings.measure == "mean")
+        self.walk = RunAndTumble(Room.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
+        self.most_turn_rad = settings.surge_turn_rad
+        self.pacer = Pacer(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
+        self.declarer = ReactiveDeclarer(nose, height_m=briefing.search_height_m, is_on=settings.declares)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of the gas during the hold."""
+        self.gas.add(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or a declaration."""
+        keeps = self.gas.has_more(observation) and observation.notice is None
+        declared = self.declarer.command(observation, self.gas.value)
+        if declared is not None:
+            return declared
+        turn_rad = self.draws.uniform(-self.most_turn_rad, self.most_turn_rad) if keeps and self.most_turn_rad else 0.0
+        end_m = self.walk.next_end_m(observation.position_world_m, keeps=keeps, turn_rad=turn_rad)
+        return self.pacer.leg(observation, end_m)
+
+
+if __name__ == "__main__":
+    run(EColi)

@@ -1,0 +1,69 @@
+"""Gradient: a plane fitted to the last readings tells where there is more gas. README.md beside this has the rules."""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.declaring import ReactiveDeclarer
+from gslcosim.search.draws import Draws
+from gslcosim.search.hits import GasLevel
+from gslcosim.search.instruments import noses_of
+from gslcosim.search.legs import Room, next_leg
+from gslcosim.search.measuring import StopAndMeasure
+from gslcosim.search.method import settings_of
+from gslcosim.search.pacing import Pacer
+from gslcosim.search.taxis import RecentReadings, place_of_mount_m
+
+
+class Gradient(Agent):
+    """Remembers the readings of its last stops, and to which side it went off the gradient last."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.noses = noses_of(briefing)
+        self.levels = [GasLevel(nose) for nose in self.noses]
+        self.stop = StopAndMeasure(self.noses)
+        self.readings = RecentReadings(within_m=self.settings.within_m, within_s=self.settings.within_s)
+        self.draws = Draws(briefing.seed)
+        self.room = Room.of(briefing, self.settings.wall_margin_m)
+        self.pacer = Pacer(briefing, hold_s=self.settings.hold_s)
+        self.declarer = ReactiveDeclarer(self.noses[0], height_m=briefing.search_height_m, is_on=self.settings.declares)
+        self.side = 1
+        self.end_m: tuple[float, ...] | None = None
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of the gas during the hold."""
+        self.stop.add(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or a declaration."""
+        self.stop.add(observation)
+        measured = self.stop.measured()
+        if measured is not None:
+            self.note(observation, measured.values)
+            declared = self.declarer.command(observation, measured.values[0])
+            if declared is not None:
+                return declared
+        refused_m = self.end_m if observation.notice is not None else None
+        here_m = observation.position_world_m
+        leg = next_leg(
+            here_m, self.headings_rad(observation), self.settings.step_m, self.room, self.draws, refused_m=refused_m
+        )
+        self.end_m = leg.end_m
+        return self.pacer.leg(observation, leg.end_m)
+
+    def note(self, observation: Observation, values: tuple[float, ...]) -> None:
+        """Remember what each nose has measured, and where it was."""
+        for nose, level, value in zip(self.noses, self.levels, values):
+            place_m = place_of_mount_m(observation.position_world_m, observation.yaw_rad, nose.mount_body_m)
+            self.readings.add(observation.time_s, place_m, level.of(value))
+
+    def headings_rad(self, observation: Observation) -> tuple[float, ...]:
+        """Return where the gas grows, off to the one side and to the other; nothing where that is not known."""
+        fit = self.readings.fit(observation.time_s, observation.position_world_m)
+        if fit is None or not fit.is_significant:
+            return ()
+        self.side = -self.side
+        off_rad = self.side * self.settings.off_rad
+        return fit.heading_rad + off_rad, fit.heading_rad - off_rad
+
+
+if __name__ == "__main__":
+    run(Gradient)
