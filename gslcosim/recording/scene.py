@@ -29,6 +29,7 @@ MESH_ALPHA = 190
 SHELL_CELLS = 1.0
 # Slices are drawn this far below their height: vehicles fly in that very layer, and would be half hidden.
 SLICE_SINK_M = 0.3
+COLUMN_HALF_HEIGHT_M = 4.0
 # But not into the floor, where vehicles drive on it.
 LEAST_SLICE_HEIGHT_M = 0.02
 MAX_FLOOR_LINES = 25
@@ -62,6 +63,8 @@ def draw_room(file: RunFile, environment: Environment) -> None:
 def draw_sources(file: RunFile, scenario: Scenario) -> None:
     """Draw every source with its success radius."""
     within_m = scenario.referee.success.within_m
+    # Where heights do not count, what counts is a column.
+    tall_m = COLUMN_HALF_HEIGHT_M if scenario.referee.success.horizontal else within_m
     for i, source in enumerate(scenario.gas.sources):
         label = "source" if len(scenario.gas.sources) == 1 else f"source {i + 1}"
         entity = f"sources/{i}"
@@ -71,7 +74,7 @@ def draw_sources(file: RunFile, scenario: Scenario) -> None:
         )
         radius = rr.Ellipsoids3D(
             centers=[source.position_m],
-            half_sizes=[[within_m] * 3],
+            half_sizes=[[within_m, within_m, tall_m]],
             colors=[colors.SOURCE],
             line_radii=[0.006],
             fill_mode=WIRE,

@@ -32,7 +32,8 @@ class Rules:
     """By what an agent is judged; positions and lengths in the world frame [m].
 
     `success_of` says whether the vehicle or its declaration has to be within `within_m` of a source; `floors` are the
-    names of the boxes a vehicle may touch on the ground; `min_m` and `max_m` are the corners of the room's air.
+    names of the boxes a vehicle may touch on the ground; `min_m` and `max_m` are the corners of the room's air;
+    `is_horizontal` says that heights do not count in distances to sources.
     """
 
     tick_ns: int
@@ -43,6 +44,7 @@ class Rules:
     floors: frozenset[str]
     min_m: Vec3
     max_m: Vec3
+    is_horizontal: bool = False
 
 
 class AgentCase:
@@ -128,6 +130,8 @@ class AgentCase:
         is_success = self.outcome == "success"
         end_m, path_length_m = self._body.position_world_m, self._body.path_length_m
         source_m = metrics.nearest(self._start_m, self._rules.sources_m)
+        if self._rules.is_horizontal:
+            source_m = metrics.at_height_of(source_m, self._start_m)
         return AgentResult(
             name=self.name,
             success=is_success,
@@ -216,9 +220,14 @@ class AgentCase:
             return None
         return "success" if self._declared_error_m <= rules.within_m else "declared"
 
-    # To the nearest of the sources.
+    # To the nearest of the sources; in the plane where heights do not count.
     def _distance_m(self, point_m: Vec3) -> float:
-        return metrics.distance_m(point_m, metrics.nearest(point_m, self._rules.sources_m))
+        return min(
+            metrics.distance_m(
+                point_m, metrics.at_height_of(source_m, point_m) if self._rules.is_horizontal else source_m
+            )
+            for source_m in self._rules.sources_m
+        )
 
     def _event(self, kind: str, text: str) -> RefereeEvent:
         return RefereeEvent(agent=self.name, kind=kind, text=text)

@@ -50,6 +50,7 @@ class RefereeCore:
         self._rules = _rules(scenario, environment)
         self._names = tuple(agent.name for agent in scenario.agents)
         self._drives = {agent.name: agent.vehicle.drives for agent in scenario.agents}
+        self._heights_m = {agent.name: agent.vehicle.search_height_m for agent in scenario.agents}
         self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
         self._spec = referee_spec(scenario)
         self._begin()
@@ -144,10 +145,15 @@ class RefereeCore:
         within_m = self._rules.within_m if self._rules.success_of == "source" else 0.0
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
         ways_m = (
-            way_to(self._environment, start_m, source_m, clearance_m=CLEARANCE_M, within_m=within_m)
+            way_to(self._environment, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=within_m)
             for source_m in self._rules.sources_m
         )
         return min((way_m for way_m in ways_m if way_m is not None), default=None)
+
+    # Where heights do not count, the shortest way leads to where the agent searches.
+    def _goal_m(self, name: str, source_m: Vec3) -> Vec3:
+        x_m, y_m, z_m = source_m
+        return (x_m, y_m, self._heights_m[name]) if self._rules.is_horizontal else (x_m, y_m, z_m)
 
 
 def _rules(scenario: Scenario, environment: Environment) -> Rules:
@@ -161,4 +167,5 @@ def _rules(scenario: Scenario, environment: Environment) -> Rules:
         floors=frozenset(box.name for box in environment.boxes if box.kind == "floor"),
         min_m=environment.grid.origin_m,
         max_m=environment.grid.max_m,
+        is_horizontal=success.horizontal,
     )

@@ -24,6 +24,11 @@ def nearest(point_world_m: Vec3, places_world_m: Sequence[Vec3]) -> Vec3:
     return min(places_world_m, key=lambda place_m: math.dist(point_world_m, place_m))
 
 
+def at_height_of(place_world_m: Vec3, point_world_m: Vec3) -> Vec3:
+    """Return a place moved up or down to the height of a point, world frame [m]."""
+    return (place_world_m[0], place_world_m[1], point_world_m[2])
+
+
 def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> float | None:
     """Return the flown length in excess of the shortest possible, as a fraction of the latter.
 

@@ -263,10 +263,14 @@ class ChannelSpec(Spec):
 
 
 class SuccessSpec(Spec):
-    """Success: the vehicle, or the agent's declaration, is within this distance of a source [m]."""
+    """Success: the vehicle, or the agent's declaration, is within this distance of a source [m].
+
+    With `horizontal` heights do not count: distances are those in the plane.
+    """
 
     within_m: Positive = 1.0
     of: Literal["source", "declaration"] = "source"
+    horizontal: bool = False
 
 
 class StopSpec(Spec):

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from gslcosim.contract import keys
+from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
+    Belief,
     BodyPoses,
     BodyState,
     Command,
@@ -120,8 +122,15 @@ class Court:
         return [kind for _, _, kind in self.events]
 
 
-def declare(position_m) -> Command:
-    return Command(tick=0, kind="declare_source", declaration=Declaration(position_world_m=position_m, confidence=0.5))
+def declare(position_m, confidence=0.5) -> Command:
+    declaration = Declaration(position_world_m=position_m, confidence=confidence)
+    return Command(tick=0, kind="declare_source", declaration=declaration)
+
+
+def believing(x_m) -> Command:
+    """Believe the source to be in one cell of a metre."""
+    one = NumericArray.from_array(np.ones((1, 1), np.float32))
+    return Command(tick=0, kind="noop", belief=Belief(origin_m=(x_m - 0.5, 1.0, 2.0), cell_m=1.0, probability=one))
 
 
 WAYPOINT = Command(tick=0, kind="waypoint", position_world_m=FAR)
@@ -145,6 +154,40 @@ def test_coming_within_the_radius_is_success_and_its_time_is_that_of_the_tick():
     result = court.verdict.agents[0]
     assert court.verdict.end_reason == "success"
     assert (result.success, result.outcome, result.time_to_source_s) == (True, "success", 0.1)
+
+
+@pytest.mark.parametrize(("is_horizontal", "distance_m"), [(True, 0.5), (False, math.hypot(0.5, 1.5))])
+def test_heights_count_unless_the_criterion_is_horizontal(is_horizontal, distance_m):
+    above_m = (SOURCE[0] + 0.5, SOURCE[1], SOURCE[2] + 1.5)
+    court = Court(scenario(success={"within_m": 1.0, "horizontal": is_horizontal}))
+    court.step().step(body(position_m=above_m))
+    assert court.score.agents[0].distance_to_source_m == pytest.approx(distance_m)
+    assert (court.verdict is not None) == is_horizontal
+    if court.verdict:
+        (result,) = court.verdict.agents
+        assert (result.success, result.final_distance_m) == (True, pytest.approx(0.5))
+        assert result.straight_line_m == pytest.approx(6.0)  # from FAR, in the plane
+
+
+def test_the_last_belief_is_judged_until_the_next_and_in_the_result():
+    court = Court(scenario(stop={"time_limit_s": 0.3}))
+    assert court.step().score.agents[0].belief is None
+    court.step(command=believing(9.5)).step()
+    far = court.score.agents[0].belief
+    assert far.expected_distance_m == pytest.approx(math.hypot(7.5, 0.5))
+    court.step(command=believing(2.5))
+    near = court.score.agents[0].belief
+    assert (near.mass_near_frac, near.entropy_bits) == (1.0, 0.0)
+    assert court.verdict.agents[0].belief == near
+
+
+def test_the_highest_confidence_of_all_declarations_is_kept():
+    court = Court(scenario(stop={"time_limit_s": 0.3}))
+    for confidence in (0.25, 0.75, 0.5):
+        court.step(command=declare(FAR, confidence))
+    court.step()
+    assert court.verdict.agents[0].declared_confidence == 0.75
+    assert Court(scenario(stop={"time_limit_s": 0.1})).step().step().verdict.agents[0].declared_confidence is None
 
 
 def test_any_of_several_sources_counts_and_distances_are_to_the_nearest():
