@@ -170,12 +170,12 @@ def test_heights_count_unless_the_criterion_is_horizontal(is_horizontal, distanc
 
 
 def test_the_last_belief_is_judged_until_the_next_and_in_the_result():
-    court = Court(scenario(stop={"time_limit_s": 0.3}))
+    court = Court(scenario(stop={"time_limit_s": 0.4}))
     assert court.step().score.agents[0].belief is None
     court.step(command=believing(9.5)).step()
     far = court.score.agents[0].belief
     assert far.expected_distance_m == pytest.approx(math.hypot(7.5, 0.5))
-    court.step(command=believing(2.5))
+    court.step(command=believing(2.5)).step()
     near = court.score.agents[0].belief
     assert (near.mass_near_frac, near.entropy_bits) == (1.0, 0.0)
     assert court.verdict.agents[0].belief == near
