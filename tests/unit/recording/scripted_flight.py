@@ -11,6 +11,8 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
+    Belief,
+    BeliefScore,
     BodyPoses,
     BodyState,
     CameraImage,
@@ -74,10 +76,20 @@ class ScriptedFlight:
     """
 
     def __init__(
-        self, *, n_ticks=40, n_filaments=50, n_agents=1, channels=(), plans=(), contacts=(), sensors=NOSE_AND_VANE
+        self,
+        *,
+        n_ticks=40,
+        n_filaments=50,
+        n_agents=1,
+        channels=(),
+        plans=(),
+        contacts=(),
+        sensors=NOSE_AND_VANE,
+        believers=(),
     ):
         self.n_ticks = n_ticks
         self._plans = plans
+        self._believers = believers
         self._contacts = contacts
         self.scenario = scenario(n_agents, channels, sensors)
         self._names = [agent.name for agent in self.scenario.agents]
@@ -119,7 +131,9 @@ class ScriptedFlight:
             messages[keys.observation(name)] = self._observation(tick, i)
             if tick % WAYPOINT_EVERY_TICKS == 0:
                 waypoint_m = self.position_m(tick + WAYPOINT_EVERY_TICKS, i)
-                messages[keys.command(name)] = Command(tick=tick, kind="waypoint", position_world_m=waypoint_m)
+                belief = belief_of(tick) if name in self._believers else None
+                command = Command(tick=tick, kind="waypoint", position_world_m=waypoint_m, belief=belief)
+                messages[keys.command(name)] = command
         if tick == self.n_ticks - 1:
             messages[keys.VERDICT] = self._verdict(tick)
         return messages
@@ -174,11 +188,17 @@ class ScriptedFlight:
                 distance_to_source_m=math.dist(self.position_m(tick, i), SOURCE_M),
                 path_length_m=0.04 * tick,
                 n_commands=tick // WAYPOINT_EVERY_TICKS,
+                belief=self._belief_score(tick) if name in self._believers else None,
             )
             for i, name in enumerate(self._names)
         )
         events = [RefereeEvent(agent=name, kind="take_off", text="takes off") for name in self._names if tick == 3]
         return Score(tick=tick, agents=standings, events=tuple(events), is_final=tick == self.n_ticks - 1)
+
+    # News with each waypoint only.
+    def _belief_score(self, tick):
+        mass = 0.25 + 0.01 * (tick // WAYPOINT_EVERY_TICKS)
+        return BeliefScore(expected_distance_m=10.0 * mass, mass_near_frac=mass, cell_frac=0.1, entropy_bits=3.0)
 
     def _cloud(self, tick):
         layer = ConcentrationSlice(
@@ -212,6 +232,13 @@ class ScriptedFlight:
             for name in self._names
         )
         return Verdict(tick=tick, end_reason="success", agents=results)
+
+
+def belief_of(tick):
+    """Return a belief of 3 x 2 cells that is half in one of them."""
+    p = np.full((3, 2), 0.1, np.float32)
+    p[tick // WAYPOINT_EVERY_TICKS % 3, 1] = 0.5
+    return Belief(origin_m=(1.0, 2.0, 2.0), cell_m=0.5, probability=NumericArray.from_array(p))
 
 
 def _reading(sensor, tick):
