@@ -5,16 +5,20 @@ BIN := .venv/bin
 # Many processes start for a test: without bytecode each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test check bench bench-agents bench-gas bench-wind bench-robots crossings plume-statistics soak golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods crossings plume-statistics soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
 
-test: .venv/ready-dev       # the fast tests, then the slow ones and those with real processes
+test: .venv/ready-dev       # what a newcomer types: the fast tests, and each capability once end to end
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and not soak"
-	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not soak" --reruns 2
-	$(BIN)/pytest -q -n 2 --dist loadscope -m "end_to_end and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 --dist loadscope -m "tour and not soak" --reruns 2
+
+test-all: .venv/ready-dev   # what is slower or repeats, after `make test`
+	@tests/install_debian_packages.sh
+	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not tour and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 --dist loadscope -m "end_to_end and not tour and not soak" --reruns 2
 
 check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
@@ -36,6 +40,9 @@ bench-robots: .venv/ready-dev  # how fast vehicles fly and drive, beside targets
 	$(BIN)/python tests/benchmarks/bench_robots.py
 	$(BIN)/python tests/benchmarks/bench_onboard.py
 	$(BIN)/python docs/studies/robot_accuracy.py
+
+bench-methods: .venv/ready-dev  # what a decision of each method costs, beside its limit and plain numpy; SAVE=--save for docs/methods.md
+	$(BIN)/python tests/benchmarks/bench_methods.py $(SAVE)
 
 crossings: .venv/ready-dev  # rooms crossed from nine starts by a scripted agent; ROOMS=folders of GSL-Bench environments
 	$(BIN)/python docs/studies/crossings.py $(ROOMS)
