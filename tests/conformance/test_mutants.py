@@ -49,6 +49,7 @@ OVER_PIPES = {
     "twice": (["once"], "2: Command"),
     "unasked": (["unasked"], '"tick":0'),
     "floods": (["flood"], "messages, and then the check gave up"),
+    "believes_too_often": (["beliefs"], "beliefs at ticks 4 and 9"),
     "unseeded": (["determinism"], '"tick":4'),
     "reads_the_clock": (["determinism"], '"tick":4'),
     "remembers_the_last_run": (["determinism"], '"tick":4'),

@@ -44,6 +44,7 @@ def test_a_hanging_service_is_noticed_by_its_silence(tmp_path):
     assert "contact was lost" in ended.result["faults"][0]["text"]
 
 
+@pytest.mark.tour
 def test_a_killed_agent_is_a_result_of_a_valid_run(tmp_path):
     """The verdict says agent_failed, and the fault tells how the process ended."""
     flight = long_flight(tmp_path)
@@ -55,6 +56,7 @@ def test_a_killed_agent_is_a_result_of_a_valid_run(tmp_path):
     assert "SIGKILL" in ended.result["faults"][0]["text"]
 
 
+@pytest.mark.tour
 def test_ctrl_c_stops_cleanly(tmp_path):
     """Exit code 130, a result that says so, a recording that can be read."""
     flight = long_flight(tmp_path)
@@ -113,6 +115,7 @@ def test_an_agent_that_cannot_start_fails_the_task(tmp_path):
     assert "exit code 7" in ended.result["faults"][0]["text"]
 
 
+@pytest.mark.tour
 def test_an_agent_reaches_nothing_but_its_own_keys(tmp_path):
     """Listening to everything and writing everywhere shows it nothing and changes nothing."""
     spied = fly(TINY_ROOM, tmp_path / "spied", *with_agent("spying"), "--set", "referee.stop.time_limit_s=8")

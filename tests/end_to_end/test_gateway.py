@@ -51,6 +51,7 @@ def test_processes_fly_with_the_others_in_one_process(tmp_path, digest_over_zeno
     assert digest_of(ended) == digest_over_zenoh
 
 
+@pytest.mark.tour
 def test_only_what_is_asked_gives_the_same_digest(tmp_path, digest_over_zenoh):
     """The beetle looks at nothing else."""
     asked = fly_here(TINY_ROOM, tmp_path, *through("stdio", "json", observations="asked"))

@@ -21,6 +21,7 @@ def busy_process():
     process.wait()
 
 
+@pytest.mark.tour
 def test_the_digest_does_not_depend_on_how_a_run_is_executed(tmp_path, busy_process):
     """Processes with a recorder, without one on a loaded core, and one process agree; another seed does not."""
     multi = fly(TINY_ROOM, tmp_path / "multi", is_recorded=True)

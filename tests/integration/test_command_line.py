@@ -22,6 +22,7 @@ def fly(tmp_path, capsys):
     return run
 
 
+@pytest.mark.tour
 def test_a_flight_leaves_a_run_that_the_other_commands_find(fly, tmp_path, capsys):
     results = [fly("--seed", seed)[1] for seed in ("3", "3", "4")]
     ids = [result["run_id"] for result in results]

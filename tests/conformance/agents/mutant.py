@@ -425,6 +425,16 @@ class floods(RightAgent):
             super().reply(command | {"tick": 10**6 + n})
 
 
+@mutant
+class believes_too_often(RightAgent):
+    def decide(self, fields):
+        even = struct.pack("<4f", 0.25, 0.25, 0.25, 0.25)
+        probability = {"dtype": "float32", "shape": [2, 2], "data": even}
+        return super().decide(fields) | {
+            "belief": {"origin_m": [0.0, 0.0, 1.0], "cell_m": 1.0, "probability": probability}
+        }
+
+
 # ---------------------------------------------------------------- repeatability and evolution
 
 
