@@ -7,11 +7,8 @@ import math
 from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
+from gslcosim.search.method import settings_of
 
-LEG_M = 0.6
-WALL_MARGIN_M = 0.6
-NEAR_M = 1.0
-SMELLS_BELOW_FRAC = 0.9
 CROSSWIND_RAD = math.radians(90)
 ZIGZAG_RAD = math.radians(60)
 
@@ -20,11 +17,12 @@ class CallingBeetle(Agent):
     """Remembers the resistance in clean air, its side of the wind, and where the last call came from."""
 
     def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
         self.nose = next(sensor.name for sensor in briefing.sensors if sensor.unit == "ohm")
         self.vane = next(sensor.name for sensor in briefing.sensors if sensor.model == "anemometer")
         self.channel = briefing.channels[0].name if briefing.channels else None
-        self.min_m = tuple(low + WALL_MARGIN_M for low in briefing.bounds.min_m)
-        self.max_m = tuple(high - WALL_MARGIN_M for high in briefing.bounds.max_m)
+        self.min_m = tuple(low + self.settings.wall_margin_m for low in briefing.bounds.min_m)
+        self.max_m = tuple(high - self.settings.wall_margin_m for high in briefing.bounds.max_m)
         self.height_m = briefing.search_height_m
         self.side = 1 if briefing.seed % 2 else -1
         self.clean_ohm = 0.0
@@ -40,7 +38,7 @@ class CallingBeetle(Agent):
         """Return the next leg, and call when there is gas here."""
         ohm = observation.reading(self.nose).values[0]
         self.clean_ohm = max(self.clean_ohm, ohm)
-        smells_gas = ohm < SMELLS_BELOW_FRAC * self.clean_ohm
+        smells_gas = ohm < self.settings.smells_below_frac * self.clean_ohm
         x_m, y_m = self.next_waypoint(observation, smells_gas=smells_gas)
         return Command(
             tick=observation.tick,
@@ -58,7 +56,8 @@ class CallingBeetle(Agent):
         """Return the end of the first leg that keeps away from the walls, or else the nearest point that does."""
         x0_m, y0_m, _ = observation.position_world_m
         for heading_rad in self.headings_rad(observation, smells_gas=smells_gas):
-            x_m, y_m = x0_m + LEG_M * math.cos(heading_rad), y0_m + LEG_M * math.sin(heading_rad)
+            x_m = x0_m + self.settings.leg_m * math.cos(heading_rad)
+            y_m = y0_m + self.settings.leg_m * math.sin(heading_rad)
             if self.min_m[0] <= x_m <= self.max_m[0] and self.min_m[1] <= y_m <= self.max_m[1]:
                 return x_m, y_m
         return max(self.min_m[0], min(self.max_m[0], x0_m)), max(self.min_m[1], min(self.max_m[1], y0_m))
@@ -71,7 +70,7 @@ class CallingBeetle(Agent):
             self.side = -self.side
             yield upwind_rad + self.side * ZIGZAG_RAD
             yield upwind_rad - self.side * ZIGZAG_RAD
-        elif self.call_m is not None and math.dist(self.call_m, (x0_m, y0_m)) > NEAR_M:
+        elif self.call_m is not None and math.dist(self.call_m, (x0_m, y0_m)) > self.settings.near_m:
             yield math.atan2(self.call_m[1] - y0_m, self.call_m[0] - x0_m)
         yield upwind_rad + self.side * CROSSWIND_RAD
         self.side = -self.side

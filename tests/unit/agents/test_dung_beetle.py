@@ -15,7 +15,7 @@ def briefing(seed: int = 1) -> Briefing:
             name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0, 0.0, 0.0)
         ),
         SensorDescription(
-            name="vane", model="anemometer", quantity="wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
+            name="vane", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
         ),
     )
     return Briefing(
@@ -129,3 +129,49 @@ def test_rounding_to_millimetres_goes_half_up_for_either_sign():
     assert [to_millimetre(value) for value in (1.2344, 1.2346, 0.0005, -0.0004, -1.2346)] == [
         1.234, 1.235, 0.001, 0.0, -1.235,
     ]  # fmt: skip
+
+
+def switched(**parameters) -> DungBeetle:
+    return DungBeetle(briefing().model_copy(update={"parameters": parameters}))
+
+
+def turned_wind(i: int) -> float:
+    return WEST_WIND_RAD + 0.2 * i
+
+
+def directions(beetle: DungBeetle, ohms: list[float]) -> list[float]:
+    """Directions of its legs [degrees] in a wind that turns by 0.2 rad from decision to decision."""
+    seen = [observation(ohm=ohm, upwind_rad=turned_wind(i)) for i, ohm in enumerate(ohms)]
+    return [leg_of(beetle.decide(one))[1] % 360 for one in seen]
+
+
+def test_a_beetle_with_heading_memory_reads_the_wind_only_when_it_changes_sides():
+    ohms = [50_000.0, 49_000.0, 48_000.0, 47_000.0, 48_000.0, 47_000.0]
+    upwind_deg = [math.degrees(turned_wind(i)) for i in range(6)]
+    kept = [upwind_deg[0] + 90, *[upwind_deg[1] + 60] * 3, *[upwind_deg[4] - 60] * 2]
+    fresh = [upwind_deg[0] + 90, *[upwind_deg[i] + 60 for i in (1, 2, 3)], *[upwind_deg[i] - 60 for i in (4, 5)]]
+    assert directions(switched(heading_memory=True), ohms) == pytest.approx([x % 360 for x in kept], abs=0.1)
+    assert directions(switched(), ohms) == pytest.approx([x % 360 for x in fresh], abs=0.1)
+
+
+def test_a_bouncing_beetle_seeks_on_the_other_side_at_a_wall_and_stays_on_it():
+    beetle, at_south_wall = switched(wall_rule="bounce"), (7.0, 1.1, 2.0)
+    bounced = beetle.decide(observation(ohm=50_000.0, position_m=at_south_wall))
+    assert leg_of(bounced, at_south_wall)[1] == pytest.approx(90.0, abs=0.1)
+    assert leg_of(beetle.decide(observation(ohm=50_000.0)))[1] == pytest.approx(90.0, abs=0.1)
+    refused = beetle.decide(observation(ohm=50_000.0, notice="in an obstacle"))
+    assert leg_of(refused)[1] == pytest.approx(-90.0, abs=0.1)
+
+
+def test_a_dead_band_keeps_a_small_fall_from_counting():
+    beetle = switched(eps=0.01)
+    for ohm in (50_000.0, 49_600.0):
+        assert leg_of(beetle.decide(observation(ohm=ohm)))[1] == pytest.approx(-90.0, abs=0.1)
+    assert leg_of(beetle.decide(observation(ohm=49_000.0)))[1] == pytest.approx(-120.0, abs=0.1)
+
+
+def test_a_leg_with_a_duration_goes_to_the_same_place():
+    timed = switched(leg_s=3.0).decide(observation(ohm=50_000.0))
+    assert timed.kind == "mission"
+    assert timed.waypoints[0].position_world_m == switched().decide(observation(ohm=50_000.0)).position_world_m
+    assert (timed.waypoints[0].after_s, timed.waypoints[0].hold_s) == (3.0, 2.0)
