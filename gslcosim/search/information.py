@@ -138,10 +138,12 @@ def infotaxis_cost(foresight: Foresight) -> Array:
 
     J = (1 - P_found) sum_h rho_h H_h        rho predictive probability of the outcome h, H entropy it leaves
 
+    A sure find comes first, also where no entropy is left to lose.
+
     Source:
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464.
     """
-    return (foresight.probability * foresight.entropy_bits).sum(axis=1)
+    return _with_sure_finds_first((foresight.probability * foresight.entropy_bits).sum(axis=1), foresight)
 
 
 def space_aware_cost(foresight: Foresight, *, step_m: float, cells_per_step: float = 1.0) -> Array:
@@ -164,7 +166,7 @@ def space_aware_cost(foresight: Foresight, *, step_m: float, cells_per_step: flo
     entropy = np.maximum(0.0, foresight.entropy_bits - math.log2(cells_per_step))
     steps = foresight.manhattan_m / step_m + 2.0 ** (entropy - 1.0) - 0.5
     value = np.where(steps > 0.0, np.log2(np.maximum(steps, 1e-300)), 0.0)
-    return (foresight.probability * value).sum(axis=1)
+    return _with_sure_finds_first((foresight.probability * value).sum(axis=1), foresight)
 
 
 def entrotaxis_cost(foresight: Foresight) -> Array:
@@ -278,6 +280,11 @@ def most_likely_state_cost(p: Array, cells_m: Array, places_m: Array) -> Array:
         Cassandra, Kaelbling, Kurien 1996.
     """
     return np.abs(places_m - cells_m[int(p.argmax())]).sum(axis=1)
+
+
+# Costs are 0 for a sure find, and may be 0 elsewhere too.
+def _with_sure_finds_first(costs: Array, foresight: Foresight) -> Array:
+    return np.where(foresight.found_frac > 1.0 - SAME_COST, costs - 1.0, costs)
 
 
 # ---------------------------------------------------------------- several steps ahead

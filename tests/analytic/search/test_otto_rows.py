@@ -185,10 +185,10 @@ def figures_of(world, name, n_episodes, seed=1):
     return float(steps.mean()), float(steps.std(ddof=1)) / math.sqrt(n_episodes), stuck, n_episodes
 
 
-def check(figures, published_steps, published_error, published_stuck, n_published):
-    """Both are estimates: they may differ by two standard errors of their difference; shares likewise."""
+def check(figures, published_steps, published_error, published_stuck, n_published, *, n_errors=2.0):
+    """Both are estimates: they may differ by so many standard errors of their difference; shares by three."""
     steps, error, stuck, n = figures
-    assert abs(steps - published_steps) < 2.0 * math.hypot(error, published_error), figures
+    assert abs(steps - published_steps) < n_errors * math.hypot(error, published_error), figures
     variance = max(published_stuck * (1.0 - published_stuck), 0.01)
     assert abs(stuck - published_stuck) < 3.0 * math.sqrt(variance / n_published + variance / n), figures
 
@@ -224,6 +224,7 @@ def test_the_small_grid_is_searched_in_as_many_steps(name, row):
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("world", "name", "row"),
     [
@@ -238,4 +239,5 @@ def test_the_small_grid_is_searched_in_as_many_steps(name, row):
     ],
 )
 def test_rows_of_both_grids(world, name, row):
-    check(figures_of(world, name, 1500, seed=2), *row)
+    # Three errors: of eight rows, one in three times one is more than two errors off by chance.
+    check(figures_of(world, name, 1500, seed=2), *row, n_errors=3.0)
