@@ -2,10 +2,19 @@ import math
 
 import numpy as np
 import pytest
+from briefings import observation
 
 from gslcosim.search import declaring
-from gslcosim.search.declaring import Declared, Estimate, ReactiveRule, SwarmRule, UnchangedRule
+from gslcosim.search.declaring import (
+    Declared,
+    Estimate,
+    ReactiveDeclarer,
+    ReactiveRule,
+    SwarmRule,
+    UnchangedRule,
+)
 from gslcosim.search.grids import CellGrid
+from gslcosim.search.instruments import Nose
 
 EAST_RAD = 0.0  # the wind comes from +x
 
@@ -59,6 +68,39 @@ def test_only_the_last_legs_count():
 def test_without_wind_the_gas_must_end_all_around():
     assert ruled(AT_THE_SOURCE, upwind_rad=None) is not None
     assert ruled([*AT_THE_SOURCE, (-0.4, -1.0, 3.0)], upwind_rad=None, n_legs=5) is None
+
+
+STOPS = [((0.3 * (i % 4), 0.3 * (i // 4)), 3.0) for i in range(11)] + [((-1.1, 0.0), 0.0)]
+
+
+def said_at(declarer: ReactiveDeclarer, stops, **options):
+    return [
+        declarer.command(observation(tick=i, position_m=(*place_m, 2.0)), ppm, **options)
+        for i, (place_m, ppm) in enumerate(stops)
+    ]
+
+
+def declarer(**options) -> ReactiveDeclarer:
+    return ReactiveDeclarer(Nose(name="nose", unit="ppm", mount_body_m=(0.0, 0.0, 0.0)), height_m=2.5, **options)
+
+
+def test_a_reactive_method_declares_once_at_its_height():
+    said = said_at(declarer(), [*STOPS, STOPS[-1]], upwind_rad=math.pi)
+    assert [command is not None for command in said] == [False] * 11 + [True, False]
+    assert said[11].kind == "declare_source"
+    assert said[11].declaration.position_world_m[2] == 2.5
+    assert said[11].declaration.confidence == pytest.approx(11 / 12)
+
+
+def test_a_method_in_space_declares_in_space():
+    (command,) = [one for one in said_at(declarer(), STOPS, upwind_rad=math.pi, is_planar=False) if one]
+    assert command.declaration.position_world_m[2] == pytest.approx(2.0)
+
+
+def test_questions_at_one_stop_count_once_and_readings_that_mean_nothing_not_at_all():
+    assert not any(said_at(declarer(), [STOPS[0]] * 20 + [STOPS[-1]], upwind_rad=math.pi))
+    assert not any(said_at(declarer(), [(place_m, None) for place_m, _ in STOPS], upwind_rad=math.pi))
+    assert not any(said_at(declarer(is_on=False), STOPS, upwind_rad=math.pi))
 
 
 def test_a_peak_that_stays_is_declared_and_one_that_moves_starts_again():

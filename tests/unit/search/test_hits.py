@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import Observation, Reading
-from gslcosim.search.hits import BoutDetector, GasHits, OnsetDetector, RunningRange, is_gas_present, is_more_gas
+from gslcosim.search.hits import (
+    BoutDetector,
+    GasHits,
+    GasLevel,
+    OnsetDetector,
+    RunningRange,
+    is_gas_present,
+    is_more_gas,
+)
 from gslcosim.search.instruments import Nose
 
 STEP_S = 0.1
@@ -50,6 +58,25 @@ def test_a_running_range_scales_to_what_was_seen():
     for value in (2.0, 4.0, math.inf, math.nan):
         seen.add(value)
     assert [seen.fraction(value) for value in (1.0, 2.0, 3.0, 4.0, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
+
+
+def test_the_level_of_a_mox_sensor_is_above_the_cleanest_air_it_has_met():
+    level = GasLevel(nose("ohm"))
+    assert [level.of(ohm) for ohm in (4e4, 5e4, 2.5e4, 5e4)] == pytest.approx([0.0, 0.0, 1.0, 0.0])
+    assert level.of(0.0) == pytest.approx(999.0)
+    assert GasLevel(nose("ohm")).of(0.0) == 0.0
+
+
+def test_the_level_of_a_direct_sensor_is_its_reading():
+    assert GasLevel(nose("ppm")).of(0.3) == 0.3
+
+
+def test_five_thresholds_are_half_a_ppm_for_either_kind():
+    """Of ethanol, for a TGS2600: Rs/R0 = 0.6796 c^-0.3196, and 1 in clean air."""
+    level = GasLevel(nose("ohm"))
+    level.of(5e4)
+    assert level.of(5e4 * 0.6796 * 0.5**-0.3196) == pytest.approx(5 * level.threshold, rel=0.15)
+    assert 5 * GasLevel(nose("ppm")).threshold == 0.5
 
 
 @pytest.mark.parametrize("step_s", [0.02, 0.1, 0.5])

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from briefings import briefing, open_map
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Bounds, KnownMap
@@ -124,6 +125,31 @@ def test_a_clearance_grows_what_is_solid_by_so_much_and_no_more():
     assert grown.is_solid((2.1, 2.4))
     assert not grown.is_solid((2.1, 2.6))
     assert not grown.is_solid((1.6, 2.4))  # a corner is rounded
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "end_m"),
+    [(0.0, (14.7, 5.0)), (math.pi, (0.3, 5.0)), (math.pi / 2, (7.0, 9.7)), (-math.pi / 4, (11.7, 0.3))],
+)
+def test_a_leg_goes_as_far_as_the_margin(heading_rad, end_m):
+    assert ROOM.farthest((7.0, 5.0, 2.0), heading_rad, 99.0) == pytest.approx(end_m)
+    assert math.dist(ROOM.farthest((7.0, 5.0, 2.0), heading_rad, 1.5), (7.0, 5.0)) == pytest.approx(1.5, abs=1e-3)
+
+
+def test_a_leg_goes_as_far_as_the_first_thing_in_its_way_and_from_outside_inside():
+    x_m, y_m = walled().farthest((0.5, 1.0), 0.0, 3.0)
+    assert 1.8 <= x_m <= 1.9
+    assert y_m == 1.0
+    assert walled().farthest((1.95, 1.0), 0.0, 3.0) == (1.95, 1.0)
+    assert ROOM.farthest((0.1, 5.0), 0.0, 3.0) == (0.3, 5.0)
+
+
+def test_the_room_of_a_briefing_has_its_map():
+    assert Room.of(briefing(), 0.3).obstacles is None
+    known = open_map(walls=[(5.0, 0.0, 5.5, 10.0)])
+    room = Room.of(briefing(known_map=known), 0.3)
+    assert leg_end((4.5, 5.0, 2.0), 0.0, 1.0, room) is None
+    assert leg_end((4.5, 5.0, 2.0), 0.0, 1.0, room, climb_m=0.1) is None
 
 
 def test_the_first_free_heading_is_taken():

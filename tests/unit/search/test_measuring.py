@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.contract.messages import Observation, Reading
 from gslcosim.search.instruments import Nose, Vane
-from gslcosim.search.measuring import MeasuredWind, StopAndMeasure, TrustedWind, circular_mean_rad, mean_wind
+from gslcosim.search.measuring import MeasuredWind, MoreGas, StopAndMeasure, TrustedWind, circular_mean_rad, mean_wind
 
 NOSE = Nose(name="nose", unit="ohm", mount_body_m=(0.0, 0.0, 0.0), estimate="nose_ppm")
 VANE = Vane(name="vane")
@@ -92,3 +92,29 @@ def test_calm_air_leaves_the_last_direction_that_was_trusted():
     assert trusted.add(MeasuredWind(speed_m_s=0.0, upwind_rad=3.0)) == 2.0
     assert trusted.add(MeasuredWind(speed_m_s=1.0, upwind_rad=3.0, steadiness_frac=0.4)) == 2.0
     assert trusted.is_calm
+
+
+def test_the_gas_of_a_decision_is_compared_with_that_of_the_one_before():
+    gas = MoreGas(NOSE, eps=0.01, is_mean=False)
+    said = [gas.has_more(observation(tick, ohm=ohm)) for tick, ohm in enumerate([5e4, 4e4, 3.99e4, 3.9e4, 5e4])]
+    assert said == [False, True, False, True, False]
+    assert gas.value == 5e4
+
+
+def test_the_mean_over_the_hold_is_compared_where_that_is_asked_for():
+    gas = MoreGas(NOSE, eps=0.0, is_mean=True)
+    assert not gas.has_more(observation(1, ohm=5e4))
+    gas.add(observation(2, status="flying"))
+    for tick, ohm in ((3, 2e4), (4, 6e4)):
+        gas.add(observation(tick, ohm=ohm))
+    assert gas.has_more(observation(4, ohm=6e4))
+    assert gas.value == 4e4
+
+
+@pytest.mark.parametrize("is_mean", [True, False])
+def test_a_sensor_that_warms_up_shows_no_more_gas_and_is_not_compared_with(is_mean):
+    gas = MoreGas(NOSE, eps=0.0, is_mean=is_mean)
+    assert not gas.has_more(observation(1, ohm=9e4, warming=("nose",)))
+    assert gas.value is None
+    assert not gas.has_more(observation(2, ohm=5e4))
+    assert gas.has_more(observation(3, ohm=4e4, position_m=(2.0, 2.0, 3.0)))
