@@ -205,9 +205,9 @@ def faded(amount: float, age_s: float, fades_s: float) -> float:
 
 @dataclass(frozen=True)
 class Sighting:
-    """How much gas there was at a place and a time. Fixed: a best place does not move with who found it."""
+    """How much gas there was at a place (x, y) and a time. Fixed: a best does not move with the robot that found it."""
 
-    place_m: tuple[float, ...]
+    place_m: tuple[float, float]
     amount: float
     time_s: float
 

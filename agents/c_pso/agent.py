@@ -1,0 +1,53 @@
+"""C-PSO: a particle swarm half of whose robots are charged and repel each other, so that some always search on.
+
+After Blackwell and Bentley, and Jatmiko et al. for robots. README.md beside this file has the rules.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.method import settings_of
+from gslcosim.search.particle_swarm import Charge, Sighting, Weights, charge_velocity
+from gslcosim.search.swarming import SwarmRobot, Vector
+
+
+class CPso(Agent):
+    """One particle, charged or not by its place among the sorted names."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.robot = SwarmRobot(briefing, self.settings)
+        self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        self.charge = Charge(
+            squared_m3=self.settings.charge_squared_m3, core_m=self.settings.core_m, reach_m=self.settings.reach_m
+        )
+        members = self.robot.team.members
+        self.charged = frozenset(members[: math.ceil(self.settings.charged_frac * len(members))])
+
+    def observe(self, observation: Observation) -> None:
+        """Measure and listen."""
+        self.robot.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg: as in S-PSO, with what the other charged ones add."""
+        return self.robot.decide(observation, lambda best: self.robot.swarm_step(best, self.track))
+
+    def track(self, best: Sighting) -> Vector:
+        """Return the step of the equation of motion, with fresh random numbers, and the push of the charges."""
+        step_m = self.robot.particle_step(best, self.weights)
+        return step_m + self.push_m()
+
+    def push_m(self) -> Vector:
+        """Return what the other charged robots add to a charged one's step; nothing for one without charge."""
+        team = self.robot.team
+        if team.name not in self.charged:
+            return np.zeros(2)
+        heard = team.recent(self.robot.now_s)
+        others_m = [report.position_m[:2] for name, report in heard.items() if name in self.charged]
+        return charge_velocity(self.robot.place_m, np.array(others_m).reshape(-1, 2), self.charge)
+
+
+if __name__ == "__main__":
+    run(CPso)

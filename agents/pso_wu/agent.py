@@ -1,0 +1,50 @@
+"""PSO-WU: a particle swarm that uses the wind: steps downwind are turned away (I) or shortened (II).
+
+After Jatmiko et al. README.md beside this file has the rules.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.method import settings_of
+from gslcosim.search.particle_swarm import Sighting, Weights, slowed_downwind, turned_out_of_downwind
+from gslcosim.search.swarming import SwarmRobot, Vector
+
+
+class PsoWu(Agent):
+    """One particle; it remembers the last wind that was strong enough to have a direction."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.robot = SwarmRobot(briefing, self.settings)
+        self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        self.forbidden_rad = math.radians(self.settings.forbidden_deg)
+        self.wind_m_s = np.zeros(2)
+
+    def observe(self, observation: Observation) -> None:
+        """Measure and listen."""
+        self.robot.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg: as in S-PSO, as the wind allows."""
+        return self.robot.decide(observation, self.step)
+
+    def step(self, best: Sighting | None) -> Vector:
+        """Note the wind, and return the next step."""
+        wind_m_s = self.robot.wind_m_s
+        if math.hypot(*wind_m_s) > self.settings.wind_floor_m_s:
+            self.wind_m_s = wind_m_s
+        return self.robot.swarm_step(best, self.track)
+
+    def track(self, best: Sighting) -> Vector:
+        """Return the step of the equation of motion, with fresh random numbers, turned or shortened by the wind."""
+        step_m = self.robot.particle_step(best, self.weights)
+        if self.settings.variant == "I":
+            return turned_out_of_downwind(step_m, self.wind_m_s, self.forbidden_rad)
+        return slowed_downwind(step_m, self.wind_m_s)
+
+
+if __name__ == "__main__":
+    run(PsoWu)
