@@ -10,27 +10,21 @@ that was stopped goes on.
 """
 
 import argparse
-import json
 import sys
-import tempfile
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import yaml
+from paired_flights import Row, fly_fields, fly_missing, interval_text, read_rows
 
-from gslcosim.environment.random_places import draw_places
 from gslcosim.methods.card import MethodCard, card_beside
-from gslcosim.runtime.flight import fly
-from gslcosim.scenario import load_scenario
 from gslcosim.scenario.bundled import bundled_agents
 
 CASES = Path(__file__).parent / "cases"
 BASELINE = "persistent_walk"
 FIRST_SEED = 100
-N_BOOTSTRAP = 2000
 # The cases that a family was made for; swarms fly with several robots in each.
 CASES_OF_FAMILY = {
     "anchor": ("young", "meander"),
@@ -41,7 +35,6 @@ CASES_OF_FAMILY = {
     "map": ("racks", "settled"),
     "learned": ("meander", "field"),
 }
-STARTS_APART_M = 1.5
 
 
 @dataclass(frozen=True, order=True)
@@ -66,9 +59,9 @@ def main() -> None:
     arguments = parser.parse_args()
     cards = {name: card for name, path in bundled_agents().items() if (card := card_beside(path)) is not None}
     trials = trials_of(cards, arguments)
-    rows = read_rows(arguments.results)
+    rows = read_rows(arguments.results, Trial)
     if not arguments.table:
-        fly_missing([trial for trial in trials if trial not in rows], arguments.jobs, arguments.results, rows)
+        rows = fly_missing(trials, fly_one, n_jobs=arguments.jobs, path=arguments.results)
     sys.stdout.write(table(rows, trials, cards))
 
 
@@ -86,41 +79,9 @@ def trials_of(cards: dict[str, MethodCard], arguments: argparse.Namespace) -> li
     return sorted(trials)
 
 
-def fly_missing(trials: list[Trial], n_jobs: int, path: Path, rows: "dict[Trial, dict]") -> None:
-    """Fly trials on some cores and append a line for each."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(n_jobs) as pool, path.open("a") as file:
-        futures = {pool.submit(fly_one, trial): trial for trial in trials}
-        for n_done, future in enumerate(as_completed(futures), 1):
-            trial, row = futures[future], future.result()
-            rows[trial] = row
-            file.write(json.dumps({"trial": vars(trial), **row}) + "\n")
-            file.flush()
-            sys.stderr.write(f"\r{n_done} of {len(trials)} flights")
-    sys.stderr.write("\n")
-
-
-def fly_one(trial: Trial) -> dict:
+def fly_one(trial: Trial) -> Row:
     """Fly one trial; return what the table needs of it."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "case.yaml"
-        path.write_text(yaml.safe_dump(scenario_of(trial), sort_keys=False))
-        loaded = load_scenario(path, seed=trial.seed, placer=draw_places)
-        result = fly(loaded, runs_dir=Path(folder), in_process=True).result
-    agents = result["agents"]
-    times_s = [agent["time_to_source_s"] for agent in agents if agent["success"]]
-    limit_s = loaded.scenario.referee.stop.time_limit_s
-    beliefs = [agent["belief"]["mass_near_frac"] for agent in agents if agent["belief"]]
-    return {
-        "success": bool(times_s),
-        "time_s": min(times_s, default=limit_s),
-        "limit_s": limit_s,
-        "declared_error_m": min(
-            (a["declared_error_m"] for a in agents if a["declared_error_m"] is not None), default=None
-        ),
-        "belief": max(beliefs, default=None),
-        "faults": [fault["text"] for fault in result["faults"]],
-    }
+    return fly_fields(scenario_of(trial), seed=trial.seed)
 
 
 def scenario_of(trial: Trial) -> dict:
@@ -153,19 +114,7 @@ def sensors_of(card: MethodCard) -> list[dict]:
     return [*noses, {"model": "anemometer", "name": "wind"}, *ranges]
 
 
-def read_rows(path: Path) -> "dict[Trial, dict]":
-    """Return what has been flown; a line that was cut off is left out."""
-    rows: dict[Trial, dict] = {}
-    for line in path.read_text().splitlines() if path.exists() else ():
-        try:
-            row = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        rows[Trial(**row.pop("trial"))] = row
-    return rows
-
-
-def table(rows: "dict[Trial, dict]", trials: Iterable[Trial], cards: dict[str, MethodCard]) -> str:
+def table(rows: dict[Trial, Row], trials: Iterable[Trial], cards: dict[str, MethodCard]) -> str:
     """Return the table as Markdown: success, restricted mean time, and both minus the baseline's on the same seeds."""
     lines = [
         "| case | method | robots | n | success % | mean time s | success minus walk, points | time minus walk, s |",
@@ -185,23 +134,13 @@ def table(rows: "dict[Trial, dict]", trials: Iterable[Trial], cards: dict[str, M
     return "\n".join(lines) + "\n"
 
 
-def _line(case: str, method: str, n_robots: int, pairs: list[tuple[dict, dict]]) -> str:
-    success = np.array([[pair["success"] for pair in both] for both in pairs], float)
+def _line(case: str, method: str, n_robots: int, pairs: list[tuple[Row, Row]]) -> str:
+    success = 100 * np.array([[pair["success"] for pair in both] for both in pairs], float)
     time_s = np.array([[pair["time_s"] for pair in both] for both in pairs])
-    gain = _interval(100 * (success[:, 0] - success[:, 1]))
-    delay = _interval(time_s[:, 0] - time_s[:, 1])
     return (
-        f"| {case} | {method} | {n_robots} | {len(pairs)} | {100 * success[:, 0].mean():.0f} | "
-        f"{time_s[:, 0].mean():.0f} | {gain} | {delay} |"
+        f"| {case} | {method} | {n_robots} | {len(pairs)} | {success[:, 0].mean():.0f} | {time_s[:, 0].mean():.0f} | "
+        f"{interval_text(success[:, 0] - success[:, 1])} | {interval_text(time_s[:, 0] - time_s[:, 1])} |"
     )
-
-
-# The mean of the differences of pairs, and the middle 95 % of means over seeds drawn again.
-def _interval(differences: np.ndarray) -> str:
-    rng = np.random.default_rng(0)
-    means = differences[rng.integers(len(differences), size=(N_BOOTSTRAP, len(differences)))].mean(axis=1)
-    low, high = np.percentile(means, [2.5, 97.5])
-    return f"{differences.mean():+.0f} [{low:+.0f}, {high:+.0f}]"
 
 
 if __name__ == "__main__":
