@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,12 @@ class GrGslSettings:
     sigma_hit_rad: float = 1.0
     sigma_miss_rad: float = 2.0
     reach_cells: float = 5.0
-    n_candidates: int = 60
+    candidates: int = 60
+
+    @classmethod
+    def of(cls, settings: SimpleNamespace) -> "GrGslSettings":
+        """Return the figures that go by these names in the settings of a method's card."""
+        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls)})
 
 
 class GrGsl:
@@ -48,7 +54,7 @@ class GrGsl:
         the group's public code [C].
     Deviation:
         In the public code the place of the last hit begins at the start; here there is none. A hit without a wind is
-        skipped. At most `n_candidates` places are compared, the most probable ones.
+        skipped. At most `candidates` places are compared, the most probable ones.
     Held by:
         tests/unit/search/test_gr_gsl.py
     """
@@ -103,9 +109,9 @@ class GrGsl:
         self._is_closed[self._cell(point_m)] = True
 
     def candidates(self) -> list[Cell]:
-        """Return the cells that are in reach and not visited, at most `n_candidates`, the most probable ones first."""
+        """Return the cells that are in reach and not visited, at most `candidates`, the most probable ones first."""
         cells = np.argwhere(self._is_open & ~self._is_closed)
-        likely = np.argsort(-self._log_p[tuple(cells.T)], kind="stable")[: self.settings.n_candidates]
+        likely = np.argsort(-self._log_p[tuple(cells.T)], kind="stable")[: self.settings.candidates]
         return [(int(i), int(j)) for i, j in cells[likely]]
 
     def most_likely(self, point_m: Sequence[float]) -> Cell | None:

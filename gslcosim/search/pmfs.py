@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ Cell = tuple[int, int]
 _LEAST_P, _MOST_P = 0.001, 0.999
 # Sources are never ruled out by one cell alone.
 _LEAST_FACTOR = 0.01
+# Beyond so many cells exp(-distance) is nothing.
+_VIEW_CELLS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +31,8 @@ class PmfsSettings:
 
     Hit map: `prior`, `hit_target` and `miss_target` are probabilities; `kernel_cells` and `stretch_s_m` its reach.
     Trust: `trust_reach_cells` and `trust_scale`; cells that are trusted more than `least_trust` count, at most
-    `n_scored`, the most trusted ones. Motion: goals lie within `reach_cells` of way from visited cells, at most
-    `n_candidates` are compared, `explore_share` of the goals are chosen to explore, and so are the first `n_explore`;
+    `scored`, the most trusted ones. Motion: goals lie within `reach_cells` of way from visited cells, at most
+    `candidates` are compared, `explore_frac` of the goals are chosen to explore, and so are the first `explore_first`;
     exploring looks `view_cells` far.
     """
 
@@ -41,13 +44,19 @@ class PmfsSettings:
     trust_reach_cells: float = 1.0
     trust_scale: float = 1.0
     least_trust: float = 0.5
-    n_scored: int = 200
+    scored: int = 200
     reach_cells: float = 5.0
-    n_candidates: int = 100
-    explore_share: float = 0.1
-    n_explore: int = 5
-    view_cells: float = 10.0
+    candidates: int = 100
+    explore_frac: float = 0.1
+    explore_first: int = 5
     plume: PlumeModel = field(default_factory=PlumeModel)
+
+    @classmethod
+    def of(cls, settings: SimpleNamespace) -> "PmfsSettings":
+        """Return the figures that go by these names in the settings of a method's card."""
+        names = [item.name for item in fields(cls) if item.name != "plume"]
+        plume = PlumeModel(**{item.name: getattr(settings, item.name) for item in fields(PlumeModel)})
+        return cls(plume=plume, **{name: getattr(settings, name) for name in names})
 
 
 class Pmfs:
@@ -140,7 +149,7 @@ class Pmfs:
         """
         self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings.plume)
         confidence = self.confidence
-        cells = _most(np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.n_scored)
+        cells = _most(np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.scored)
         if not cells:
             return
         at = tuple(np.array(cells).T)
@@ -153,7 +162,7 @@ class Pmfs:
     def next_goal(self, point_m: Sequence[float], draws: Draws) -> Cell | None:
         """Return where to measure next; None when no cell is left. Draws one number."""
         cells = self._candidates(self._cell(point_m))
-        explores = draws.fraction() < self.settings.explore_share or self._n_goals < self.settings.n_explore
+        explores = draws.fraction() < self.settings.explore_frac or self._n_goals < self.settings.explore_first
         if not cells:
             return None
         self._n_goals += 1
@@ -171,14 +180,14 @@ class Pmfs:
         in_sight = is_left & seen_from(self.free, here)
         length, _ = self._tree(here)
         nearness = 1.0 / (1.0 + np.maximum(length, 0).reshape(self.free.shape))
-        return _most(np.where(in_sight if in_sight.any() else is_left, nearness, 0.0), self.settings.n_candidates)
+        return _most(np.where(in_sight if in_sight.any() else is_left, nearness, 0.0), self.settings.candidates)
 
     def _disagreement(self, plume: BackwardPlume, cells: list[Cell]) -> Array:
         variance = disagreement(plume.shares(cells), self.p[self.free])
         return variance * (1.0 - self.confidence[tuple(np.array(cells).T)])
 
     def _unknown_in_view(self, cell: Cell) -> float:
-        seen = np.argwhere(seen_from(self.free, cell, self.settings.view_cells))
+        seen = np.argwhere(seen_from(self.free, cell, _VIEW_CELLS))
         away = np.hypot(seen[:, 0] - cell[0], seen[:, 1] - cell[1])
         return float(((1.0 - self.confidence[tuple(seen.T)]) * np.exp(-away)).sum())
 

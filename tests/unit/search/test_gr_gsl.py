@@ -97,7 +97,7 @@ def test_a_hit_in_front_of_a_wall_changes_what_is_behind_by_the_way_round_its_en
 
 
 def test_only_cells_near_places_visited_are_candidates_and_the_most_likely_lies_upwind():
-    gsl = method(open_room(), reach_cells=3.0, n_candidates=1000)
+    gsl = method(open_room(), reach_cells=3.0, candidates=1000)
     gsl.update(centre((15, 15)), is_hit=True, downwind_rad=EAST)
     assert all(0 < math.dist(cell, (15, 15)) <= 3.0 for cell in gsl.candidates())
     assert gsl.most_likely(centre((15, 15))) == (12, 15)

@@ -151,7 +151,7 @@ def test_goals_are_in_sight_in_reach_and_new():
 def test_the_goal_is_where_believed_sources_disagree():
     """Two lanes of wind; the source is in one of them, and only a place downwind of both starts tells which."""
     free = open_room()
-    pmfs = method(free, reach_cells=60.0, n_explore=0, explore_share=0.0, n_candidates=2000)
+    pmfs = method(free, reach_cells=60.0, explore_first=0, explore_frac=0.0, candidates=2000)
     pmfs.visit(centre((15, 15)))
     pmfs.p = np.zeros(free.shape)
     pmfs.p[4, 6] = pmfs.p[4, 24] = 0.5
