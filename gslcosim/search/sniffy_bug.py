@@ -200,8 +200,7 @@ def kept_off(direction: Vector, ranges_m: Sequence[float], yaw_rad: float, least
 class Bug:
     """Brings a robot to its waypoint along the line, along walls, or pushed by others, one direction at a time.
 
-    On the line it flies along one of the two beams that bracket the waypoint, and changes to the other one when it is
-    `line_m` off the line. Where what it wants is blocked (a range below `wall_m`) it follows the wall on the side
+    It flies along one of the two beams that bracket the line, and changes to the other one when it is `line_m` off it. Where what it wants is blocked (a range below `wall_m`) it follows the wall on the side
     nearer to the waypoint, until it is back on the line, nearer to the waypoint than where it met the wall.
     A wall's end is passed by `past_m` before it turns round it.
 
@@ -258,9 +257,11 @@ class Bug:
         x_m, y_m = self._goal_m - place_m
         return math.atan2(y_m, x_m)
 
-    # The beams that bracket the waypoint, without the one that leads farther off the line; the kept one first.
+    # The beams that bracket the line, without the one that leads farther off it; the kept one first.
     def _wanted_beams(self, place_m: Vector, yaw_rad: float) -> list[int]:
-        bearing_rad = self._bearing_rad(place_m)
+        # Those that bracket the waypoint itself would change before a wall with every step to the side.
+        has_passed = float((place_m - self._goal_m) @ (self._goal_m - self._start_m)) > 0.0
+        bearing_rad = self._bearing_rad(place_m if has_passed else self._start_m)
         right, left = bracketing_beams(bearing_rad, yaw_rad)
         off_m = off_line_m(place_m, self._start_m, self._goal_m)
         wanted = [left] if off_m < -self._table.line_m else [right] if off_m > self._table.line_m else [right, left]
