@@ -121,6 +121,33 @@ def ring_flow(positions_m: Floats, flux: Floats) -> RingFlow:
     return RingFlow(inward=float(-through[through < 0.0].sum()), outward=float(through[through > 0.0].sum()))
 
 
+def inflow_direction(positions_m: Floats, flux: Floats) -> Floats | None:
+    """Return the unit direction (2,) from which gas flows into a ring, or None where none does.
+
+    d = sum_i max(0, -F_i . r_i) r_i, made a unit vector        r_i unit vector from the ring's mean place to robot i
+
+    It leads up the wind, and of the ring's upwind side to where most gas comes in.
+
+    Args:
+        positions_m: (n, 2) places, in any order [m].
+        flux: (n, 2) F = c W at these places [ppm m/s].
+
+    Source:
+        Following the flux upstream, as Zarzhitsky and Spears (remembered, unverified); the weights are ours.
+    Held by:
+        tests/unit/search/test_fluxes.py
+    """
+    if len(positions_m) < 2:
+        return None
+    away_m = positions_m - positions_m.mean(axis=0)
+    distance_m = np.hypot(away_m[:, 0], away_m[:, 1])
+    outward = away_m / np.maximum(distance_m, 1e-9)[:, None]
+    inward = np.maximum(0.0, -np.sum(flux * outward, axis=1))
+    towards = np.sum((inward * (distance_m > 0.5 * distance_m.max()))[:, None] * outward, axis=0)
+    size = math.hypot(towards[0], towards[1])
+    return towards / size if size > 1e-12 else None
+
+
 def flux_divergence(positions_m: Floats, flux: Floats, reach_m: float) -> Floats:
     """Return the divergence of the flux at each robot (n,), from planes through it and its neighbours.
 

@@ -267,6 +267,40 @@ def laplacian_velocity_m_s(
     return formation_per_s * errors_m.sum(axis=0) + upwind_m_s * upwind + odour_per_s * odour_m * left
 
 
+def laplacian_leg_m(
+    i: int,
+    positions_m: Floats,
+    offsets_m: Floats,
+    upwind_rad: float,
+    odour_m: float,
+    *,
+    dt_s: float,
+    formation_per_s: float,
+    upwind_m_s: float,
+    odour_per_s: float,
+) -> Floats:
+    """Return how far one robot goes (2,) when all follow `laplacian_velocity_m_s` for a while, with one reading.
+
+    d_i = (1 - exp(-k_f n dt)) / n sum_j [(p_j - p_i) - (b_j - b_i)] + dt (k_u u + k_c e w)
+    [m] = [m] + [s] [m/s]
+
+    The arguments are those of `laplacian_velocity_m_s`, and how long dt the law is followed [s].
+
+    Source:
+        Our integral of that law: with all robots in touch, each error decays with the rate k_f n. A leg of dt v_i would
+        overshoot from k_f n dt = 1 on, and swing ever farther from 2 on.
+    Held by:
+        tests/unit/search/test_formations.py (as the law for small dt, in place for large)
+    """
+    errors_m = (positions_m - positions_m[i]) - (offsets_m - offsets_m[i])
+    n = len(positions_m)
+    drift_m_s = laplacian_velocity_m_s(
+        i, positions_m, offsets_m, upwind_rad, odour_m,
+        formation_per_s=0.0, upwind_m_s=upwind_m_s, odour_per_s=odour_per_s,
+    )  # fmt: skip
+    return -math.expm1(-formation_per_s * n * dt_s) / n * errors_m.sum(axis=0) + dt_s * drift_m_s
+
+
 def next_width(
     width: float, slots_m: Floats, smells: NDArray[np.bool_], *, change_frac: float, least: float, most: float
 ) -> float:

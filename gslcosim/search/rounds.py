@@ -1,7 +1,7 @@
 """Synchronous rounds of a team over radio: all hold, read and tell, then all step."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
 from gslcosim.search.instruments import Nose, Vane
 from gslcosim.search.measuring import Measurement, StopAndMeasure
-from gslcosim.search.radio import Report, Team, encode, parse
+from gslcosim.search.radio import Best, Report, Team, encode, parse
 
 # The round's number is the first of a report's own numbers.
 _NUMBER = 0
+
+
+def _ppm_of(measurement: Measurement) -> float:
+    return measurement.ppm[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +40,11 @@ class Round:
     def amounts(self) -> NDArray[np.float64]:
         """The (n,) amounts of gas."""
         return np.array([report.amount for report in self.reports.values()], dtype=np.float64)
+
+    @property
+    def has_gas(self) -> bool:
+        """Whether any robot has gas."""
+        return any(report.amount > 0.0 for report in self.reports.values())
 
     @property
     def winds_m_s(self) -> NDArray[np.float64]:
@@ -84,6 +93,7 @@ class Rounds:
         nose: Nose,
         vane: Vane | None,
         *,
+        amount: Callable[[Measurement], float] = _ppm_of,
         timeout_s: float = 6.0,
         first_timeout_s: float = 15.0,
         wait_s: float = 0.2,
@@ -93,8 +103,9 @@ class Rounds:
 
         Args:
             briefing: What the agent is told.
-            nose: What the reports' amounts are read with, as mixing ratio.
-            vane: What their winds are read with.
+            nose: What the gas is read with.
+            vane: What the wind is read with.
+            amount: Gives the gas of a measurement, for the reports; by default its mixing ratio.
             timeout_s: How long a silent robot is waited for [s].
             first_timeout_s: The same in the first round, in which all take off [s].
             wait_s: How long a wait lasts before the report is told again [s].
@@ -105,6 +116,7 @@ class Rounds:
         self.lost: set[str] = set()
         self._timeouts_s = (first_timeout_s, timeout_s)
         self._wait_s, self._n_calls = wait_s, n_calls
+        self._amount = amount
         self._measure = StopAndMeasure((nose,), vane)
         self._heard: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
         self._own: Report | None = None
@@ -130,7 +142,9 @@ class Rounds:
             if report.numbers:
                 self._heard[name][int(report.numbers[_NUMBER])] = report
 
-    def complete(self, observation: Observation, numbers: Sequence[float] = ()) -> Round | None:
+    def complete(
+        self, observation: Observation, numbers: Sequence[float] = (), *, best: Best | None = None
+    ) -> Round | None:
         """Return the round's reports once all that are not lost have told; None as long as there is to wait.
 
         A round is returned once; the next call begins the next one with what the vehicle reads then.
@@ -138,12 +152,13 @@ class Rounds:
         Args:
             observation: One that awaits a command.
             numbers: Up to seven numbers of the method's own for the report.
+            best: The best place that the robot knows of, for the report.
         """
         if self._own is None:
             measured = self._measure.measured()
             if measured is None:
                 return None
-            self._own = self._report(observation, measured, numbers)
+            self._own = self._report(observation, measured, numbers, best)
             self._since_s, self._n_called = observation.time_s, 0
         missing = [name for name in self.team.others if name not in self.lost and not self._has_told(name)]
         if missing:
@@ -167,13 +182,16 @@ class Rounds:
     def _has_told(self, name: str) -> bool:
         return any(number >= self.number for number in self._heard[name])
 
-    def _report(self, observation: Observation, measured: Measurement, numbers: Sequence[float]) -> Report:
+    def _report(
+        self, observation: Observation, measured: Measurement, numbers: Sequence[float], best: Best | None
+    ) -> Report:
         wind = measured.wind
         report = Report(
             time_s=observation.time_s,
             position_m=observation.position_world_m,
-            amount=measured.ppm[0],
+            amount=self._amount(measured),
             wind_m_s=None if wind is None else _blowing_m_s(wind.speed_m_s * wind.steadiness_frac, wind.upwind_rad),
+            best=best,
             numbers=(float(self.number), *numbers),
         )
         self._last = as_heard(report, self.team)
@@ -197,10 +215,16 @@ class Rounds:
 
 
 def as_heard(report: Report, team: Team) -> Report:
-    """Return a report with the digits in which the others hear it; as it is where it cannot be told."""
-    text = None if team.channel is None else encode(report, max_bytes=team.channel.max_bytes)
-    heard = None if text is None else parse(text)
-    return report if heard is None else heard
+    """Return a report with the digits in which the others hear it; as it is where it cannot be told.
+
+    Where not everything fits, the best place goes before the wind: the others know of best places themselves.
+    """
+    for told in (report, replace(report, best=None)):
+        text = None if team.channel is None else encode(told, max_bytes=team.channel.max_bytes)
+        heard = None if text is None else parse(text)
+        if heard is not None and (heard.wind_m_s is not None or told.wind_m_s is None or told.best is None):
+            return heard
+    return report
 
 
 # The mean vector of a hold: speed times how well its directions agree.

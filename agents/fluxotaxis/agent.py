@@ -1,0 +1,86 @@
+"""Fluxotaxis: a lattice of robots follows the flux of gas upstream, and declares when more flows out of it than in.
+
+After Zarzhitsky and Spears. README.md beside this file has the rules and the deviations.
+"""
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.declaring import Estimate
+from gslcosim.search.fluxes import (
+    REACH,
+    OutflowRule,
+    RingFlow,
+    divergence_slope,
+    inflow_direction,
+    relaxed_lattice,
+    ring_flow,
+)
+from gslcosim.search.formation_flight import FormationFlight
+from gslcosim.search.formations import fit_plane, formation, mixed_direction
+from gslcosim.search.method import settings_of
+from gslcosim.search.rounds import Round
+
+
+class Fluxotaxis(Agent):
+    """One robot of the lattice; besides what the flight remembers it counts rounds with outflow."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        s = self.settings = settings_of(briefing, __file__)
+        self.flight = FormationFlight(briefing, s)
+        self.offsets_m = formation("hexagon", self.flight.n_members, s.spacing_m)
+        self.lanes = {"lane_m": 2.0 * s.spacing_m + s.gap_m, "inset_m": s.spacing_m}
+        self.rule = OutflowRule(least_frac=s.released_frac, least_flow=s.least_flow, n_rounds=s.n_rounds)
+
+    def observe(self, observation: Observation) -> None:
+        """Read and listen: reports come with any observation."""
+        self.flight.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Wait until all have read; then declare, or step with the lattice."""
+        now = self.flight.complete(observation)
+        if now is None:
+            return self.flight.wait(observation)
+        flux = now.amounts[:, None] * np.nan_to_num(now.winds_m_s)
+        flow = ring_flow(now.positions_m, flux)
+        centre_m = now.positions_m.mean(axis=0)
+        step_m = self.next_step_m(now, flux, flow)
+        found = self.rule.declared(flow, centre_m)
+        estimate = None if found is None else self.flight.new(Estimate(position_m=found[0], confidence=found[1]))
+        if estimate is not None:
+            return self.flight.declare(observation, estimate)
+        return self.flight.step(observation, self.place_m(now) + step_m)
+
+    def place_m(self, now: Round) -> np.ndarray:
+        """Return where this robot belongs in the lattice: in its slot until all have formed up, then by the forces."""
+        centre_m = self.flight.centre_of(now, self.offsets_m)
+        slots_m = centre_m + self.offsets_m[self.flight.slots_of(now)]
+        if np.hypot(*(now.positions_m - slots_m).T).max() > self.settings.spacing_m:
+            return centre_m + self.offsets_m[self.flight.index]
+        lattice_m = relaxed_lattice(now.positions_m, self.settings.spacing_m)
+        return lattice_m[now.names.index(self.flight.rounds.team.name)]
+
+    def next_step_m(self, now: Round, flux: np.ndarray, flow: RingFlow) -> np.ndarray:
+        """Return the step of the whole lattice: upstream in gas, else to where gas was or may be."""
+        here_m = now.positions_m.mean(axis=0)
+        if not now.has_gas:
+            return self.flight.searching_centre_m(here_m, **self.lanes) - here_m
+        self.flight.met_gas(here_m, **self.lanes)
+        upstream = self.upstream(now, flux, flow)
+        return np.zeros(2) if upstream is None else self.settings.step_m * upstream
+
+    def upstream(self, now: Round, flux: np.ndarray, flow: RingFlow) -> np.ndarray | None:
+        """Return the direction to the source: up the divergence where gas is released, else to where most comes in."""
+        if flow.net > 0.0:
+            slope = divergence_slope(now.positions_m, flux, REACH * self.settings.spacing_m)
+            if slope.gradient_per_m is not None:
+                return mixed_direction(slope.gradient_per_m, None, 0.0)
+        inflow = inflow_direction(now.positions_m, flux)
+        if inflow is not None:
+            return inflow
+        gradient = fit_plane(now.positions_m, now.amounts).gradient_per_m
+        return mixed_direction(gradient, self.flight.wind.upwind_rad, 0.5)
+
+
+if __name__ == "__main__":
+    run(Fluxotaxis)

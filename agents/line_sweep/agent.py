@@ -1,0 +1,96 @@
+"""A diagonal line of robots sweeps the room across the wind until one of them has gas; then all converge on the best.
+
+After Marjovi and Marques. README.md beside this file has the rules and the deviations.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.formation_flight import FormationFlight
+from gslcosim.search.formations import diagonal_line, in_world
+from gslcosim.search.method import settings_of
+from gslcosim.search.particle_swarm import Sighting
+from gslcosim.search.plume_finding import crosswind_course, nearest_axis_rad, place_on_course
+from gslcosim.search.rounds import Round
+
+NOWHERE_M = (math.inf, math.inf)
+
+
+class LineSweep(Agent):
+    """One robot of the line; it remembers how far the sweep came, how wide the line is, and where going on failed."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.flight = FormationFlight(briefing, self.settings)
+        self.line = diagonal_line(self.flight.n_members, 1.0)
+        self.axis_rad = 0.0
+        self.course_m: np.ndarray | None = None
+        self.n_swept = 0
+        self.spacing_m = self.settings.spacing_m
+        self.failed_m = NOWHERE_M
+        self.n_blank = self.n_failed = 0
+
+    def observe(self, observation: Observation) -> None:
+        """Read and listen: reports come with any observation."""
+        self.flight.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Wait until all have read; then declare, or step: sweep, or converge on the best place."""
+        now = self.flight.complete(observation, (self.n_swept,))
+        if now is None:
+            return self.flight.wait(observation)
+        target_m = self.next_place_m(now)
+        found = self.flight.found(now, observation.time_s)
+        if found is not None:
+            return self.flight.declare(observation, found)
+        return self.flight.step(observation, target_m)
+
+    def next_place_m(self, now: Round) -> np.ndarray:
+        """Return where this robot goes: with the sweep while there is no gas, else about the best place."""
+        self.n_blank = 0 if now.has_gas else self.n_blank + 1
+        if self.n_blank > self.settings.patience:
+            self.flight.best = None
+        best = self.flight.best
+        if best is None:
+            self.spacing_m = self.settings.spacing_m
+            return self.swept_place_m(now)
+        return self.converging_place_m(now, best)
+
+    def swept_place_m(self, now: Round) -> np.ndarray:
+        """Return the next place along the sweep: all go on from how far any of them has come."""
+        if self.course_m is None:
+            self.course_m = self.sweep_m(now)
+        told = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
+        self.n_swept = max([self.n_swept, *told]) + 1
+        centre_m = place_on_course(self.course_m, (self.n_swept - 1) * self.settings.search_step_m)
+        return centre_m + in_world(self.settings.spacing_m * self.line, self.axis_rad)[self.flight.index]
+
+    def sweep_m(self, now: Round) -> np.ndarray:
+        """Return the course of the line's middle, near end first: beyond walls, as all of the line must reach them."""
+        n, spacing_m = self.flight.n_members, self.settings.spacing_m
+        self.axis_rad = nearest_axis_rad(self.flight.upwind_rad)
+        course_m = crosswind_course(self.flight.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m)
+        here_m = now.positions_m.mean(axis=0)
+        return min((course_m, course_m[::-1]), key=lambda course: float(np.hypot(*(course[0] - here_m))))
+
+    def converging_place_m(self, now: Round, best: Sighting) -> np.ndarray:
+        """Return the place in a line upwind of the round's most gas; where that failed lately, narrower about it."""
+        s, i = self.settings, int(now.amounts.argmax())
+        is_good = now.amounts[i] >= s.good_frac * best.amount
+        self.n_failed += 1
+        if not is_good:
+            self.failed_m, self.n_failed = best.place_m, 0
+        elif self.n_failed > 2 * s.patience:
+            self.failed_m = NOWHERE_M
+        centre_m = now.positions_m[i] if is_good else np.array(best.place_m)
+        surges = is_good and math.dist(centre_m, self.failed_m) > 0.5 * s.lead_m
+        self.spacing_m *= 1.0 / s.shrink_frac if surges else s.shrink_frac
+        self.spacing_m = min(s.most_spacing_m, max(s.least_spacing_m, self.spacing_m))
+        lead_m = np.array([[s.lead_m if surges else 0.0, 0.0]])
+        return centre_m + in_world(self.spacing_m * self.line + lead_m, self.flight.upwind_rad)[self.flight.index]
+
+
+if __name__ == "__main__":
+    run(LineSweep)

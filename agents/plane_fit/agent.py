@@ -1,0 +1,54 @@
+"""A formation that climbs the gas: a plane through the readings of three or more robots gives the slope.
+
+README.md beside this file has the rules and the deviations from the literature.
+"""
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.formation_flight import FormationFlight
+from gslcosim.search.formations import fit_plane, formation, mixed_direction
+from gslcosim.search.method import settings_of
+from gslcosim.search.rounds import Round
+
+
+class PlaneFit(Agent):
+    """One robot of a ring that reads in step with the others and moves with them up the slope and up the wind."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.flight = FormationFlight(briefing, self.settings)
+        radius_m = self.settings.radius_m
+        self.offsets_m = formation("ring", self.flight.n_members, radius_m)
+        self.lanes = {"lane_m": 2.0 * radius_m + self.settings.gap_m, "inset_m": radius_m}
+
+    def observe(self, observation: Observation) -> None:
+        """Read and listen: reports come with any observation."""
+        self.flight.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Wait until all have read; then declare, or step with the formation."""
+        now = self.flight.complete(observation)
+        if now is None:
+            return self.flight.wait(observation)
+        centre_m = self.next_centre_m(now)
+        found = self.flight.found(now, observation.time_s)
+        if found is not None:
+            return self.flight.declare(observation, found)
+        return self.flight.step(observation, centre_m + self.offsets_m[self.flight.index])
+
+    def next_centre_m(self, now: Round) -> np.ndarray:
+        """Return where the formation's centre goes: up the slope in gas, else to where gas was or may be."""
+        here_m = self.flight.centre_of(now, self.offsets_m)
+        if not now.has_gas:
+            return self.flight.searching_centre_m(here_m, **self.lanes)
+        self.flight.met_gas(here_m, **self.lanes)
+        plane = fit_plane(now.positions_m, now.amounts)
+        if plane.gradient_per_m is None and self.flight.best is not None:
+            return np.array(self.flight.best.place_m)
+        uphill = mixed_direction(plane.gradient_per_m, self.flight.wind.upwind_rad, self.settings.wind_share)
+        return here_m if uphill is None else here_m + self.settings.step_m * uphill
+
+
+if __name__ == "__main__":
+    run(PlaneFit)
