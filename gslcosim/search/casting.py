@@ -4,8 +4,11 @@ A cast keeps the wind of the moment at which it began: a vehicle that turns with
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
+
+from gslcosim.search.draws import Draws
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 
@@ -130,7 +133,7 @@ class PlaneCastSequence:
         return x_m + across_m * across_x, y_m + across_m * across_y, z_m + up_m
 
 
-def side_of(place_m: tuple[float, float], anchor_m: tuple[float, float], upwind_rad: float) -> int:
+def side_of(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float) -> int:
     """Return on which side of the line upwind through an anchor a place lies: +1 left, -1 right, 0 on it.
 
     sign of the cross product (u x (p - a)) . z        u unit vector upwind
@@ -145,6 +148,14 @@ def side_of(place_m: tuple[float, float], anchor_m: tuple[float, float], upwind_
     dx_m, dy_m = place_m[0] - anchor_m[0], place_m[1] - anchor_m[1]
     cross_m = math.cos(upwind_rad) * dy_m - math.sin(upwind_rad) * dx_m
     return int(cross_m > 0.0) - int(cross_m < 0.0)
+
+
+def side_or_random(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float, draws: Draws) -> int:
+    """Return on which side a place lies, as `side_of`; on neither: +1 or -1 with equal chance, which costs a draw."""
+    side = side_of(place_m, anchor_m, upwind_rad)
+    if side == 0:
+        return 1 if draws.fraction() < 0.5 else -1
+    return side
 
 
 class BlankMemory:

@@ -1,7 +1,8 @@
 """Paths that wind outwards: Archimedean spirals flown in equal arcs, and square spirals that grow."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from gslcosim.search.draws import Draws
 
@@ -84,7 +85,7 @@ class ArchimedeanSpiral:
         tests/unit/search/test_spirals.py
     """
 
-    def __init__(self, *, gap_m: float, arc_m: float, start_rad: float, side: int) -> None:
+    def __init__(self, *, gap_m: float, arc_m: float, start_rad: float, side: int, reach_m: float = math.inf) -> None:
         """Begin at the centre.
 
         Args:
@@ -92,11 +93,13 @@ class ArchimedeanSpiral:
             arc_m: Way from place to place along the spiral [m].
             start_rad: Direction in which the spiral leaves its centre, world frame [rad].
             side: +1 turns to the left (counter-clockwise), -1 to the right.
+            reach_m: The spiral is over at this distance from the centre [m].
         """
         self._gap_m = gap_m
         self._arc_m = arc_m
         self._start_rad = start_rad
         self._side = side
+        self._reach_m = reach_m
         self.n_steps = 0
 
     @property
@@ -104,8 +107,10 @@ class ArchimedeanSpiral:
         """How far from the centre the last place was [m]."""
         return spiral_radius_m(self._gap_m, spiral_angle_rad(self._gap_m, self.n_steps * self._arc_m))
 
-    def next_offset_m(self) -> tuple[float, float]:
-        """Return the next place, from the centre of the spiral, world frame [m]."""
+    def next_offset_m(self) -> tuple[float, float] | None:
+        """Return the next place, from the centre of the spiral, world frame [m], or nothing when it is over."""
+        if self.radius_m >= self._reach_m:
+            return None
         self.n_steps += 1
         turned_rad = spiral_angle_rad(self._gap_m, self.n_steps * self._arc_m)
         radius_m = spiral_radius_m(self._gap_m, turned_rad)
@@ -127,7 +132,14 @@ class SquareSpiral:
     """
 
     def __init__(
-        self, *, side_m: float, growth_m: float, heading_rad: float, side: int, legs_per_growth: int = 2
+        self,
+        *,
+        side_m: float,
+        growth_m: float,
+        heading_rad: float,
+        side: int,
+        legs_per_growth: int = 2,
+        n_sides: float = math.inf,
     ) -> None:
         """Begin at the centre.
 
@@ -137,12 +149,14 @@ class SquareSpiral:
             heading_rad: Direction of the first leg, world frame [rad].
             side: +1 turns to the left after each leg, -1 to the right.
             legs_per_growth: After how many legs they grow.
+            n_sides: The spiral is over after so many legs.
         """
         self._side_m = side_m
         self._growth_m = growth_m
         self._heading_rad = heading_rad
         self._side = side
         self._legs_per_growth = legs_per_growth
+        self._n_sides = n_sides
         self._x_m = 0.0
         self._y_m = 0.0
         self.n_legs = 0
@@ -152,8 +166,10 @@ class SquareSpiral:
         """Length of the leg to come [m]."""
         return self._side_m + self._growth_m * (self.n_legs // self._legs_per_growth)
 
-    def next_corner_m(self) -> tuple[float, float]:
-        """Return the next corner, from the centre of the spiral, world frame [m]."""
+    def next_offset_m(self) -> tuple[float, float] | None:
+        """Return the next corner, from the centre of the spiral, world frame [m], or nothing when it is over."""
+        if self.n_legs >= self._n_sides:
+            return None
         heading_rad = self._heading_rad + self._side * RIGHT_ANGLE_RAD * (self.n_legs % 4)
         length_m = self.next_length_m
         self._x_m += length_m * math.cos(heading_rad)
@@ -161,19 +177,58 @@ class SquareSpiral:
         self.n_legs += 1
         return self._x_m, self._y_m
 
-    def next_free_corner_m(
-        self, is_free: Callable[[float, float], bool], *, n_skips: int
-    ) -> tuple[float, float] | None:
-        """Return the next corner that can be reached, or nothing after too many that cannot.
+
+class Spiral(Protocol):
+    """Either of them."""
+
+    def next_offset_m(self) -> tuple[float, float] | None:
+        """Return the next place, from the centre of the spiral, world frame [m], or nothing when it is over."""
+        ...
+
+
+class SpiralCourse:
+    """A spiral in a room: blocked places are left out, and after too many of them in a row it is over.
+
+    State: that of the spiral, and whether it ended at a wall.
+
+    Source:
+        Skipping up to 3 blocked corners as in the MAPIR group's surge-spiral, read in code.
+    Held by:
+        tests/unit/search/test_spirals.py
+    """
+
+    def __init__(
+        self,
+        spiral: Spiral,
+        centre_m: Sequence[float],
+        *,
+        is_free: Callable[[tuple[float, float]], bool],
+        n_skips: int,
+    ) -> None:
+        """Begin at the centre.
 
         Args:
-            is_free: Whether a corner, from the centre of the spiral [m], can be flown to.
-            n_skips: How many blocked corners in a row are left out.
+            spiral: The spiral to fly.
+            centre_m: Where its centre is, world frame [m].
+            is_free: Whether a place [m] can be flown to.
+            n_skips: How many blocked places in a row are left out.
         """
-        for _ in range(n_skips + 1):
-            corner_m = self.next_corner_m()
-            if is_free(*corner_m):
-                return corner_m
+        self._spiral = spiral
+        self._centre_m = (centre_m[0], centre_m[1])
+        self._is_free = is_free
+        self._n_skips = n_skips
+        self.is_blocked = False
+
+    def next_place_m(self) -> tuple[float, float] | None:
+        """Return the next place that can be flown to, world frame [m], or nothing when the spiral is over."""
+        for _ in range(self._n_skips + 1):
+            offset_m = self._spiral.next_offset_m()
+            if offset_m is None:
+                return None
+            place_m = (self._centre_m[0] + offset_m[0], self._centre_m[1] + offset_m[1])
+            if self._is_free(place_m):
+                return place_m
+        self.is_blocked = True
         return None
 
 

@@ -6,6 +6,7 @@ import pytest
 from gslcosim.search.draws import Draws
 from gslcosim.search.spirals import (
     ArchimedeanSpiral,
+    SpiralCourse,
     SquareSpiral,
     arc_turn_rad,
     random_side,
@@ -78,16 +79,14 @@ def test_a_spiral_to_the_right_mirrors_one_to_the_left():
         assert (x_right, y_right) == (x_left, -y_left)
 
 
-def square(*, side_m=1.0, growth_m=0.4, heading_rad=0.0, side=1, legs_per_growth=2):
-    return SquareSpiral(
-        side_m=side_m, growth_m=growth_m, heading_rad=heading_rad, side=side, legs_per_growth=legs_per_growth
-    )
+def square(**changes):
+    return SquareSpiral(**{"side_m": 1.0, "growth_m": 0.4, "heading_rad": 0.0, "side": 1} | changes)
 
 
 def test_a_square_spiral_turns_at_right_angles_and_grows_every_second_leg():
     corners = [(0.0, 0.0)]
     flown = square()
-    corners += [flown.next_corner_m() for _ in range(6)]
+    corners += [flown.next_offset_m() for _ in range(6)]
     legs = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(corners)]
     assert [math.hypot(*leg) for leg in legs] == pytest.approx([1.0, 1.0, 1.4, 1.4, 1.8, 1.8])
     turns = [math.remainder(math.atan2(*b[::-1]) - math.atan2(*a[::-1]), math.tau) for a, b in itertools.pairwise(legs)]
@@ -99,22 +98,37 @@ def test_legs_that_grow_each_time_are_1_2_3_4():
     lengths_m = []
     for _ in range(4):
         lengths_m.append(flown.next_length_m)
-        flown.next_corner_m()
+        flown.next_offset_m()
     assert lengths_m == [1.0, 2.0, 3.0, 4.0]
 
 
+def course(is_free, n_skips=3, **changes):
+    return SpiralCourse(square(**changes), (3.0, 4.0), is_free=is_free, n_skips=n_skips)
+
+
 def test_blocked_corners_are_left_out_and_the_spiral_goes_on_behind_them():
-    plain, flown = square(), square()
-    corners = [plain.next_corner_m() for _ in range(4)]
-    found = flown.next_free_corner_m(lambda x, y: (x, y) == corners[3], n_skips=3)
-    assert found == corners[3]
-    assert flown.next_corner_m() == plain.next_corner_m()
+    open_course = course(lambda place: True)
+    corners = [open_course.next_place_m() for _ in range(5)]
+    flown = course(lambda place: place not in corners[:3])
+    assert [flown.next_place_m(), flown.next_place_m()] == corners[3:]
+    assert not flown.is_blocked
 
 
-def test_a_spiral_gives_up_after_as_many_blocked_corners_as_it_may_leave_out():
-    flown = square()
-    assert flown.next_free_corner_m(lambda x, y: False, n_skips=3) is None
-    assert flown.n_legs == 4
+def test_a_spiral_is_over_after_more_blocked_corners_than_it_may_leave_out():
+    asked = []
+    flown = course(lambda place: asked.append(place) is not None)
+    assert flown.next_place_m() is None
+    assert flown.is_blocked
+    assert len(asked) == 4
+
+
+def test_a_spiral_is_over_after_its_sides_or_at_its_reach():
+    flown = course(lambda place: True, n_sides=3)
+    assert [flown.next_place_m() is None for _ in range(5)] == [False, False, False, True, True]
+    assert not flown.is_blocked
+    wide = ArchimedeanSpiral(gap_m=GAP_M, arc_m=0.1, start_rad=0.0, side=1, reach_m=1.0)
+    radii_m = [math.hypot(*place) for place in iter(wide.next_offset_m, None)]
+    assert radii_m[-2] < 1.0 <= radii_m[-1] < 1.0 + 0.1
 
 
 def test_sides_are_drawn_left_and_right_alike():
