@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import pytest
@@ -29,7 +30,7 @@ def test_a_tour_comes_near_to_every_place_of_the_room():
 def test_lanes_lie_across_the_wind(upwind_rad, axis):
     squares = UnseenSquares(ROOM, edge_m=1.5)
     places = tour(squares, (0.5, 0.5), upwind_rad, squares.n_unseen)
-    steps = [(abs(b[0] - a[0]), abs(b[1] - a[1])) for a, b in zip(places, places[1:])]
+    steps = [(abs(b[0] - a[0]), abs(b[1] - a[1])) for a, b in itertools.pairwise(places)]
     n_across = sum(step[axis] > step[1 - axis] for step in steps)
     assert n_across > 0.7 * len(steps)
 
@@ -37,7 +38,7 @@ def test_lanes_lie_across_the_wind(upwind_rad, axis):
 def test_a_tour_in_a_corner_first_is_hardly_longer_than_it_must_be():
     squares = UnseenSquares(ROOM, edge_m=1.5)
     places = tour(squares, (0.5, 0.5), 0.0, squares.n_unseen)
-    length_m = sum(math.dist(a, b) for a, b in zip(places, places[1:]))
+    length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
     assert length_m <= 1.3 * 1.5 * (len(places) - 1)
 
 
