@@ -1,0 +1,90 @@
+import math
+
+import pytest
+from briefings import briefing, observation
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.braitenberg.agent import Braitenberg
+
+SENSORS = [("pid", "left", (0.0, 0.2, 0.0)), ("pid", "right", (0.0, -0.2, 0.0))]
+MIDDLE_M = (7.0, 5.0, 2.0)
+
+
+def vehicle(sensors=SENSORS, **parameters) -> Braitenberg:
+    return Braitenberg(briefing(sensors=sensors, parameters={"declares": False, **parameters}))
+
+
+def told(agent, left, right, *, position_m=MIDDLE_M, yaw_rad=0.0, **changes):
+    readings = {"left": left, "right": right}
+    return agent.decide(observation(position_m=position_m, yaw_rad=yaw_rad, readings=readings, **changes))
+
+
+def speed_m_s(command):
+    return math.hypot(*command.velocity_world_m_s[:2])
+
+
+def test_in_clean_air_it_flies_straight_on_at_full_speed():
+    command = told(vehicle(), 0.0, 0.0, yaw_rad=0.7)
+    assert command.kind == "velocity"
+    assert (speed_m_s(command), command.yaw_rad, command.hold_s) == pytest.approx((0.4, 0.7, 0.5))
+    x_m_s, y_m_s, z_m_s = command.velocity_world_m_s
+    assert math.atan2(y_m_s, x_m_s) == pytest.approx(0.7)
+    assert z_m_s == 0.0
+
+
+@pytest.mark.parametrize(("wiring", "side"), [("straight", 1), ("crossed", -1)])
+def test_it_turns_to_more_gas_on_its_left_or_crossed_away_from_it(wiring, side):
+    agent = vehicle(wiring=wiring)
+    told(agent, 10.0, 10.0)
+    command = told(agent, 10.0, 5.0)
+    # x is 1 and 0.5: wheels 0.04 and 0.22 m/s, 0.4 m apart, for half a second.
+    assert command.yaw_rad == pytest.approx(side * 0.225)
+    assert speed_m_s(command) == pytest.approx(0.13)
+
+
+def test_it_rests_where_there_is_the_most_gas():
+    assert speed_m_s(told(vehicle(gain=1.0), 10.0, 10.0)) == pytest.approx(0.0)
+
+
+def test_turns_are_limited_and_add_up():
+    agent = vehicle(most_turn_rad_s=0.2)
+    told(agent, 10.0, 10.0)
+    assert [told(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_noise_in_clean_air_hardly_turns_it():
+    assert abs(told(vehicle(), 0.01, 0.0).yaw_rad) < 0.02
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_before_a_wall_it_turns_round(seed):
+    agent = Braitenberg(briefing(sensors=SENSORS, seed=seed))
+    command = told(agent, 0.0, 0.0, position_m=(14.0, 5.0, 2.0))
+    ahead_m = 0.5 + 0.4 * 0.5
+    assert 14.0 + ahead_m * math.cos(command.yaw_rad) <= 14.301
+    assert -math.pi <= command.yaw_rad <= math.pi
+
+
+def test_after_a_notice_it_does_not_go_on_as_before():
+    agent = vehicle()
+    before = told(agent, 0.0, 0.0)
+    assert told(agent, 0.0, 0.0, notice="heading for a wall").yaw_rad != before.yaw_rad
+
+
+def test_it_comes_back_to_its_height():
+    assert told(vehicle(), 0.0, 0.0, position_m=(7.0, 5.0, 2.4)).velocity_world_m_s[2] == pytest.approx(-0.2)
+
+
+def test_a_sensor_that_warms_up_shows_nothing():
+    assert speed_m_s(told(vehicle(), 50.0, 50.0, warming=("left", "right"))) == pytest.approx(0.4)
+
+
+def test_resistances_slow_the_wheels_down_when_they_fall():
+    agent = vehicle([("tgs2600", "left", (0.0, 0.2, 0.0)), ("tgs2600", "right", (0.0, -0.2, 0.0))])
+    told(agent, 5e4, 5e4)
+    assert told(agent, 2e4, 5e4).yaw_rad > 0.1
+
+
+def test_noses_behind_each_other_are_refused():
+    with pytest.raises(MethodError, match="across the vehicle"):
+        vehicle([("pid", "left", (0.2, 0.0, 0.0)), ("pid", "right", (-0.2, 0.0, 0.0))])

@@ -1,0 +1,118 @@
+import math
+from itertools import pairwise
+
+import pytest
+from briefings import briefing, observation
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.e_coli.agent import EColi
+
+HERE_M = (7.0, 5.0, 2.0)
+
+
+def agent(**parameters) -> EColi:
+    return EColi(briefing(parameters=parameters))
+
+
+def read(value):
+    return {"nose": value, "nose_ppm": 0.0}
+
+
+def heading_rad(command):
+    x_m, y_m, _ = command.position_world_m
+    return math.atan2(y_m - HERE_M[1], x_m - HERE_M[0])
+
+
+def headings_rad(flown: EColi, ohms, **changes):
+    return [
+        heading_rad(flown.decide(observation(tick=i, position_m=HERE_M, readings=read(ohm), **changes)))
+        for i, ohm in enumerate(ohms)
+    ]
+
+
+def test_it_flies_on_while_the_gas_grows_and_anywhere_when_it_does_not():
+    first, surge, again, lost, gas = headings_rad(agent(), [5e4, 4e4, 3e4, 3e4, 2e4])
+    assert first == surge == again
+    assert lost != again
+    assert gas == lost
+
+
+def test_a_fall_within_the_dead_band_is_no_gas_but_without_a_band_it_is():
+    ohms = [50_000.0, 49_900.0]
+    banded, strict = headings_rad(agent(), ohms), headings_rad(agent(eps=0.0), ohms)
+    assert banded[0] != banded[1]
+    assert strict[0] == strict[1]
+
+
+def test_the_first_leg_is_drawn_whatever_the_sensor_shows():
+    seen = observation(readings={"nose": 100.0}, position_m=HERE_M)
+    ends_m = {EColi(briefing(seed=seed)).decide(seen).position_world_m for seed in (1, 2)}
+    assert len(ends_m) == 2
+
+
+def test_a_surge_that_was_refused_is_not_flown_on():
+    flown = agent()
+    first = headings_rad(flown, [5e4])
+    refused = observation(tick=9, position_m=HERE_M, readings={"nose": 4e4}, notice="in an obstacle")
+    assert heading_rad(flown.decide(refused)) != first[0]
+
+
+def test_a_surge_at_a_wall_draws_and_keeps_what_it_drew():
+    flown, at_wall_m = agent(), (14.45, 5.0, 2.0)
+    seen = [observation(tick=i, position_m=at_wall_m, readings={"nose": 5e4 - 1e3 * i}) for i in range(4)]
+    ends_m = [flown.decide(one).position_world_m for one in seen]
+    assert all(x_m <= 14.5 for x_m, _, _ in ends_m)
+    assert len(set(ends_m)) == 1
+
+
+def test_the_mean_over_a_hold_can_be_compared_instead_of_the_last_reading():
+    """A last reading below the one before, in a hold that is above it on the whole."""
+    for measure, is_kept in (("last", True), ("mean", False)):
+        flown = agent(measure=measure)
+        (first,) = headings_rad(flown, [5e4])
+        for tick, ohm in ((5, 6e4), (6, 6e4)):
+            flown.observe(observation(tick=tick, position_m=(8.0, 5.0, 2.0), readings=read(ohm), asked=False))
+        last = observation(tick=7, position_m=(8.0, 5.0, 2.0), readings=read(4e4))
+        flown.observe(last)
+        x_m, y_m, _ = flown.decide(last).position_world_m
+        assert (math.atan2(y_m - 5.0, x_m - 8.0) == pytest.approx(first, abs=0.002)) is is_kept
+
+
+def test_a_surge_may_turn_a_little():
+    headings = headings_rad(agent(surge_turn_rad=0.1), [5e4 * 0.9**i for i in range(30)])
+    turns = [math.remainder(b - a, math.tau) for a, b in pairwise(headings)]
+    assert max(turns) > 0.05
+    assert min(turns) < -0.05
+    assert max(map(abs, turns)) <= 0.103
+
+
+@pytest.mark.parametrize(("model", "clean", "gas"), [("pid", 0.0, 1.0), ("hit_counter", 0.0, 2.0)])
+def test_any_gas_sensor_will_do(model, clean, gas):
+    flown = EColi(briefing(sensors=[(model, "nose")]))
+    a, b, c = headings_rad(flown, [clean, gas, clean])
+    assert a == b
+    assert c != b
+
+
+def test_a_saturated_sensor_is_not_more_gas():
+    a, b = headings_rad(agent(), [500.0, 500.0])
+    assert a != b
+
+
+def test_much_gas_that_ends_nearby_is_declared_and_the_search_goes_on():
+    flown = EColi(briefing(sensors=[("pid", "nose")]))
+    places = [((7.0 + 0.3 * (i % 4), 5.0 + 0.3 * (i // 4), 2.0), 5.0) for i in range(11)] + [((5.9, 5.0, 2.0), 0.0)]
+    places += [((8.2, 5.0, 2.0), 0.0)]
+    said = [
+        flown.decide(observation(tick=i, position_m=place_m, readings={"nose": ppm}))
+        for i, (place_m, ppm) in enumerate(places)
+    ]
+    declared = [command for command in said if command.kind == "declare_source"]
+    assert len(declared) == 1
+    assert math.dist(declared[0].declaration.position_world_m, (7.4, 5.3, 2.0)) < 0.2
+    assert said[-1].kind == "waypoint"
+
+
+def test_without_a_nose_it_says_what_is_missing():
+    with pytest.raises(MethodError, match="of kind gas"):
+        EColi(briefing(sensors=[("anemometer", "vane")]))

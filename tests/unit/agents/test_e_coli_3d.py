@@ -1,0 +1,56 @@
+import numpy as np
+from briefings import briefing, observation
+
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import KnownMap
+from gslcosim_agents.e_coli_3d.agent import EColi3d
+
+HERE_M = (7.0, 5.0, 4.0)
+
+
+def steps_m(flown: EColi3d, ohms, here_m=HERE_M):
+    ends_m = [
+        flown.decide(observation(tick=i, position_m=here_m, readings={"nose": ohm})).position_world_m
+        for i, ohm in enumerate(ohms)
+    ]
+    return [tuple(np.round(np.subtract(end_m, here_m), 9)) for end_m in ends_m]
+
+
+def test_a_surge_keeps_heading_and_climb_together():
+    first, surge, lost = steps_m(EColi3d(briefing()), [5e4, 4e4, 5e4])
+    assert surge == first
+    assert lost[2] != first[2]
+
+
+def test_climbs_and_steps_have_their_sizes_and_keep_off_floor_and_ceiling():
+    climbs_m = [dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 200)]
+    assert 0.28 < max(climbs_m) <= 0.3
+    assert -0.3 <= min(climbs_m) < -0.28
+    low_m, high_m = (7.0, 5.0, 0.6), (7.0, 5.0, 7.4)
+    assert min(dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 100, low_m)) >= -0.1
+    assert max(dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 100, high_m)) <= 0.1
+
+
+def test_a_surge_through_a_known_wall_is_drawn_anew_and_one_above_it_is_not():
+    """A wall 3 m high, east of the vehicle, in a map in space."""
+    occupied = np.zeros((30, 20, 16), np.uint8)
+    occupied[15, :, :6] = 1
+    known = KnownMap(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, occupied=NumericArray.from_array(occupied))
+    reached_m = {height_m: [] for height_m in (1.5, 4.0)}
+    for height_m, found_m in reached_m.items():
+        flown = EColi3d(briefing(known_map=known))
+        found_m += [7.0 + dx for dx, _, _ in steps_m(flown, [5e4] * 200, (7.0, 5.0, height_m))]
+    assert max(reached_m[1.5]) <= 7.5
+    assert max(reached_m[4.0]) > 7.9
+
+
+def test_it_declares_in_space():
+    flown = EColi3d(briefing(sensors=[("pid", "nose")]))
+    places = [((7.0 + 0.3 * (i % 4), 5.0 + 0.3 * (i // 4), 3.0), 5.0) for i in range(11)]
+    places += [((5.9, 5.0, 3.0), 0.0), ((8.2, 5.0, 3.0), 0.0)]
+    said = [
+        flown.decide(observation(tick=i, position_m=place_m, readings={"nose": ppm}))
+        for i, (place_m, ppm) in enumerate(places)
+    ]
+    (declared,) = [command for command in said if command.kind == "declare_source"]
+    assert abs(declared.declaration.position_world_m[2] - 3.0) < 1e-9
