@@ -10,7 +10,7 @@ import numpy as np
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
 from gslcosim.search.particle_swarm import Charge, Sighting, Weights, charge_velocity
-from gslcosim.search.swarming import SwarmRobot, Vector
+from gslcosim.search.swarming import Particle, Vector
 
 
 class CPso(Agent):
@@ -18,7 +18,7 @@ class CPso(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = settings_of(briefing, __file__)
-        self.robot = SwarmRobot(briefing, self.settings)
+        self.robot = Particle(briefing, self.settings)
         self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
         self.charge = Charge(
             squared_m3=self.settings.charge_squared_m3, core_m=self.settings.core_m, reach_m=self.settings.reach_m

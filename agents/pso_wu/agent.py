@@ -10,7 +10,7 @@ import numpy as np
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
 from gslcosim.search.particle_swarm import Sighting, Weights, slowed_downwind, turned_out_of_downwind
-from gslcosim.search.swarming import SwarmRobot, Vector
+from gslcosim.search.swarming import Particle, Vector
 
 
 class PsoWu(Agent):
@@ -18,7 +18,7 @@ class PsoWu(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = settings_of(briefing, __file__)
-        self.robot = SwarmRobot(briefing, self.settings)
+        self.robot = Particle(briefing, self.settings)
         self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
         self.forbidden_rad = math.radians(self.settings.forbidden_deg)
         self.wind_m_s = np.zeros(2)

@@ -6,7 +6,7 @@ After Kennedy and Eberhart, and Jatmiko et al. for robots. README.md beside this
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
 from gslcosim.search.particle_swarm import Sighting, Weights
-from gslcosim.search.swarming import SwarmRobot, Vector
+from gslcosim.search.swarming import Particle, Vector
 
 
 class SPso(Agent):
@@ -14,7 +14,7 @@ class SPso(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = settings_of(briefing, __file__)
-        self.robot = SwarmRobot(briefing, self.settings)
+        self.robot = Particle(briefing, self.settings)
         self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
 
     def observe(self, observation: Observation) -> None:

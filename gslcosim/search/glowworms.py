@@ -1,6 +1,6 @@
 """Glowworm swarm optimisation: who glows more attracts those who see it; with rules for gas and several sources.
 
-All but `OdourGlow` are pure functions; places are (d,) or (n, d) float64 arrays in the world frame [m].
+Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame [m].
 """
 
 import math
@@ -9,6 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gslcosim.search.draws import Draws
+from gslcosim.search.legs import Room
+from gslcosim.search.particle_swarm import limited
+from gslcosim.search.spirals import ArchimedeanSpiral, random_side
 
 Vector = NDArray[np.float64]
 _LEAST_M = 1e-9
@@ -183,3 +188,53 @@ def out_of_forbidden(place_m: Vector, declared_m: Sequence[Sequence[float]], rad
     if distance_m <= _LEAST_M:
         away_m, distance_m = np.eye(len(place_m))[0], 1.0
     return centre_m + away_m * (radius_m / distance_m)
+
+
+class SpiralSearch:
+    """Where a glowworm looks for gas: along a spiral about where it is, and when that has left the room, elsewhere.
+
+    Places of the spiral outside the room are left out. Draws where the next spiral is, its direction and side.
+
+    State: the spiral, its centre, and the place that is flown to.
+
+    Source:
+        Spiral as the first mode of the odour version (abstract only); what it does at walls is ours.
+    Held by:
+        tests/unit/search/test_glowworms.py
+    """
+
+    def __init__(self, room: Room, draws: Draws, *, gap_m: float, leg_m: float) -> None:
+        """Begin without a spiral; `gap_m` is between its turns, a step is at most `leg_m` long [m]."""
+        self._room, self._draws = room, draws
+        self._gap_m, self._leg_m = gap_m, leg_m
+        self._spiral: ArchimedeanSpiral | None = None
+        self._centre_m = self._target_m = np.zeros(2)
+
+    def forget(self) -> None:
+        """Leave the spiral: gas, or a place that cannot be reached."""
+        self._spiral = None
+
+    def step(self, place_m: Vector) -> Vector:
+        """Return the next step [m]."""
+        if self._spiral is None:
+            self._begin(place_m)
+        if math.dist(place_m, self._target_m) < 0.5 * self._leg_m:
+            self._target_m = self._next_place_m()
+        return limited(self._target_m - place_m, self._leg_m)
+
+    def _begin(self, centre_m: Vector) -> ArchimedeanSpiral:
+        self._spiral = ArchimedeanSpiral(
+            gap_m=self._gap_m, arc_m=self._leg_m, start_rad=self._draws.angle_rad(), side=random_side(self._draws)
+        )
+        self._centre_m, self._target_m = centre_m.copy(), centre_m.copy()
+        return self._spiral
+
+    def _next_place_m(self) -> Vector:
+        sides = list(zip(self._room.min_m[:2], self._room.max_m[:2]))
+        spiral = self._spiral or self._begin(self._centre_m)
+        while spiral.radius_m < math.hypot(*(high - low for low, high in sides)):
+            place_m = self._centre_m + np.array(spiral.next_offset_m())
+            if self._room.contains(tuple(place_m)):
+                return place_m
+        self._begin(np.array([self._draws.uniform(low, high) for low, high in sides]))
+        return self._centre_m

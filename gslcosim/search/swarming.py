@@ -1,7 +1,7 @@
 """What the robots of a swarm have in common: a nose, bests that fade, what the others say, legs, and a declaration."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -101,8 +101,8 @@ class Member:
 
     Its settings: `gas_floor`, `mox_band_frac`, `fades_s`, `declares`, `near_m`, `near_s`, `unchanged_s`.
 
-    State: where and when it is, what it smells, its own best, what the others said, its declaration, and `numbers`,
-    what the method tells the others besides.
+    State: where and when it is, what it smells, its own best, what the others said, and its declaration. A method may
+    set `numbers`, what it tells the others besides, and `is_ignored`, the places whose gas does not count.
 
     Held by:
         tests/unit/search/test_swarming.py
@@ -118,6 +118,7 @@ class Member:
         self.amount, self.wind_m_s = 0.0, np.zeros(2)
         self.own_best: Sighting | None = None
         self.numbers: tuple[float, ...] = ()
+        self.is_ignored: Callable[[Sequence[float]], bool] = lambda place_m: False
         nose, vane = noses_of(briefing)[0], next(iter(vanes_of(briefing)), None)
         self._measure = StopAndMeasure([nose], vane)
         self._smell = Smell(nose, floor=settings.gas_floor, band_frac=settings.mox_band_frac)
@@ -134,7 +135,8 @@ class Member:
         self._measure.add(observation)
         self.place_m, self.now_s = np.array(observation.position_world_m[:2]), observation.time_s
         measurement = self._measure.measured()
-        self.amount = 0.0 if measurement is None else self._smell.amount(measurement)
+        counts = measurement is not None and not self.is_ignored(self._place())
+        self.amount = self._smell.amount(measurement) if measurement is not None and counts else 0.0
         if measurement is not None and measurement.wind is not None:
             away_rad = measurement.wind.upwind_rad + math.pi
             self.wind_m_s = measurement.wind.speed_m_s * np.array([math.cos(away_rad), math.sin(away_rad)])
@@ -157,7 +159,8 @@ class Member:
         for report in self.team.recent(self.now_s).values():
             told = (report.best, Best(position_m=report.position_m, amount=report.amount))
             known += [Sighting(best.position_m[:2], best.amount, report.time_s) for best in told if best is not None]
-        now = [sighting.faded(self.now_s, self.settings.fades_s) for sighting in known if sighting.amount > 0.0]
+        counting = (place for place in known if place.amount > 0.0 and not self.is_ignored(place.place_m))
+        now = [sighting.faded(self.now_s, self.settings.fades_s) for sighting in counting]
         return max(now, key=lambda sighting: sighting.amount, default=None)
 
     def others_m(self, max_age_s: float = LOST_AFTER_S) -> Vector:
@@ -169,7 +172,7 @@ class Member:
         """Return the declaration of the swarm's best, if it is due: all are near it, or it has been so for long."""
         if best is None or not self.settings.declares:
             return None
-        heard_m = [tuple(self.place_m), *map(tuple, self.others_m())]
+        heard_m = [self._place(), *map(tuple, self.others_m())]
         # Who is not heard is not near: it counts among those that are not.
         lost_m = [(math.inf, math.inf)] * (len(self.team.members) - len(heard_m))
         estimate = self._rule.add(self.now_s, best.place_m, heard_m + lost_m)
@@ -195,17 +198,20 @@ class Member:
 
     # In centimetres, as the others are told it: the same best has the same place for all.
     def _here(self) -> Sighting:
-        x_m, y_m = (round(float(x), 2) for x in self.place_m)
-        return Sighting((x_m, y_m), self.amount, self.now_s)
+        x_m, y_m = self._place()
+        return Sighting((round(x_m, 2), round(y_m, 2)), self.amount, self.now_s)
+
+    def _place(self) -> tuple[float, float]:
+        x_m, y_m = self.place_m
+        return float(x_m), float(y_m)
 
 
 class SwarmRobot(Member):
     """A member that goes by legs and measures at their ends.
 
-    Its settings: those of a member, `leg_m`, `wall_margin_m`, `search_inertia`, `search_draw`, `waypoint_s` and
-    `repel_m` (0: nobody repels).
+    Its settings: those of a member, `leg_m` and `wall_margin_m`.
 
-    State: that of a member, its last step, and its waypoint before any gas.
+    State: that of a member, and its last step.
 
     Held by:
         tests/unit/search/test_swarming.py
@@ -216,17 +222,6 @@ class SwarmRobot(Member):
         super().__init__(briefing, settings)
         self.step_m = _NO_STEP
         self.pilot = Pilot(briefing, self.draws, margin_m=settings.wall_margin_m)
-        self.explorer = Explorer(
-            self.pilot.room, self.draws, inertia=settings.search_inertia, draw=settings.search_draw,
-            waypoint_s=settings.waypoint_s,
-        )  # fmt: skip
-
-    def take(self, observation: Observation) -> None:
-        """Take the measurement at the end of a leg; where that was refused, it begins anew from rest."""
-        super().take(observation)
-        if self.pilot.was_refused(observation):
-            self.step_m = _NO_STEP
-            self.explorer.forget()
 
     def decide(self, observation: Observation, step: Callable[[Sighting | None], Vector]) -> Command:
         """Return the next leg, or a declaration, and tell the others.
@@ -237,9 +232,60 @@ class SwarmRobot(Member):
         """
         if self.pilot.is_busy(observation):
             return self.pilot.stay(observation)
+        if self.pilot.was_refused(observation):
+            self.give_up()
         self.take(observation)
         best = self.swarm_best()
         return self.declared(observation, best) or self.leg(observation, step(best))
+
+    def give_up(self) -> None:
+        """Begin anew from rest: the last leg could not be flown."""
+        self.step_m = _NO_STEP
+
+    def random_step(self) -> Vector:
+        """Return a leg in a random direction that ends inside the room, if one is found."""
+        return self.drawn_inside(lambda: turned(np.array([self.settings.leg_m, 0.0]), self.draws.angle_rad()))
+
+    def drawn_inside(self, draw: Callable[[], Vector]) -> Vector:
+        """Return a step that ends inside the room: the first of several draws, or the last, which a wall will cut."""
+        step_m = _NO_STEP
+        for _ in range(N_REDRAWS):
+            step_m = limited(draw(), self.settings.leg_m)
+            if self.pilot.room.contains(tuple(self.place_m + step_m)):
+                break
+        return step_m
+
+    def leg(self, observation: Observation, step_m: Vector) -> Command:
+        """Return the command for a step, as far as walls allow; the step that is flown becomes the last one."""
+        command = self.pilot.leg(observation, tuple(map(float, self.place_m + step_m)))
+        assert command.position_world_m is not None
+        self.step_m = np.array(command.position_world_m[:2]) - self.place_m
+        return command.model_copy(update={"outgoing": self.call(observation)})
+
+
+class Particle(SwarmRobot):
+    """A robot that moves as a particle of a swarm.
+
+    Its settings: those of a robot, `search_inertia`, `search_draw`, `waypoint_s` and `repel_m` (0: nobody repels).
+
+    State: that of a robot, and its waypoint before any gas.
+
+    Held by:
+        tests/unit/search/test_swarming.py
+    """
+
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
+        """Begin without a best, a step and a waypoint."""
+        super().__init__(briefing, settings)
+        self.explorer = Explorer(
+            self.pilot.room, self.draws, inertia=settings.search_inertia, draw=settings.search_draw,
+            waypoint_s=settings.waypoint_s,
+        )  # fmt: skip
+
+    def give_up(self) -> None:
+        """Begin anew from rest, and with another waypoint."""
+        super().give_up()
+        self.explorer.forget()
 
     def swarm_step(self, best: Sighting | None, track: Callable[[Sighting], Vector]) -> Vector:
         """Return a step away from who is near; else towards a random waypoint before any gas; else the method's own.
@@ -264,28 +310,8 @@ class SwarmRobot(Member):
         best_m = np.array(best.place_m)
         return pso_velocity(self.step_m, self.place_m, own_m, best_m, weights=weights, draws=draws)
 
-    def random_step(self) -> Vector:
-        """Return a leg in a random direction that ends inside the room, if one is found."""
-        return self.drawn_inside(lambda: turned(np.array([self.settings.leg_m, 0.0]), self.draws.angle_rad()))
-
     def repelled(self) -> Vector | None:
         """Return the step away from robots that are too near, if any are."""
         return repelled_velocity(
             self.step_m, self.place_m, self.others_m(), within_m=self.settings.repel_m, leg_m=self.settings.leg_m
         )
-
-    def drawn_inside(self, draw: Callable[[], Vector]) -> Vector:
-        """Return a step that ends inside the room: the first of several draws, or the last, which a wall will cut."""
-        step_m = _NO_STEP
-        for _ in range(N_REDRAWS):
-            step_m = limited(draw(), self.settings.leg_m)
-            if self.pilot.room.contains(tuple(self.place_m + step_m)):
-                break
-        return step_m
-
-    def leg(self, observation: Observation, step_m: Vector) -> Command:
-        """Return the command for a step, as far as walls allow; the step that is flown becomes the last one."""
-        command = self.pilot.leg(observation, tuple(map(float, self.place_m + step_m)))
-        assert command.position_world_m is not None
-        self.step_m = np.array(command.position_world_m[:2]) - self.place_m
-        return command.model_copy(update={"outgoing": self.call(observation)})

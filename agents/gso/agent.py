@@ -1,0 +1,58 @@
+"""GSO: glowworm swarm optimisation for gas; who glows more is followed, and the brightest flies upwind.
+
+After Krishnanand and Ghose, and the odour version of their group. README.md beside this file has the rules.
+"""
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.glowworm_robot import Glowworm, Vector
+from gslcosim.search.method import settings_of
+from gslcosim.search.particle_swarm import Sighting
+
+
+class Gso(Agent):
+    """One glowworm."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.robot = Glowworm(briefing, self.settings)
+        self.is_odour = self.settings.version == "odour"
+        if not self.is_odour:
+            self.robot.luciferin = self.settings.start_luciferin
+
+    def observe(self, observation: Observation) -> None:
+        """Measure and listen."""
+        self.robot.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg."""
+        return self.robot.decide(observation, self.step)
+
+    def step(self, best: Sighting | None) -> Vector:
+        """Glow, look round, and return the next step; one that leads out of the room is cut at its wall."""
+        robot = self.robot
+        if self.is_odour:
+            robot.glow_by_odour()
+        else:
+            robot.glow_by_decay(decay=self.settings.decay, gain=self.settings.gain)
+        robot.numbers = (robot.luciferin,)
+        social_m = robot.social_step()
+        if social_m is not None:
+            return social_m
+        has_gas = best is not None and robot.luciferin > 0.0
+        return self.lead() if has_gas else robot.spiral.step(robot.place_m)
+
+    def lead(self) -> Vector:
+        """Return the step of the brightest: upwind, or on its spiral in calm air; the basic rule stays."""
+        if not self.is_odour:
+            return np.zeros(2)
+        upwind_m = self.robot.upwind_step()
+        if upwind_m is None:
+            return self.robot.spiral.step(self.robot.place_m)
+        self.robot.spiral.forget()
+        return upwind_m
+
+
+if __name__ == "__main__":
+    run(Gso)

@@ -1,0 +1,89 @@
+"""Modified GSO: glowworms that find plumes, gather, declare the source, and leave its surroundings to find others.
+
+After Zhang et al., as told in the thesis on GSL-Bench. README.md beside this file has the rules.
+"""
+
+import math
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.glowworm_robot import Glowworm, Vector
+from gslcosim.search.glowworms import in_forbidden, out_of_forbidden
+from gslcosim.search.method import settings_of
+from gslcosim.search.particle_swarm import Sighting, of_length, turned
+
+
+class ModifiedGso(Agent):
+    """One glowworm; it knows the places that have been declared, by itself or by others."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.robot = Glowworm(briefing, self.settings)
+        self.declared_m: list[tuple[float, float]] = []
+        self.robot.is_ignored = lambda place_m: in_forbidden(place_m, self.declared_m, self.settings.forbidden_m)
+        self.n_told = 0
+        self.zigzag_side = self.robot.side
+
+    def observe(self, observation: Observation) -> None:
+        """Measure and listen: the others tell what they have declared."""
+        for _, report in self.robot.observe(observation):
+            if len(report.numbers) >= 3:
+                self.forbid((report.numbers[1] / 100.0, report.numbers[2] / 100.0))
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or the declaration; what is declared is forbidden from then on."""
+        command = self.robot.decide(observation, self.step)
+        if command.declaration is not None:
+            x_m, y_m, _ = command.declaration.position_world_m
+            self.forbid((x_m, y_m))
+        return command
+
+    def forbid(self, place_m: tuple[float, float]) -> None:
+        """Remember a declared place, unless it is one that is known, and forget the gas that belongs to it."""
+        if in_forbidden(place_m, self.declared_m, self.settings.forbidden_m):
+            return
+        self.declared_m.append(place_m)
+        self.robot.glow.darken()
+        if self.robot.own_best is not None and self.robot.is_ignored(self.robot.own_best.place_m):
+            self.robot.own_best = None
+
+    def step(self, best: Sighting | None) -> Vector:
+        """Leave a declared region, gather where there is gas, or find a plume."""
+        robot = self.robot
+        robot.glow_by_odour()
+        robot.numbers = (robot.luciferin, *self.told_m())
+        if robot.is_ignored(tuple(map(float, robot.place_m))):
+            return out_of_forbidden(robot.place_m, self.declared_m, 1.1 * self.settings.forbidden_m) - robot.place_m
+        social_m = robot.social_step()
+        if social_m is not None:
+            return social_m
+        upwind_m = robot.upwind_step()
+        if best is None or robot.luciferin <= 0.0 or upwind_m is None:
+            return self.find()
+        robot.spiral.forget()
+        return upwind_m
+
+    def find(self) -> Vector:
+        """Return the next step to find a plume: on a spiral, or at an angle to upwind that changes side at walls."""
+        robot = self.robot
+        upwind_m = robot.upwind_step()
+        if self.settings.finding == "spiral" or upwind_m is None:
+            return robot.spiral.step(robot.place_m)
+        angle_rad = math.radians(self.settings.zigzag_deg)
+        for side in (self.zigzag_side, -self.zigzag_side):
+            step_m = of_length(turned(upwind_m, side * angle_rad), self.settings.leg_m)
+            if robot.pilot.room.contains(tuple(robot.place_m + step_m)):
+                self.zigzag_side = side
+                return step_m
+        return robot.random_step()
+
+    def told_m(self) -> tuple[float, ...]:
+        """Return one of the declared places in centimetres, each in its turn: texts are short, and some are lost."""
+        if not self.declared_m:
+            return ()
+        self.n_told += 1
+        x_m, y_m = self.declared_m[self.n_told % len(self.declared_m)]
+        return float(round(100.0 * x_m)), float(round(100.0 * y_m))
+
+
+if __name__ == "__main__":
+    run(ModifiedGso)
