@@ -224,7 +224,7 @@ class SwarmRobot(Member):
         self.pilot = Pilot(briefing, self.draws, margin_m=settings.wall_margin_m)
 
     def decide(self, observation: Observation, step: Callable[[Sighting | None], Vector]) -> Command:
-        """Return the next leg, or a declaration, and tell the others.
+        """Return the next leg, or a declaration, and tell the others; after a refused leg one in a random direction.
 
         Args:
             observation: The question.
@@ -232,11 +232,13 @@ class SwarmRobot(Member):
         """
         if self.pilot.is_busy(observation):
             return self.pilot.stay(observation)
-        if self.pilot.was_refused(observation):
+        was_refused = self.pilot.was_refused(observation)
+        if was_refused:
             self.give_up()
         self.take(observation)
         best = self.swarm_best()
-        return self.declared(observation, best) or self.leg(observation, step(best))
+        step_m = step(best)
+        return self.declared(observation, best) or self.leg(observation, self.random_step() if was_refused else step_m)
 
     def give_up(self) -> None:
         """Begin anew from rest: the last leg could not be flown."""
