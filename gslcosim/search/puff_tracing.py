@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.beliefs import normalised_from_log
+from gslcosim.search.beliefs import distances_m, normalised_from_log
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.puff_tracing_kernels import trace_back, trace_puffs
 from gslcosim.search.wind_field import WindField, WindRecord
@@ -20,8 +20,8 @@ class PuffModel:
     """How puffs travel: `step_s` between releases that are told apart, over the last `window_s`.
 
     A puff is `initial_sigma_m` wide at birth and wanders by `spread_m_sqrt_s` times the root of its age, on each axis;
-    where it is met it is detected with `detection_probability`. With an initial size of 0 the puff that is released
-    just now is left out: it has no extent.
+    where it is met, within `sensed_m2` of its place (absent: one cell), it is detected with `detection_probability`.
+    With an initial size of 0 the puff that is released just now is left out: it has no extent.
     """
 
     step_s: float = 0.5
@@ -29,6 +29,7 @@ class PuffModel:
     initial_sigma_m: float = 0.0
     spread_m_sqrt_s: float = 0.2
     detection_probability: float = 0.9
+    sensed_m2: float | None = None
 
     @property
     def n_steps(self) -> int:
@@ -74,17 +75,19 @@ def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
 def displacements_m(
     record: WindRecord, model: PuffModel, sensor_m: Sequence[float], *, field: WindField | None = None
 ) -> Array:
-    """Return how far puffs of age 0, 1, 2, ... steps have come that are at the sensor now, (n, 2) [m].
+    """Return how far puffs of age 0, 1, 2, ... steps have come that are at the sensor now, (n_steps + 1, 2) [m].
 
     Args:
         record: The wind so far.
         model: Gives step and window.
         sensor_m: Place of the measurement, world frame [m].
-        field: Without it the wind is the same everywhere, as in the paper, and puffs are traced back as far as it is
-            known. With it they are traced back through this field, over the whole window.
+        field: Without it the wind is the same everywhere, as in the paper, and was the mean one before it is known.
+            With it puffs are traced back through this field.
     """
     if field is None:
-        return partial_sums_m(record.winds_m_s()[-model.n_steps :], model.step_s)
+        winds_m_s = record.winds_m_s()[-model.n_steps :]
+        before = np.tile(record.mean_wind_m_s(), (model.n_steps - len(winds_m_s), 1))
+        return partial_sums_m(np.concatenate([before, winds_m_s]), model.step_s)
     grid, sensor = field.grid, np.array(sensor_m[:2], dtype=np.float64)
     return trace_back(sensor, model.n_steps, model.step_s, np.array(grid.origin_m), grid.cell_m, field.winds_m_s())
 
@@ -132,6 +135,12 @@ class SourceMap:
         """Take note that nothing was detected; `log_share` is ln gamma."""
         self.multiply(np.exp(log_share))
 
+    def reject(self, place_m: Sequence[float], radius_m: float, *, left_frac: float = 0.01) -> None:
+        """Take note that the source is not within a radius of a place: so little of the probability is left there."""
+        is_near = distances_m(self.grid, place_m) <= radius_m
+        updated = self.log_p + np.where(is_near, math.log(left_frac), 0.0)
+        self.log_p = updated - float(updated.max())
+
     def multiply(self, likelihood: Array) -> None:
         """Multiply by a likelihood between 0 and 1, raised to the floor."""
         floored = (1.0 - self._floor_frac) * likelihood + self._floor_frac
@@ -141,6 +150,34 @@ class SourceMap:
         # Measurements that together rule out every cell are a wrong model, not a proof: the map stays as it was.
         if math.isfinite(highest):
             self.log_p = updated - highest
+
+
+def footprint(model: PuffModel, travelled_m: Array, cell_m: float, shape: Sequence[int]) -> Array:
+    """Return the chance to detect gas of a source at each offset from the sensor, by what the wind has been like.
+
+    F(o) = 1 - gamma(o)        gamma as in `trace_puffs`, for a source in the cell at the offset o
+
+    Args:
+        model: How puffs spread, and how surely they are detected.
+        travelled_m: (n, 2) displacements of puffs of age 0, 1, ... steps [m].
+        cell_m: Edge of the cells [m].
+        shape: (nx, ny) of the grid in which the sensor may be anywhere.
+
+    Returns:
+        (2 nx - 1, 2 ny - 1), the sensor's own cell in the middle.
+
+    Held by:
+        tests/unit/search/test_puff_tracing.py
+    """
+    n_x, n_y = 2 * shape[0] - 1, 2 * shape[1] - 1
+    low_m = np.array([-0.5 * n_x * cell_m, -0.5 * n_y * cell_m])
+    variance_m2, first = model.variances_m2(len(travelled_m)), model.first_age
+    sensed_m2 = cell_m**2 if model.sensed_m2 is None else model.sensed_m2
+    _, log_share = trace_puffs(
+        low_m, cell_m, n_x, n_y, np.zeros(2), travelled_m[first:], variance_m2[first:],
+        model.detection_probability, sensed_m2,
+    )  # fmt: skip
+    return -np.expm1(log_share)
 
 
 def update(
@@ -159,10 +196,19 @@ def update(
     variance_m2 = model.variances_m2(len(travelled_m))
     low_m, sensor = np.array(grid.origin_m[:2]), np.array(sensor_m[:2], dtype=np.float64)
     n_x, n_y = grid.shape
+    sensed_m2 = grid.cell_m**2 if model.sensed_m2 is None else model.sensed_m2
     mean_share, log_share = trace_puffs(
-        low_m, grid.cell_m, n_x, n_y, sensor, travelled_m[first:], variance_m2[first:], model.detection_probability
-    )
+        low_m, grid.cell_m, n_x, n_y, sensor, travelled_m[first:], variance_m2[first:],
+        model.detection_probability, sensed_m2,
+    )  # fmt: skip
     if is_hit:
         source_map.detect(mean_share)
     else:
         source_map.miss(log_share)
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache on disk, so that no decision has to wait for it."""
+    tiny = SourceMap(CellGrid((0.0, 0.0), 1.0, (2, 2)))
+    update(tiny, PuffModel(), (1.0, 1.0), np.zeros((2, 2)), is_hit=True)
+    trace_back(np.zeros(2), 1, 1.0, np.array(tiny.grid.origin_m), 1.0, np.zeros((2, 2, 2)))

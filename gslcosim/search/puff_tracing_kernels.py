@@ -32,13 +32,14 @@ def _shares_on_axis(low_m, cell_m, n, centre_m, sigma_m, share):
 
 
 @numba.njit(cache=True)
-def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, detection_probability):
+def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, detection_probability, sensed_m2):
     """Return what a detection and what its absence say of a source in each cell.
 
     S_i(l) = integral over cell i of N(s; x - V(l), diag(v_x(l), v_y(l))) ds
-    detection: beta_i = (1 / n) sum over l of S_i(l);  none: ln gamma_i = sum over l of ln(1 - mu S_i(l))
+    detection: beta_i = (1 / n) sum over l of S_i(l)
+    none: ln gamma_i = sum over l of ln(1 - mu min(1, a S_i(l) / A))
     [1] = [m2] [1/m2]; x sensor, V(l) displacement and v(l) variance of the puff released at time l, mu its chance to
-    be detected where it is met.
+    be detected where it is met, A area of a cell, a the area in which the sensor meets a puff.
 
     Args:
         low_m: (2,) lower corner of cell (0, 0), world frame, xy [m].
@@ -49,6 +50,7 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
         displacement_m: (n_puffs, 2) how far the wind has carried each puff, world frame [m].
         variance_m2: (n_puffs, 2) variance of each puff's random displacement, by axis [m2], > 0.
         detection_probability: mu, from 0 to 1.
+        sensed_m2: a, area in which a puff is met [m2].
 
     Returns:
         beta, (n_x, n_y), and ln gamma, (n_x, n_y); index order (x, y), values belong to whole cells.
@@ -58,6 +60,7 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
     Deviation:
         The paper takes the density at the cell's centre times its area. That exceeds 1 for a puff smaller than a cell,
         and 1 - mu S is then negative; the integral over the cell does not, and tends to the same in small cells.
+        The paper meets a puff where it is in the sensor's cell, a = A; here cells may be smaller than what is met.
     Held by:
         tests/unit/search/test_puff_tracing.py (against a plain double loop; argmax and spread in uniform wind)
     """
@@ -66,6 +69,7 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
     share_x = np.empty(n_x)
     share_y = np.empty(n_y)
     n_puffs = displacement_m.shape[0]
+    met = sensed_m2 / (cell_m * cell_m)
     for k in range(n_puffs):
         x_m, y_m = sensor_m[0] - displacement_m[k, 0], sensor_m[1] - displacement_m[k, 1]
         i_0, i_1 = _shares_on_axis(low_m[0], cell_m, n_x, x_m, math.sqrt(variance_m2[k, 0]), share_x)
@@ -74,7 +78,9 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
             for j in range(j_0, j_1):
                 share = share_x[i] * share_y[j]
                 mean_share[i, j] += share
-                product[i, j] = max(LEAST_PRODUCT, product[i, j] * (1.0 - detection_probability * share))
+                product[i, j] = max(
+                    LEAST_PRODUCT, product[i, j] * (1.0 - detection_probability * min(1.0, met * share))
+                )
     if n_puffs > 0:
         mean_share /= n_puffs
     return mean_share, np.log(product)

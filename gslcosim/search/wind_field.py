@@ -60,6 +60,15 @@ class WindRecord:
         """Return (n, 2) the mean wind of each step, the oldest first, world frame [m/s]: where the air goes."""
         return self._table()[:, 2:]
 
+    def latest(self) -> tuple[float, float, float, float]:
+        """Return place [m] and wind [m/s] of the newest step: x, y, u, v.
+
+        Raises:
+            IndexError: there was no whole step yet.
+        """
+        x_m, y_m, u_m_s, v_m_s = self._steps[-1].tolist()
+        return x_m, y_m, u_m_s, v_m_s
+
     def mean_wind_m_s(self) -> Array:
         """Return the mean of all steps, 0 without any."""
         winds_m_s = self.winds_m_s()

@@ -175,7 +175,7 @@ def test_in_uniform_wind_the_chain_says_what_puff_tracing_says():
     for age in (5, 10, 15):
         travelled_m = partial_sums_m(winds, 1.0)[age : age + 1]
         sensor = np.array(grid.centre_m((30, 15)))
-        share, _ = trace_puffs(np.zeros(2), 0.5, 41, 31, sensor, travelled_m, variance[age - 1 : age], 0.9)
+        share, _ = trace_puffs(np.zeros(2), 0.5, 41, 31, sensor, travelled_m, variance[age - 1 : age], 0.9, 0.25)
         assert 0.5 * np.abs(share - chance[age - 1]).sum() < 0.04
 
 

@@ -49,7 +49,7 @@ def traced(winds_m_s, *, spread=0.3, mu=0.9, grid=GRID, sensor_m=SENSOR_M):
     travelled_m = partial_sums_m(winds_m_s, 1.0)
     variance = model.variances_m2(len(travelled_m))
     low_m, sensor = np.array(grid.origin_m), np.array(sensor_m)
-    return trace_puffs(low_m, grid.cell_m, *grid.shape, sensor, travelled_m[1:], variance[1:], mu)
+    return trace_puffs(low_m, grid.cell_m, *grid.shape, sensor, travelled_m[1:], variance[1:], mu, grid.cell_m**2)
 
 
 def test_shares_are_those_of_a_plain_double_loop():
@@ -86,7 +86,7 @@ def test_one_puff_in_uniform_wind_points_upwind_and_is_as_wide_as_the_root_of_it
     fine, wind_m_s, spread = CellGrid((0.0, 0.0), 0.1, (200, 160)), np.array([0.3, 0.1]), 0.2
     displacement_m = (wind_m_s * age_s)[None, :]
     variance = np.full((1, 2), spread**2 * age_s)
-    share, _ = trace_puffs(np.zeros(2), 0.1, 200, 160, np.array([12.05, 8.05]), displacement_m, variance, 0.9)
+    share, _ = trace_puffs(np.zeros(2), 0.1, 200, 160, np.array([12.05, 8.05]), displacement_m, variance, 0.9, 0.01)
     p = normalised(share)
     best = np.unravel_index(p.argmax(), p.shape)
     assert fine.centre_m(best) == pytest.approx((12.05 - 0.3 * age_s, 8.05 - 0.1 * age_s), abs=0.051)
@@ -162,10 +162,24 @@ def test_between_centres_the_wind_is_linear_and_beyond_them_constant():
         assert travelled[1] == pytest.approx([expected, 0.0]), place_m
 
 
-def test_displacements_end_with_the_window_or_with_what_is_known():
+def test_a_sensor_that_meets_puffs_in_more_than_a_cell_misses_fewer():
+    shares = plain_shares(GRID, SENSOR_M, WINDS_M_S, 1.0, 0.3)
+    travelled_m, model = partial_sums_m(WINDS_M_S, 1.0), PuffModel(step_s=1.0, spread_m_sqrt_s=0.3)
+    variance = model.variances_m2(len(travelled_m))
+    _, log_share = trace_puffs(
+        np.zeros(2), 0.5, *GRID.shape, np.array(SENSOR_M), travelled_m[1:], variance[1:], 0.9, 0.5
+    )
+    assert log_share == pytest.approx(np.log(1.0 - 0.9 * np.minimum(1.0, 2.0 * shares)).sum(axis=0), abs=1e-12)
+
+
+def test_displacements_go_back_over_the_window_with_the_mean_wind_where_none_is_known():
     record = WindRecord(Vane(name="vane"), step_s=0.5, n_steps=100)
     model = PuffModel(step_s=0.5, window_s=4.0)
-    assert len(displacements_m(record, model, SENSOR_M)) == 1
+    assert np.array_equal(displacements_m(record, model, SENSOR_M), np.zeros((9, 2)))
+    for tick in range(1, 22):
+        record.add(observation(tick=tick, readings={"vane": (0.1 * (tick > 11), math.pi)}))
+    assert displacements_m(record, model, SENSOR_M)[[4, 8], 0] == pytest.approx([0.095, 0.19], abs=0.02)
+    record = WindRecord(Vane(name="vane"), step_s=0.5, n_steps=100)
     for tick in range(1, 102):
         record.add(observation(tick=tick, readings={"vane": (0.5, math.pi)}))
     assert displacements_m(record, model, SENSOR_M)[-1] == pytest.approx([2.0, 0.0])
