@@ -7,7 +7,7 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.glowworm_robot import Glowworm, Vector
-from gslcosim.search.glowworms import in_forbidden, out_of_forbidden
+from gslcosim.search.glowworms import in_forbidden
 from gslcosim.search.method import settings_of
 from gslcosim.search.particle_swarm import Sighting, of_length, turned
 
@@ -20,6 +20,7 @@ class ModifiedGso(Agent):
         self.robot = Glowworm(briefing, self.settings)
         self.declared_m: list[tuple[float, float]] = []
         self.robot.is_ignored = lambda place_m: in_forbidden(place_m, self.declared_m, self.settings.forbidden_m)
+        self.is_leaving = False
         self.n_told = 0
         self.zigzag_side = self.robot.side
 
@@ -47,12 +48,16 @@ class ModifiedGso(Agent):
             self.robot.own_best = None
 
     def step(self, best: Sighting | None) -> Vector:
-        """Leave a declared region, gather where there is gas, or find a plume."""
+        """Gather where there is gas, or find a plume; who is in a declared region flies elsewhere first."""
         robot = self.robot
         robot.glow_by_odour()
         robot.numbers = (robot.luciferin, *self.told_m())
-        if robot.is_ignored(tuple(map(float, robot.place_m))):
-            return out_of_forbidden(robot.place_m, self.declared_m, 1.1 * self.settings.forbidden_m) - robot.place_m
+        is_inside = robot.is_ignored(tuple(map(float, robot.place_m)))
+        if is_inside and not self.is_leaving:
+            robot.spiral.move_on()
+        self.is_leaving = (is_inside or self.is_leaving) and robot.spiral.is_on_its_way(robot.place_m)
+        if self.is_leaving:
+            return robot.spiral.step(robot.place_m)
         social_m = robot.social_step()
         if social_m is not None:
             return social_m

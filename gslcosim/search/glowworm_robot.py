@@ -32,7 +32,7 @@ class Glowworm(SwarmRobot):
     State: that of a robot, its luciferin, how far it sees, its spiral, and the side to which it circles.
 
     Held by:
-        tests/unit/search/test_glowworm_robot.py
+        tests/unit/agents/test_gso.py, test_modified_gso.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
@@ -41,7 +41,10 @@ class Glowworm(SwarmRobot):
         self.luciferin = 0.0
         self.glow = OdourGlow(memory_s=settings.memory_s, threshold=settings.gas_floor)
         self.radius_m = settings.sight_m
-        self.spiral = SpiralSearch(self.pilot.room, self.draws, gap_m=settings.spiral_gap_m, leg_m=settings.leg_m)
+        self.spiral = SpiralSearch(
+            self.pilot.room, self.draws, gap_m=settings.spiral_gap_m, leg_m=settings.leg_m,
+            is_left_out=lambda place_m: self.is_ignored(place_m),
+        )  # fmt: skip
         self.side = 1 if self.team.index % 2 else -1
 
     def give_up(self) -> None:

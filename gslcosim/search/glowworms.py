@@ -5,7 +5,7 @@ Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame 
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from gslcosim.search.particle_swarm import limited
 from gslcosim.search.spirals import ArchimedeanSpiral, random_side
 
 Vector = NDArray[np.float64]
+N_DRAWS = 10
 _LEAST_M = 1e-9
 
 
@@ -164,36 +165,23 @@ def circling_m(place_m: Vector, other_m: Vector, *, radius_m: float, step_m: flo
 
 
 def in_forbidden(place_m: Sequence[float], declared_m: Sequence[Sequence[float]], radius_m: float) -> bool:
-    """Return whether a place is in the region about a declared source, where no other is looked for."""
-    return any(math.dist(place_m, centre_m) < radius_m for centre_m in declared_m)
+    """Return whether a place is in the region about a declared source, where no other is looked for.
 
-
-def out_of_forbidden(place_m: Vector, declared_m: Sequence[Sequence[float]], radius_m: float) -> Vector:
-    """Return the nearest place on the edge of the declared region that a place is in, or the place itself.
-
-    x' = s + R (x - s) / |x - s|        s centre of the nearest declared region [m], R its radius [m]
-
-    Regions that overlap are left one after the other, in several steps. Exactly at its centre it leaves along x.
+    |x - s| < R for any declared s        [m]
 
     Source:
         Zhang et al. 2011 (CCC), modified GSO as told in the thesis on GSL-Bench; R 2 m remembered, unverified.
     Held by:
         tests/unit/search/test_glowworms.py
     """
-    if not in_forbidden(tuple(place_m), declared_m, radius_m):
-        return place_m.copy()
-    centre_m = np.array(min(declared_m, key=lambda centre_m: math.dist(centre_m, place_m)))
-    away_m = place_m - centre_m
-    distance_m = float(np.linalg.norm(away_m))
-    if distance_m <= _LEAST_M:
-        away_m, distance_m = np.eye(len(place_m))[0], 1.0
-    return centre_m + away_m * (radius_m / distance_m)
+    return any(math.dist(place_m, centre_m) < radius_m for centre_m in declared_m)
 
 
 class SpiralSearch:
     """Where a glowworm looks for gas: along a spiral about where it is, and when that has left the room, elsewhere.
 
-    Places of the spiral outside the room are left out. Draws where the next spiral is, its direction and side.
+    Places of the spiral outside the room are left out, and those that are not worth to be searched. Draws where the
+    next spiral is, its direction and side.
 
     State: the spiral, its centre, and the place that is flown to.
 
@@ -203,9 +191,25 @@ class SpiralSearch:
         tests/unit/search/test_glowworms.py
     """
 
-    def __init__(self, room: Room, draws: Draws, *, gap_m: float, leg_m: float) -> None:
-        """Begin without a spiral; `gap_m` is between its turns, a step is at most `leg_m` long [m]."""
-        self._room, self._draws = room, draws
+    def __init__(
+        self,
+        room: Room,
+        draws: Draws,
+        *,
+        gap_m: float,
+        leg_m: float,
+        is_left_out: Callable[[Sequence[float]], bool] = lambda place_m: False,
+    ) -> None:
+        """Begin without a spiral.
+
+        Args:
+            room: Where it may lead.
+            draws: Random numbers.
+            gap_m: Distance between its turns [m].
+            leg_m: Longest step [m].
+            is_left_out: Which places (x, y) are not worth to be searched.
+        """
+        self._room, self._draws, self._is_left_out = room, draws, is_left_out
         self._gap_m, self._leg_m = gap_m, leg_m
         self._spiral: ArchimedeanSpiral | None = None
         self._centre_m = self._target_m = np.zeros(2)
@@ -213,6 +217,15 @@ class SpiralSearch:
     def forget(self) -> None:
         """Leave the spiral: gas, or a place that cannot be reached."""
         self._spiral = None
+
+    def move_on(self) -> None:
+        """Begin another spiral elsewhere, with the way there."""
+        self._begin(self._elsewhere_m())
+
+    def is_on_its_way(self, place_m: Vector) -> bool:
+        """Return whether it has not come to the centre of its spiral yet."""
+        is_at_centre = math.dist(place_m, self._centre_m) < 0.5 * self._leg_m
+        return self._spiral is not None and self._spiral.n_steps == 0 and not is_at_centre
 
     def step(self, place_m: Vector) -> Vector:
         """Return the next step [m]."""
@@ -234,7 +247,20 @@ class SpiralSearch:
         spiral = self._spiral or self._begin(self._centre_m)
         while spiral.radius_m < math.hypot(*(high - low for low, high in sides)):
             place_m = self._centre_m + np.array(spiral.next_offset_m())
-            if self._room.contains(tuple(place_m)):
+            if self._is_good(place_m):
                 return place_m
-        self._begin(np.array([self._draws.uniform(low, high) for low, high in sides]))
+        self._begin(self._elsewhere_m())
         return self._centre_m
+
+    def _elsewhere_m(self) -> Vector:
+        place_m = self._centre_m
+        for _ in range(N_DRAWS):
+            sides = zip(self._room.min_m[:2], self._room.max_m[:2])
+            place_m = np.array([self._draws.uniform(low, high) for low, high in sides])
+            if self._is_good(place_m):
+                break
+        return place_m
+
+    def _is_good(self, place_m: Vector) -> bool:
+        place = (float(place_m[0]), float(place_m[1]))
+        return self._room.contains(place) and not self._is_left_out(place)

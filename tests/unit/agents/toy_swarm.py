@@ -60,9 +60,7 @@ class ToySwarm:
         speed_m_s: float = SPEED_M_S,
     ) -> None:
         names = [f"robot_{i + 1}" for i in range(len(starts_m))]
-        channel = ChannelDescription(
-            name="radio", members=tuple(names), range_m=None, delay_ticks=1, max_bytes=64
-        )
+        channel = ChannelDescription(name="radio", members=tuple(names), range_m=None, delay_ticks=1, max_bytes=64)
         self.gas, self.size_m, self.solid, self.wind_m_s = gas, size_m, tuple(solid), wind_m_s
         self.loss_frac, self.speed_m_s = loss_frac, speed_m_s
         self.rng = np.random.default_rng(seed)
@@ -89,7 +87,10 @@ class ToySwarm:
     @property
     def declarations(self):
         return [
-            command.declaration for robot in self.robots for command in robot.commands if command.declaration is not None
+            command.declaration
+            for robot in self.robots
+            for command in robot.commands
+            if command.declaration is not None
         ]
 
     def fly(self, until_s: float, stop: Callable[["ToySwarm"], bool] = lambda swarm: False) -> bool:
@@ -140,9 +141,7 @@ class ToySwarm:
 
     def is_free(self, place_m: Sequence[float]) -> bool:
         inside = all(0.05 <= x <= side - 0.05 for x, side in zip(place_m, self.size_m))
-        return inside and not any(
-            x0 <= place_m[0] <= x1 and y0 <= place_m[1] <= y1 for x0, y0, x1, y1 in self.solid
-        )
+        return inside and not any(x0 <= place_m[0] <= x1 and y0 <= place_m[1] <= y1 for x0, y0, x1, y1 in self.solid)
 
     def _move(self, robot: Robot) -> None:
         if robot.status == "flying" and robot.target_m is not None:

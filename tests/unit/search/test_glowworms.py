@@ -6,6 +6,7 @@ import pytest
 from gslcosim.search.draws import Draws
 from gslcosim.search.glowworms import (
     OdourGlow,
+    SpiralSearch,
     attraction,
     brighter_neighbours,
     chosen,
@@ -13,9 +14,11 @@ from gslcosim.search.glowworms import (
     in_forbidden,
     next_luciferin,
     next_radius_m,
-    out_of_forbidden,
     step_towards,
 )
+from gslcosim.search.legs import Room
+
+ROOM = Room(min_m=(1.0, 1.0, 0.5), max_m=(9.0, 7.0, 2.5))
 
 
 def at(*metres: float) -> np.ndarray:
@@ -122,11 +125,45 @@ def test_circling_keeps_its_distance_and_goes_round(side):
     assert angles == ([90, 180, 270, 0] if side == 1 else [270, 180, 90, 0])
 
 
-def test_declared_regions_are_left_by_the_shortest_way():
+def test_a_declared_region_is_a_disc():
     declared = [(2.0, 2.0), (9.0, 9.0)]
     assert in_forbidden((3.0, 2.0), declared, 2.0)
-    assert not in_forbidden((4.1, 2.0), declared, 2.0)
+    assert not in_forbidden((4.0, 2.0), declared, 2.0)
     assert not in_forbidden((3.0, 2.0), [], 2.0)
-    assert out_of_forbidden(at(2.6, 2.8), declared, 2.0) == pytest.approx([3.2, 3.6])
-    assert out_of_forbidden(at(6.0, 2.0), declared, 2.0).tolist() == [6.0, 2.0]
-    assert out_of_forbidden(at(2.0, 2.0), declared, 2.0).tolist() == [4.0, 2.0]
+
+
+def places_of(search: SpiralSearch, place, n: int) -> np.ndarray:
+    places = []
+    for _ in range(n):
+        step = search.step(place)
+        assert np.hypot(*step) <= 1.0 + 1e-9
+        place = place + step
+        places.append(place)
+    return np.array(places)
+
+
+def test_a_spiral_begins_where_it_is_and_covers_the_room():
+    places = places_of(SpiralSearch(ROOM, Draws(3), gap_m=2.0, leg_m=1.0), at(5.0, 4.0), 400)
+    assert 0.5 < math.dist(places[0], (5.0, 4.0)) < 1.0  # an arc of a leg
+    assert all(ROOM.contains(tuple(place)) for place in places)
+    cells = {(int(x), int(y)) for x, y in places}
+    assert len(cells) > 0.8 * 8 * 6
+
+
+def test_places_that_are_not_worth_it_are_left_out():
+    search = SpiralSearch(ROOM, Draws(3), gap_m=2.0, leg_m=1.0, is_left_out=lambda place: place[0] < 4.0)
+    assert places_of(search, at(6.0, 4.0), 300)[:, 0].min() >= 4.0
+
+
+def test_who_moves_on_flies_elsewhere_before_it_spirals():
+    search, place = SpiralSearch(ROOM, Draws(5), gap_m=2.0, leg_m=1.0), at(2.0, 2.0)
+    assert not search.is_on_its_way(place)
+    search.move_on()
+    headings = []
+    while search.is_on_its_way(place):
+        step = search.step(place)
+        headings.append(math.atan2(step[1], step[0]))
+        place = place + step
+        assert len(headings) < 20
+    assert len(headings) > 1
+    assert headings == pytest.approx([headings[0]] * len(headings))

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from briefings import briefing, observation
+from toy_swarm import ToySwarm, hill
+
+from gslcosim_agents.c_pso.agent import CPso
+
+MEMBERS = ("a", "b", "c", "d")
+STARTS = [(3.0, 3.0), (3.0, 12.0), (12.0, 12.0), (12.0, 3.0)]
+
+
+def made(name: str, **parameters) -> CPso:
+    return CPso(briefing(sensors=(("pid", "nose"),), members=MEMBERS, name=name, parameters=parameters))
+
+
+def pushed(agent: CPso, *heard: tuple[str, str]) -> list[float]:
+    """What the charges add to the step of a robot at (7, 5)."""
+    question = observation(readings={"nose": 1.0}, heard=heard, name=agent.robot.team.name)
+    agent.observe(question)
+    agent.robot.take(question)
+    return agent.push_m().tolist()
+
+
+@pytest.mark.parametrize(
+    ("share", "charged"), [(0.5, {"a", "b"}), (0.0, set()), (1.0, set(MEMBERS)), (0.3, {"a", "b"})]
+)
+def test_the_first_by_name_are_charged_and_all_agree_who(share, charged):
+    for name in MEMBERS:
+        assert made(name, charged_frac=share).charged == charged
+
+
+def test_charges_push_each_other_and_nobody_else():
+    text = "g 39 700 700 200 0"  # 2 m to the north
+    assert pushed(made("a"), ("b", text)) == pytest.approx([0.0, -0.25])
+    assert pushed(made("a"), ("c", text)) == [0.0, 0.0]
+    assert pushed(made("c"), ("a", text)) == [0.0, 0.0]
+    assert pushed(made("a"), ("b", "g 39 700 1200 200 0")) == [0.0, 0.0]  # beyond the reach of 5 m
+
+
+@pytest.mark.slow
+def test_charged_robots_search_on_about_those_that_converge():
+    """At the top of a hill robots without charge stand together; charged ones keep their distance from each other."""
+    parameters = {"declares": False, "fades_s": 0, "charge_squared_m3": 4.0}
+    swarm = ToySwarm(CPso, STARTS, hill(7.5, 7.5), seed=2, parameters=parameters, hold_s=0.2)
+    gaps = {"charged": [], "plain": []}
+
+    def note(swarm):
+        if swarm.time_s > 40.0:
+            places = [robot.place_m for robot in swarm.robots]
+            gaps["charged"].append(np.hypot(*(places[0] - places[1])))
+            gaps["plain"].append(np.hypot(*(places[2] - places[3])))
+        return False
+
+    swarm.fly(120.0, note)
+    assert np.mean(gaps["charged"]) > 2.0 * np.mean(gaps["plain"])
