@@ -1,0 +1,131 @@
+"""SniffySquad: a team on one GrGSL belief, some of it cold and some hot, that swaps these roles where it pays.
+
+After arXiv 2411.06121. README.md beside this file has the rules, method.yaml the parameters.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.beliefs import BeliefPublisher
+from gslcosim.search.declaring import Declared, by_variance
+from gslcosim.search.draws import Draws
+from gslcosim.search.flying import declaration
+from gslcosim.search.gr_gsl import GrGsl, GrGslSettings, warm_up
+from gslcosim.search.instruments import noses_of, vane_of
+from gslcosim.search.langevin import (
+    langevin_step_m,
+    potential_of,
+    potential_slope,
+    settled_roles,
+    swapped_roles,
+    temperature_ladder,
+)
+from gslcosim.search.map_flights import MapFlights, StopWatch
+from gslcosim.search.measuring import Measurement
+from gslcosim.search.method import settings_of
+from gslcosim.search.rounds import Round, Rounds
+
+HIT, CLEAN, UNCLEAR = 1.0, 0.0, -1.0
+N_REDRAWS = 20
+
+
+class SniffySquad(Agent):
+    """One robot of the squad: its belief is that of all, its role is a rung on the ladder of temperatures."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        s = self.settings = settings_of(briefing, __file__)
+        warm_up()
+        self.draws = Draws(briefing.seed)
+        self.flights = MapFlights(
+            briefing, self.draws, cell_m=s.cell_m, max_cells=s.max_cells, clearance_m=s.clearance_m,
+            margin_m=s.wall_margin_m,
+        )  # fmt: skip
+        self.watch = StopWatch(briefing, threshold_ppm=s.gas_threshold_ppm, every_s=s.finding_s)
+        nose, vane = noses_of(briefing)[0], vane_of(briefing)
+        self.rounds = Rounds(briefing, nose, vane, amount=self.verdict, timeout_s=s.timeout_s)
+        figures = GrGslSettings(sigma_hit_rad=s.sigma_hit_rad, sigma_miss_rad=s.sigma_miss_rad)
+        self.method = GrGsl(self.flights.free, self.flights.grid, figures, flyable=self.flights.flyable)
+        self.ladder = temperature_ladder(self.rounds.n_members, s.coldest, s.hottest)
+        self.role = self.rounds.index
+        self.name, self.height_m = briefing.agent, briefing.search_height_m
+        self.publisher, self.declared = BeliefPublisher(), Declared()
+        self.asked: Observation | None = None
+
+    def observe(self, observation: Observation) -> None:
+        """Read and listen: reports come with any observation."""
+        self.watch.add(observation)
+        self.rounds.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Go on to the goal; there wait until all have read, learn from all, and declare or take the next step."""
+        flights, self.asked = self.flights, observation
+        if flights.pilot.is_busy(observation):
+            return flights.pilot.stay(observation)
+        if flights.is_under_way(observation) and (leg := flights.leg(observation)) is not None:
+            return leg
+        flights.goal_m = None
+        potential = float(potential_of(self.method.p)[flights.grid.nearest_cell(observation.position_world_m)])
+        now = self.rounds.complete(observation, (self.role, potential, self.draws.fraction()))
+        if now is None:
+            return self.rounds.wait(observation)
+        self.learn(now)
+        self.role = self.roles(now)[self.name]
+        belief = self.publisher.message(observation, self.method.p, flights.grid, height_m=self.height_m)
+        limit_m2 = self.settings.declare_variance_m2
+        found = self.declared.passes(by_variance(self.method.p, flights.grid, limit_m2=limit_m2))
+        if found is not None and self.settings.declares:
+            said = declaration(observation, (*found.position_m, self.height_m), found.confidence, belief=belief)
+            return said.model_copy(update={"outgoing": self.rounds.call()})
+        return self.step(observation, now).model_copy(update={"outgoing": self.rounds.call(), "belief": belief})
+
+    def verdict(self, _: Measurement) -> float:
+        """Return what the reports tell of the gas at a stop: there was some, none, or the sensor cannot tell."""
+        assert self.asked is not None
+        return {True: HIT, False: CLEAN, None: UNCLEAR}[self.watch.stop(self.asked).is_hit]
+
+    def learn(self, now: Round) -> None:
+        """Take in what all have measured, in the order of their names, so that all come to the same belief."""
+        for report in now.reports.values():
+            x_m_s, y_m_s = report.wind_m_s or (0.0, 0.0)
+            is_calm = math.hypot(x_m_s, y_m_s) <= self.settings.wind_threshold_m_s
+            if report.amount != UNCLEAR:
+                downwind_rad = None if is_calm else math.atan2(y_m_s, x_m_s)
+                self.method.update(report.position_m, is_hit=report.amount == HIT, downwind_rad=downwind_rad)
+
+    def roles(self, now: Round) -> dict[str, int]:
+        """Return everyone's role after this round's swaps, by what all have told."""
+        told = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
+        roles = settled_roles({name: int(numbers[0]) for name, numbers in told.items()}, len(self.ladder))
+        potentials = {name: numbers[1] for name, numbers in told.items()}
+        fractions = {name: numbers[2] for name, numbers in told.items()}
+        is_odd, attempt = now.number % 2 == 1, self.settings.attempt
+        return {self.name: self.role} | swapped_roles(
+            roles, potentials, fractions, self.ladder, is_odd=is_odd, attempt=attempt
+        )
+
+    def step(self, observation: Observation, now: Round) -> Command:
+        """Return the leg of a Langevin step; one that ends in something solid or at another robot is drawn anew."""
+        flights, s = self.flights, self.settings
+        here_m = observation.position_world_m[:2]
+        others_m = [report.position_m[:2] for name, report in now.reports.items() if name != self.name]
+        slope = potential_slope(potential_of(self.method.p), flights.grid, here_m)
+        goal_m = flights.nearest_flyable_m(here_m)
+        for _ in range(N_REDRAWS):
+            noise = np.array((self.draws.normal(), self.draws.normal()))
+            dx_m, dy_m = langevin_step_m(
+                slope, noise, temperature=self.ladder[self.role], mobility_m2=s.mobility_m2, longest_m=s.leg_m
+            )
+            end_m = (here_m[0] + float(dx_m), here_m[1] + float(dy_m))
+            cell = flights.grid.cell_at(end_m)
+            is_free = cell is not None and bool(flights.flyable[cell])
+            if is_free and all(math.dist(end_m, other_m) > s.apart_m for other_m in others_m):
+                goal_m = end_m
+                break
+        flights.go_to(goal_m)
+        return flights.leg(observation) or flights.stay(observation)
+
+
+if __name__ == "__main__":
+    run(SniffySquad)
