@@ -122,11 +122,14 @@ def briefing_for(seed: int, needs: Needs | None = None) -> Briefing:
 
 
 def sensors_for(needs: Needs) -> tuple[SensorDescription, ...]:
-    """Return a nose, an anemometer and a PID, and after them as many more as a method needs."""
+    """Return a nose, an anemometer and a PID, and after them as many more as a method needs.
+
+    Nose and PID are on either side of the vehicle, for methods that compare two sides.
+    """
     sensors = [
-        _sensor("nose", "tgs2600", "resistance", "ohm"),
+        _sensor("nose", "tgs2600", "resistance", "ohm", y_m=0.2),
         _sensor("wind", "anemometer", WIND_QUANTITY, "m/s, rad"),
-        _sensor("pid", "pid", "mixing_ratio", "ppm"),
+        _sensor("pid", "pid", "mixing_ratio", "ppm", y_m=-0.2),
     ]
     for kind, n_needed in needs.sensors.items():
         n_missing = n_needed - count_of_kind(kind, sensors)
@@ -238,12 +241,12 @@ def _extended(value: Any, more: dict[str, Any]) -> Any:
     return [_extended(item, more) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _sensor(name: str, model: str, quantity: str, unit: str) -> SensorDescription:
+def _sensor(name: str, model: str, quantity: str, unit: str, *, y_m: float = 0.0) -> SensorDescription:
     return SensorDescription(
         name=name,
         model=model,
         quantity=quantity,
         unit=unit,
-        mount_body_m=(0.0, 0.0, 0.1),
+        mount_body_m=(0.0, y_m, 0.1),
         directions_body=NumericArray.from_array(_AROUND) if quantity == RANGE_QUANTITY else None,
     )
