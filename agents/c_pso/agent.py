@@ -32,12 +32,12 @@ class CPso(Agent):
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: as in S-PSO, with what the other charged ones add."""
-        return self.robot.decide(observation, lambda best: self.robot.swarm_step(best, self.track))
+        return self.robot.decide(observation, self.step)
 
-    def track(self, best: Sighting) -> Vector:
+    def step(self, best: Sighting | None) -> Vector:
         """Return the step of the equation of motion, with fresh random numbers, and the push of the charges."""
-        step_m = self.robot.particle_step(best, self.weights)
-        return step_m + self.push_m()
+        push_m = self.push_m()
+        return self.robot.swarm_step(best, lambda best: self.robot.particle_step(best, self.weights) + push_m)
 
     def push_m(self) -> Vector:
         """Return what the other charged robots add to a charged one's step; nothing for one without charge."""

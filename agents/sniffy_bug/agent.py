@@ -10,7 +10,7 @@ import numpy as np
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.legs import Room
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import limited
+from gslcosim.search.particle_swarm import Sighting, limited
 from gslcosim.search.sniffy_bug import (
     TABLES,
     Bug,
@@ -38,7 +38,7 @@ class SniffyBug(Agent):
         self.room = Room.within(briefing.bounds, self.settings.wall_margin_m)
         self.waypoint_m: Vector | None = None
         self.since_s = 0.0
-        self.best_amount = 0.0
+        self.best: Sighting | None = None
 
     def observe(self, observation: Observation) -> None:
         """Listen."""
@@ -74,9 +74,8 @@ class SniffyBug(Agent):
     def update_waypoint(self, *, is_blocked: bool) -> None:
         """Take a new waypoint where the last one is reached, too old or blocked, or the swarm's best gets better."""
         member, table = self.member, self.table
-        best = member.swarm_best()
-        amount = 0.0 if best is None else best.amount
-        is_better, self.best_amount = amount > self.best_amount, amount
+        before, self.best = self.best, member.swarm_best()
+        is_better = is_other_and_better(before, self.best, self.settings.fades_s)
         last_m = self.waypoint_m
         if last_m is not None and not is_better and not is_blocked:
             is_reached = math.dist(member.place_m, last_m) < table.reached_m
@@ -88,7 +87,7 @@ class SniffyBug(Agent):
     def next_waypoint(self, *, is_blocked: bool) -> Vector:
         """Return the waypoint by the swarm's rule, or the random one before any gas and where the way was blocked."""
         member, table = self.member, self.table
-        best = member.swarm_best()
+        best = self.best
         last_m = member.place_m if self.waypoint_m is None else self.waypoint_m
         if best is None or is_blocked:
             waypoint_m = searching_waypoint(
@@ -107,6 +106,13 @@ class SniffyBug(Agent):
         if half_m > 0.0:
             return self.member.place_m + np.array([draws.uniform(-half_m, half_m) for _ in range(2)])
         return np.array([draws.uniform(low, high) for low, high in zip(self.room.min_m[:2], self.room.max_m[:2])])
+
+
+def is_other_and_better(before: Sighting | None, best: Sighting | None, fades_s: float) -> bool:
+    """Return whether the best is at another place and more: the same one, told again, may only be rounded up."""
+    if before is None or best is None:
+        return best is not None
+    return best.place_m != before.place_m and best.amount > before.faded(best.time_s, fades_s).amount
 
 
 if __name__ == "__main__":

@@ -154,7 +154,8 @@ class ToySwarm:
             robot.place_m = np.array(goal_m)
         else:
             robot.n_blocked += 1
-            robot.target_m, robot.velocity_m_s = robot.place_m.copy(), np.zeros(2)
+            robot.target_m = None if robot.target_m is None else robot.place_m.copy()
+            robot.velocity_m_s = np.zeros(2)
         if robot.status == "flying" and robot.target_m is not None and np.array_equal(robot.place_m, robot.target_m):
             robot.status, robot.target_m, robot.hold_until_s = "holding", None, self.time_s + robot.hold_s
         robot.track_m.append((float(robot.place_m[0]), float(robot.place_m[1])))
@@ -173,7 +174,8 @@ class ToySwarm:
             assert command.velocity_world_m_s is not None
             robot.velocity_m_s = np.array(command.velocity_world_m_s[:2])
             assert np.hypot(*robot.velocity_m_s) <= self.speed_m_s + 1e-9
-        robot.status, robot.hold_until_s = "holding", self.time_s + hold_s
+        robot.status = "flying" if command.kind == "velocity" else "holding"
+        robot.hold_until_s = self.time_s + hold_s
 
     def _observation(self, robot: Robot) -> Observation:
         x_m, y_m = map(float, robot.place_m)
@@ -187,7 +189,7 @@ class ToySwarm:
             yaw_rad=0.0,
             velocity_world_m_s=(0.0, 0.0, 0.0),
             status=robot.status,
-            awaiting_command=robot.status == "holding" and self.time_s >= robot.hold_until_s - 1e-9,
+            awaiting_command=robot.target_m is None and self.time_s >= robot.hold_until_s - 1e-9,
             readings=tuple(
                 Reading(sensor=name, quantity="any", unit="any", values=tuple(value)) for name, value in values.items()
             ),
