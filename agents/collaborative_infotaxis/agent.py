@@ -1,0 +1,148 @@
+"""Collaborative infotaxis: each robot runs infotaxis on the findings of all, and leaves to the others what they chose.
+
+README.md beside this file has the rules, method.yaml the parameters.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
+from gslcosim.search.beliefs import BeliefPublisher
+from gslcosim.search.declaring import Declared, by_entropy, by_mass
+from gslcosim.search.draws import Draws
+from gslcosim.search.flying import declaration
+from gslcosim.search.gas_evidence import Finding, GasEvidence
+from gslcosim.search.grid_search import arrival_radius_m, direction_spread_rad, dispersal_of
+from gslcosim.search.grids import CellGrid
+from gslcosim.search.information import best_of
+from gslcosim.search.instruments import noses_of, vane_of
+from gslcosim.search.legs import leg_end
+from gslcosim.search.method import settings_of
+from gslcosim.search.piloting import Pilot
+from gslcosim.search.radio import Report, Team
+from gslcosim.search.rounds import as_heard
+from gslcosim.search.shared_belief import SharedBelief, SharedFinding, assigned_costs
+from gslcosim.search.wind_field import WindRecord
+
+WIND_STEP_S = 1.0
+# Who was not heard for so long has no plan any more.
+PLAN_LASTS_S = 15.0
+# Others whose plans are weighed: each doubles the outcomes.
+N_PLANNED = 3
+Place = tuple[float, float]
+
+
+class CollaborativeInfotaxis(Agent):
+    """One robot of the team; its belief rests on the findings of all, its choice on where the others are going."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        s = self.settings = settings_of(briefing, __file__)
+        self.team, self.pilot = Team(briefing), Pilot(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
+        self.evidence = GasEvidence(noses_of(briefing)[0], every_s=s.stop_s, threshold_ppm=s.threshold_ppm)
+        self.winds = WindRecord(vane_of(briefing), step_s=WIND_STEP_S, n_steps=max(1, round(s.wind_memory_s)))
+        grid = CellGrid.covering(briefing.bounds, s.cell_m)
+        known_map = briefing.known_map
+        self.belief = SharedBelief(
+            grid,
+            np.ones(grid.shape, np.bool_) if known_map is None else grid.free_cells(known_map),
+            dispersal_of(briefing, s, 2),
+            floor=s.floor,
+            power=s.power,
+            near_m=0.5 * s.step_m,
+            reach_m=arrival_radius_m(briefing) if s.arrival == "by_mission" else 0.0,
+        )
+        self.told: list[Report] = []
+        self.aimed_m: Place | None = None
+        self.publisher, self.declared = BeliefPublisher(), Declared()
+        self.height_m = briefing.search_height_m
+        self.choose((1.0, 1.0), 0.0)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of wind and gas on the way, and of what the others found."""
+        self.winds.add(observation)
+        finding = self.evidence.add(observation)
+        if finding is not None:
+            self.told.append(self.report(finding, observation.time_s))
+            self.take(self.team.name, self.told[-1])
+        for name, report in self.team.hear(observation):
+            self.take(name, report)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next stop, or a declaration, and tell the last findings."""
+        self.observe(observation)
+        if self.pilot.is_busy(observation):
+            return self.pilot.stay(observation)
+        s, p, grid = self.settings, self.belief.p, self.belief.grid
+        message = self.publisher.message(observation, p, grid, height_m=self.height_m)
+        found = by_mass(p, grid, radius_m=s.radius_m, least=s.mass)
+        found = found or by_entropy(p, grid, limit_bits=s.entropy_bits, radius_m=s.radius_m)
+        found = self.declared.passes(found) if s.declares else None
+        if found is not None:
+            command = declaration(observation, (*found.position_m, self.height_m), found.confidence)
+        else:
+            x_m, y_m, _ = observation.position_world_m
+            self.aimed_m = self.choose((x_m, y_m), observation.time_s)
+            command = self.pilot.leg(observation, self.aimed_m, hold_s=s.hold_s)
+        return command.model_copy(update={"outgoing": self.calls(), "belief": message})
+
+    def choose(self, here_m: Place, time_s: float) -> Place:
+        """Return the place that adds most to what the others will tell; not one that another robot is going to."""
+        plans_m = self.plans_m(here_m, time_s)
+        places_m = self.places_m(here_m)
+        places_m = [p for p in places_m if all(math.dist(p, q) > self.settings.apart_m for q in plans_m)] or places_m
+        wind_m_s, spread_rad = self.wind()
+        own = self.belief.prospect(places_m, wind_m_s, spread_rad)
+        planned = [self.belief.prospect([place_m], wind_m_s, spread_rad) for place_m in plans_m[:N_PLANNED]]
+        return places_m[best_of(assigned_costs(self.belief.p.reshape(-1), own, planned))]
+
+    def places_m(self, here_m: Place) -> list[Place]:
+        """Return the ends of steps that may be flown; here where there are none."""
+        n, room = self.settings.n_headings, self.pilot.room
+        ends = [leg_end(here_m, 2.0 * math.pi * k / n, self.settings.step_m, room) for k in range(n)]
+        return [(end[0], end[1]) for end in ends if end is not None] or [here_m]
+
+    def plans_m(self, here_m: Place, time_s: float) -> list[Place]:
+        """Return where the others are going, by what they told last, the nearest first."""
+        recent = self.team.recent(time_s, PLAN_LASTS_S).values()
+        plans_m = [(report.numbers[2], report.numbers[3]) for report in recent if len(report.numbers) >= 4]
+        return sorted(plans_m, key=lambda plan_m: math.dist(plan_m, here_m))
+
+    def wind(self) -> tuple[Place, float]:
+        """Return the mean wind of the last seconds [m/s], and how far its direction spreads [rad]."""
+        winds_m_s = self.winds.winds_m_s()
+        if not len(winds_m_s):
+            return (0.0, 0.0), 0.0
+        x_m_s, y_m_s = winds_m_s.mean(axis=0)
+        return (float(x_m_s), float(y_m_s)), direction_spread_rad(winds_m_s)
+
+    def report(self, finding: Finding, time_s: float) -> Report:
+        """Return a finding as the others hear it: it weighs the same for all."""
+        wind_m_s, spread_rad = self.wind()
+        report = Report(
+            time_s=time_s,
+            position_m=finding.sensor_m,
+            amount=float(finding.is_hit),
+            wind_m_s=wind_m_s,
+            numbers=(float(len(self.told) + 1), spread_rad, *(self.aimed_m or ())),
+        )
+        return as_heard(report, self.team)
+
+    def take(self, finder: str, report: Report) -> None:
+        """Put a finding into the belief, one's own or another's."""
+        if len(report.numbers) < 2 or report.wind_m_s is None:
+            return
+        self.belief.add(
+            SharedFinding(
+                finder=finder, number=int(report.numbers[0]), time_s=report.time_s, place_m=report.position_m[:2],
+                is_hit=report.amount > 0.5, wind_m_s=report.wind_m_s, spread_rad=report.numbers[1],
+            )
+        )  # fmt: skip
+
+    def calls(self) -> tuple[RadioMessage, ...]:
+        """Return the last findings, the oldest first: who missed one hears it the next time."""
+        return tuple(message for report in self.told[-self.settings.n_repeats :] for message in self.team.call(report))
+
+
+if __name__ == "__main__":
+    run(CollaborativeInfotaxis)
