@@ -19,15 +19,17 @@ LOOKS_AHEAD_M = 0.5
 
 
 class Braitenberg(Agent):
-    """Remembers where it wants to go, and the range of what each nose has shown."""
+    """Remembers where it wants to go, and the range of what its noses have shown."""
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = settings_of(briefing, __file__)
         self.sides = [(nose, GasLevel(nose), RunningRange()) for nose in lateral_pair(noses_of(briefing))]
+        left, right = (nose for nose, _, _ in self.sides)
+        if self.settings.ranges == "shared" and left.unit == right.unit:
+            self.sides = [(nose, level, self.sides[0][2]) for nose, level, _ in self.sides]
         for _, level, seen in self.sides:
             seen.add(0.0)
             seen.add(LEAST_RANGE * level.threshold)
-        left, right = self.sides[0][0], self.sides[1][0]
         self.half_base_m = (left.mount_body_m[1] - right.mount_body_m[1]) / 2.0
         self.room = Room.of(briefing, self.settings.wall_margin_m)
         self.height_m = briefing.search_height_m
@@ -59,7 +61,8 @@ class Braitenberg(Agent):
 
     def speed_and_turn(self, observation: Observation) -> tuple[float, float]:
         """Return speed [m/s] and rate of turn [rad/s] that the two noses make."""
-        left_frac, right_frac = (self.fraction(observation, *side) for side in self.sides)
+        levels = [self.level(observation, *side) for side in self.sides]
+        left_frac, right_frac = (seen.fraction(now) for now, (_, _, seen) in zip(levels, self.sides))
         wheels_m_s = wheel_speeds_m_s(
             left_frac,
             right_frac,
@@ -71,13 +74,11 @@ class Braitenberg(Agent):
         most_rad_s = self.settings.most_turn_rad_s
         return speed_m_s, max(-most_rad_s, min(most_rad_s, turn_rad_s))
 
-    def fraction(self, observation: Observation, nose: Nose, level: GasLevel, seen: RunningRange) -> float:
-        """Return what a nose shows, from 0 for the least that it has shown to 1 for the most."""
-        if not nose.is_ready(observation):
-            return 0.0
-        now = level.of(nose.value(observation))
+    def level(self, observation: Observation, nose: Nose, level: GasLevel, seen: RunningRange) -> float:
+        """Return what a nose shows above clean air, and remember the range of that."""
+        now = level.of(nose.value(observation)) if nose.is_ready(observation) else 0.0
         seen.add(now)
-        return seen.fraction(now)
+        return now
 
     def free_heading_rad(self, observation: Observation, heading_rad: float, speed_m_s: float) -> float:
         """Return the heading if there is room ahead, else one drawn at random along which there is."""

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from gslcosim.search.instruments import Nose
 
 Point = tuple[float, ...]
 Array = NDArray[np.float64]
+# And a bit, for three stops exactly that far apart.
+_THIRD_TURN_RAD = math.tau / 3.0 + 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +73,8 @@ class ReactiveRule:
        stops have less than `edge_share` of that gas, or none (at most `threshold`)
 
     The estimate is the mean of the stops with gas (above `threshold`), weighted by it; its confidence is their share.
-    Without a wind (`upwind_rad` absent) the edge may be anywhere around: rule 3 then takes every stop that far away.
+    Without a wind (`upwind_rad` absent) the gas must end all around: rule 3 then takes every stop that far away, and
+    seen from the stop with the most gas they leave no third of a circle empty.
 
     State: the last stops.
 
@@ -134,7 +138,9 @@ class ReactiveRule:
         best = max(stops, key=lambda stop: stop.gas)
         beyond = [stop for stop in stops if _ahead_m(best, stop, upwind_rad) >= self._edge_m]
         lost = max(self._threshold, self._edge_share * best.gas)
-        return bool(beyond) and all(stop.gas <= lost for stop in beyond)
+        if not beyond or any(stop.gas > lost for stop in beyond):
+            return False
+        return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
 
 
 class ReactiveDeclarer:
@@ -294,6 +300,13 @@ def by_spread(positions_m: Array, weights: Array, *, limit_m: float = 0.5, radiu
 def _estimate_of(p: Array, grid: CellGrid, radius_m: float) -> Estimate:
     position_m = beliefs.mean_of_best_m(p, grid)
     return Estimate(position_m=position_m, confidence=min(1.0, beliefs.mass_within(p, grid, position_m, radius_m)))
+
+
+# The widest angle between neighbouring stops, seen from another one.
+def _widest_gap_rad(origin: _Stop, stops: Sequence[_Stop]) -> float:
+    x_m, y_m = origin.position_m[:2]
+    bearings_rad = sorted(math.atan2(stop.position_m[1] - y_m, stop.position_m[0] - x_m) for stop in stops)
+    return max(b - a for a, b in pairwise([*bearings_rad, bearings_rad[0] + math.tau]))
 
 
 # How far a stop lies upwind of another; without a wind, how far away.

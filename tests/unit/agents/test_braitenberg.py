@@ -11,7 +11,9 @@ MIDDLE_M = (7.0, 5.0, 2.0)
 
 
 def vehicle(sensors=SENSORS, **parameters) -> Braitenberg:
-    return Braitenberg(briefing(sensors=sensors, parameters={"declares": False, **parameters}))
+    return Braitenberg(
+        briefing(sensors=sensors, parameters={"declares": False, "speed_m_s": 0.4, "gain": 0.9, **parameters})
+    )
 
 
 def told(agent, left, right, *, position_m=MIDDLE_M, yaw_rad=0.0, **changes):
@@ -34,12 +36,21 @@ def test_in_clean_air_it_flies_straight_on_at_full_speed():
 
 @pytest.mark.parametrize(("wiring", "side"), [("straight", 1), ("crossed", -1)])
 def test_it_turns_to_more_gas_on_its_left_or_crossed_away_from_it(wiring, side):
-    agent = vehicle(wiring=wiring)
-    told(agent, 10.0, 10.0)
-    command = told(agent, 10.0, 5.0)
+    command = told(vehicle(wiring=wiring), 10.0, 5.0)
     # x is 1 and 0.5: wheels 0.04 and 0.22 m/s, 0.4 m apart, for half a second.
     assert command.yaw_rad == pytest.approx(side * 0.225)
     assert speed_m_s(command) == pytest.approx(0.13)
+
+
+@pytest.mark.parametrize(("ranges", "turn_rad"), [("shared", 0.45), ("own", 0.0)])
+def test_the_first_gas_of_all_turns_it_where_the_noses_share_their_range(ranges, turn_rad):
+    assert told(vehicle(ranges=ranges), 10.0, 5.0).yaw_rad == pytest.approx(0.5 * turn_rad)
+
+
+def test_noses_of_two_kinds_have_ranges_of_their_own():
+    agent = vehicle([("tgs2600", "left", (0.0, 0.2, 0.0)), ("pid", "right", (0.0, -0.2, 0.0))])
+    told(agent, 5e4, 0.0)
+    assert told(agent, 1e4, 100.0).yaw_rad == pytest.approx(0.0)
 
 
 def test_it_rests_where_there_is_the_most_gas():
@@ -48,7 +59,6 @@ def test_it_rests_where_there_is_the_most_gas():
 
 def test_turns_are_limited_and_add_up():
     agent = vehicle(most_turn_rad_s=0.2)
-    told(agent, 10.0, 10.0)
     assert [told(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
 
 
@@ -60,7 +70,7 @@ def test_noise_in_clean_air_hardly_turns_it():
 def test_before_a_wall_it_turns_round(seed):
     agent = Braitenberg(briefing(sensors=SENSORS, seed=seed))
     command = told(agent, 0.0, 0.0, position_m=(14.0, 5.0, 2.0))
-    ahead_m = 0.5 + 0.4 * 0.5
+    ahead_m = 0.5 + 0.8 * 0.5
     assert 14.0 + ahead_m * math.cos(command.yaw_rad) <= 14.301
     assert -math.pi <= command.yaw_rad <= math.pi
 

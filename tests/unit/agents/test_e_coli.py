@@ -99,17 +99,21 @@ def test_a_saturated_sensor_is_not_more_gas():
     assert a != b
 
 
+def at(radius_m, turns):
+    """A place around the middle of the room."""
+    return (7.0 + radius_m * math.cos(math.tau * turns), 5.0 + radius_m * math.sin(math.tau * turns), 2.0)
+
+
 def test_much_gas_that_ends_nearby_is_declared_and_the_search_goes_on():
     flown = EColi(briefing(sensors=[("pid", "nose")]))
-    places = [((7.0 + 0.3 * (i % 4), 5.0 + 0.3 * (i // 4), 2.0), 5.0) for i in range(11)] + [((5.9, 5.0, 2.0), 0.0)]
-    places += [((8.2, 5.0, 2.0), 0.0)]
+    places = [(HERE_M, 6.0), *((at(0.3, i / 8), 5.0) for i in range(8)), *((at(1.2, i / 3), 0.0) for i in range(4))]
     said = [
         flown.decide(observation(tick=i, position_m=place_m, readings={"nose": ppm}))
         for i, (place_m, ppm) in enumerate(places)
     ]
     declared = [command for command in said if command.kind == "declare_source"]
     assert len(declared) == 1
-    assert math.dist(declared[0].declaration.position_world_m, (7.4, 5.3, 2.0)) < 0.2
+    assert math.dist(declared[0].declaration.position_world_m, HERE_M) < 0.1
     assert said[-1].kind == "waypoint"
 
 

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 from briefings import briefing, observation
 
@@ -46,8 +48,10 @@ def test_a_surge_through_a_known_wall_is_drawn_anew_and_one_above_it_is_not():
 
 def test_it_declares_in_space():
     flown = EColi3d(briefing(sensors=[("pid", "nose")]))
-    places = [((7.0 + 0.3 * (i % 4), 5.0 + 0.3 * (i // 4), 3.0), 5.0) for i in range(11)]
-    places += [((5.9, 5.0, 3.0), 0.0), ((8.2, 5.0, 3.0), 0.0)]
+    around = [
+        (radius_m, math.tau * i / n, ppm) for n, radius_m, ppm in ((8, 0.3, 5.0), (3, 1.2, 0.0)) for i in range(n)
+    ]
+    places = [((7.0 + r * math.cos(a), 5.0 + r * math.sin(a), 3.0), ppm) for r, a, ppm in [(0.0, 0.0, 6.0), *around]]
     said = [
         flown.decide(observation(tick=i, position_m=place_m, readings={"nose": ppm}))
         for i, (place_m, ppm) in enumerate(places)

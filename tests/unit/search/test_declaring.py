@@ -65,9 +65,17 @@ def test_only_the_last_legs_count():
     assert ruled([(9.0, 9.0, 0.0), *AT_THE_SOURCE]) is not None
 
 
+def ring(n: int, gas: float, radius_m: float = 1.1):
+    """Stops evenly around the origin, which has the most gas."""
+    angles = [math.tau * i / n for i in range(n)]
+    return [(0.0, 0.0, 4.0), *[(radius_m * math.cos(a), radius_m * math.sin(a), gas) for a in angles]]
+
+
 def test_without_wind_the_gas_must_end_all_around():
-    assert ruled(AT_THE_SOURCE, upwind_rad=None) is not None
-    assert ruled([*AT_THE_SOURCE, (-0.4, -1.0, 3.0)], upwind_rad=None, n_legs=5) is None
+    assert ruled(ring(3, 0.1), upwind_rad=None) is not None
+    assert ruled(AT_THE_SOURCE, upwind_rad=None) is None  # it ends on one side
+    assert ruled([*ring(4, 0.1)[:4], (0.1, 0.1, 0.0)], upwind_rad=None, n_legs=5) is None  # on three of four
+    assert ruled([*ring(3, 0.1)[:3], (-0.55, -0.96, 3.0)], upwind_rad=None) is None  # it goes on to one side
 
 
 STOPS = [((0.3 * (i % 4), 0.3 * (i // 4)), 3.0) for i in range(11)] + [((-1.1, 0.0), 0.0)]
