@@ -49,6 +49,7 @@ class LanguageAgent:
     libraries: tuple[str, ...]
     observations: str
     is_slow_to_build: bool
+    methods: tuple[str, ...] = ()
 
     @property
     def build_folder(self) -> Path:
@@ -83,14 +84,14 @@ class LanguageAgent:
         if problem := build_once(self.folder, self.build_folder, self._filled(self.build_command)):
             pytest.fail(problem)
 
-    def started_by(self) -> list[str]:
-        """Return the command line that starts the agent from any folder."""
+    def started_by(self, *methods: str) -> list[str]:
+        """Return the command line that starts the agent from any folder, with a method where it has several."""
         program, *arguments = self._filled(self.start_command)
-        return [self._placed(program) if "/" in program else program, *map(self._placed, arguments)]
+        return [self._placed(program) if "/" in program else program, *map(self._placed, arguments), *methods]
 
-    def start_override(self) -> tuple[str, str]:
+    def start_override(self, *methods: str) -> tuple[str, str]:
         """Return the arguments of `gslcosim up` that fly this agent instead of the scenario's."""
-        command = json.dumps(self.started_by())
+        command = json.dumps(self.started_by(*methods))
         ways = f"door: {self.door}, format: {self.format}, observations: {self.observations}"
         return "--set", f"agents[0].start={{command: {command}, {ways}}}"
 
@@ -103,7 +104,16 @@ class LanguageAgent:
 
 
 def language_agents() -> list[LanguageAgent]:
-    """Return all agents that say how they are built and started."""
+    """Return the dung beetles of all languages."""
+    return [agent for agent in _agents() if not agent.methods]
+
+
+def ports() -> list[tuple[LanguageAgent, str]]:
+    """Return the agents that fly methods of the Python ones in another language, with each method."""
+    return [(agent, method) for agent in _agents() for method in agent.methods]
+
+
+def _agents() -> list[LanguageAgent]:
     return [_read(path) for path in sorted((ROOT / "agents").glob("*/agent.yaml"))]
 
 
@@ -131,6 +141,7 @@ def _read(path: Path) -> LanguageAgent:
         libraries=tuple(fields.get("libraries", ())),
         observations=fields.get("observations", "all"),
         is_slow_to_build=fields.get("slow_to_build", False),
+        methods=tuple(fields.get("methods", ())),
     )
 
 

@@ -1,0 +1,64 @@
+"""Methods in other languages are those of the Python agents of the same names: equal commands, equal digests."""
+
+import subprocess
+
+import pytest
+from flights import TINY_ROOM, fly_here
+from languages import BUILD_LIMIT_S, ports
+
+# The first test of a language builds it; on a new machine its packages are fetched, too.
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_LIMIT_S + 120)]
+
+# A larger room that is searched until the time is over, because success is asked for closer than legs can lead.
+LONG = (
+    "--set", "environment.layout.size_m=[12, 9, 4]",
+    "--set", "agents[0].vehicle.start_m=[10, 6, 0.2]",
+    "--set", "agents[0].vehicle.model=holonomic",
+    "--set", "gas.warm_up_s=60",
+    "--set", "referee.success={within_m: 0.02, of: source}",
+    "--set", "referee.stop.time_limit_s=200",
+)  # fmt: skip
+NOSES = {"ohm": "tgs2600", "ppm": "pid"}
+# What the port can do of what the Python method can, by method; see the README of its folder.
+PARAMETERS = {
+    "e_coli": ("{declares: false}", "{declares: false, eps: 0.0, step_m: 0.7, wall_margin_m: 0.3, hold_s: 0.2}"),
+}
+
+each_port = pytest.mark.parametrize(
+    ("agent", "method"), [pytest.param(*port, id=f"{port[0].folder.name}-{port[1]}") for port in ports()]
+)
+
+
+def changes(nose, parameters):
+    sensors = f"[{{model: {NOSES[nose]}, name: nose}}, {{model: anemometer, name: wind}}]"
+    return (*LONG, "--set", f"agents[0].sensors={sensors}", "--set", f"agents[0].parameters={parameters}")
+
+
+@each_port
+@pytest.mark.parametrize("nose", NOSES)
+@pytest.mark.parametrize("n", [0, 1])
+def test_a_port_flies_like_python(tmp_path, agent, method, nose, n):
+    agent.build()
+    arguments = changes(nose, PARAMETERS[method][n])
+    reference = fly_here(TINY_ROOM, tmp_path / "python", *arguments, "--set", f"agents[0].start={{python: {method}}}")
+    port = fly_here(TINY_ROOM, tmp_path / "port", *arguments, *agent.start_override(method))
+    assert reference.result["agents"][0]["steps"] > 20
+    assert port.result["faults"] == reference.result["faults"] == []
+    assert port.result["digest"] == reference.result["digest"]
+
+
+@each_port
+def test_a_port_refuses_parameters_that_it_does_not_know(tmp_path, agent, method):
+    agent.build()
+    arguments = changes("ppm", "{wings: 2}")
+    flown = fly_here(TINY_ROOM, tmp_path, *arguments, *agent.start_override(method))
+    assert flown.result["end_reason"] == "agent_failed"
+    assert "parameters.wings" in flown.result["faults"][0]["text"]
+
+
+@each_port
+def test_a_port_tells_which_methods_it_has(agent, method):
+    agent.build()
+    outcome = subprocess.run(agent.started_by("no_such"), input="", capture_output=True, text=True, check=False)
+    assert outcome.returncode != 0
+    assert method in outcome.stderr
