@@ -29,7 +29,7 @@ WIND_STEP_S = 1.0
 # Who was not heard for so long has no plan any more.
 PLAN_LASTS_S = 15.0
 # Others whose plans are weighed: each doubles the outcomes.
-N_PLANNED = 3
+N_PLANNED = 2
 Place = tuple[float, float]
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.formations import PlaneFit, fit_plane
+from gslcosim.search.formations import COLLINEAR_FRAC, PlaneFit, fit_plane
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def lattice_forces(positions_m: Floats, spacing_m: float, *, soft_m: float) -> F
     return np.sum(strength[..., None] * apart_m, axis=1)
 
 
-def relaxed_lattice(positions_m: Floats, spacing_m: float, *, n_steps: int = 40, step_frac: float = 0.05) -> Floats:
+def relaxed_lattice(positions_m: Floats, spacing_m: float, *, n_steps: int = 12, step_frac: float = 0.1) -> Floats:
     """Return where the robots (n, 2) come when they follow the lattice's forces for a while, without inertia.
 
     p <- p + q R F(p), n_steps times, with the soft band h = R / 4; then shifted so that the mean stays where it was
@@ -170,13 +170,17 @@ def flux_divergence(positions_m: Floats, flux: Floats, reach_m: float) -> Floats
     Held by:
         tests/unit/search/test_fluxes.py (exact for linear fluxes)
     """
-    divergence = np.full(len(positions_m), np.nan)
-    for i, place_m in enumerate(positions_m):
-        is_near = np.hypot(*(positions_m - place_m).T) <= reach_m
-        x, y = (fit_plane(positions_m[is_near], flux[is_near, axis]).gradient_per_m for axis in (0, 1))
-        if x is not None and y is not None:
-            divergence[i] = x[0] + y[1]
-    return divergence
+    apart_m = positions_m[:, None] - positions_m[None]
+    is_near = np.hypot(apart_m[..., 0], apart_m[..., 1]) <= reach_m
+    means_m = is_near @ positions_m / is_near.sum(axis=1)[:, None]
+    rows = (positions_m[None] - means_m[:, None]) * is_near[..., None]
+    normal, moments = np.einsum("ija,ijb->iab", rows, rows), np.einsum("ija,jb->iab", rows, flux)
+    (xx, xy), (_, yy) = normal[:, 0].T, normal[:, 1].T
+    determinant = xx * yy - xy**2
+    # As in a plane fit: the spreads of the places along and across, whose squares have this product and this sum.
+    spans_plane = determinant > (COLLINEAR_FRAC * (xx + yy)) ** 2
+    sum_of_slopes = yy * moments[:, 0, 0] - xy * (moments[:, 1, 0] + moments[:, 0, 1]) + xx * moments[:, 1, 1]
+    return np.where(spans_plane, sum_of_slopes / np.where(spans_plane, determinant, 1.0), np.nan)
 
 
 def divergence_slope(positions_m: Floats, flux: Floats, reach_m: float) -> PlaneFit:

@@ -1,5 +1,6 @@
 """A belief that several robots hold alike: findings with all that weighs them, in an order that all agree on."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,6 +37,14 @@ class SharedFinding:
         return self.time_s, self.finder, self.number
 
 
+# A finding, what it says of each cell, and the sum up to it.
+@dataclass
+class _Entry:
+    finding: SharedFinding
+    log_likelihood: Array
+    log_p: Array
+
+
 class SharedBelief:
     """Where the source is, by the findings of all robots: equal to the bit for all who know the same findings.
 
@@ -45,7 +54,7 @@ class SharedBelief:
     Findings may come late, twice and in any order: the sum is taken in the order of their keys, and the weights depend
     on that order alone.
 
-    State: the findings, and for each the logarithms of its likelihood in all cells.
+    State: the findings in order, and for each the logarithms of its likelihood in all cells and their sum up to it.
 
     Source:
         Our form of infotaxis for several searchers that share their data (Masson, Bailly-Bechet, Vergassola 2009,
@@ -81,29 +90,31 @@ class SharedBelief:
         self.grid, self.dispersal, self.floor, self.power, self.reach_m = grid, dispersal, floor, power, reach_m
         self._cells_m, self._near_m = grid.centres_m(), near_m
         self._log_prior = np.where(free.reshape(-1), 0.0, -np.inf)
-        self._findings: dict[tuple[str, int], tuple[SharedFinding, Array]] = {}
-        self._p: Array | None = None
+        self._known: list[_Entry] = []
+        self._numbers: set[tuple[str, int]] = set()
 
     def __len__(self) -> int:
         """How many findings it rests on."""
-        return len(self._findings)
+        return len(self._known)
 
     @property
     def p(self) -> Array:
         """The belief (nx, ny)."""
-        if self._p is None:
-            self._p = self._believed().reshape(self.grid.shape)
-        return self._p
+        log_p = self._known[-1].log_p if self._known else self._log_prior
+        return normalised_from_log(log_p).reshape(self.grid.shape)
 
     def add(self, finding: SharedFinding) -> bool:
         """Take in a finding; return whether it was new."""
-        if (finding.finder, finding.number) in self._findings:
+        if (finding.finder, finding.number) in self._numbers:
             return False
+        self._numbers.add((finding.finder, finding.number))
         model = self.dispersal.model(finding.wind_m_s, finding.spread_rad)
         log_mean = model.log_mean_hits(np.array([finding.place_m]), self._cells_m)
         log_likelihood = likelihoods(log_mean, floor=self.floor)[2][0, int(finding.is_hit)]
-        self._findings[finding.finder, finding.number] = (finding, log_likelihood)
-        self._p = None
+        entry = _Entry(finding, log_likelihood, self._log_prior)
+        i = bisect_left(self._known, finding.key, key=lambda known: known.finding.key)
+        self._known.insert(i, entry)
+        self._sum_from(i)
         return True
 
     def prospect(
@@ -122,23 +133,22 @@ class SharedBelief:
             places_m=places, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
         )
 
-    def _believed(self) -> Array:
-        if not self._findings:
-            return normalised_from_log(self._log_prior)
-        known = sorted(self._findings.values(), key=lambda entry: entry[0].key)
-        places_m = np.array([finding.place_m for finding, _ in known])
-        is_near = self._are_near(places_m, places_m)
-        weights = self.power / (1.0 + np.tril(is_near, -1).sum(axis=1))
-        # Not a product of matrices: the libraries for these do not promise the order of their sums.
-        log_p = self._log_prior + (weights[:, None] * np.array([row for _, row in known])).sum(axis=0)
-        return normalised_from_log(log_p)
+    # A late finding moves to its place, and the sums after it are taken anew: the same as if it had come in time.
+    def _sum_from(self, i: int) -> None:
+        places_m = self._places_m()
+        for k in range(i, len(self._known)):
+            entry = self._known[k]
+            before = self._known[k - 1].log_p if k else self._log_prior
+            n_near = self._are_near(places_m[k : k + 1], places_m[:k]).sum()
+            entry.log_p = before + self.power / (1.0 + n_near) * entry.log_likelihood
 
     def _places_m(self) -> Array:
-        return np.array([finding.place_m for finding, _ in self._findings.values()]).reshape(-1, 2)
+        return np.array([entry.finding.place_m for entry in self._known]).reshape(-1, 2)
 
     def _are_near(self, places_m: Array, others_m: Array) -> NDArray[np.bool_]:
-        squares_m2 = ((places_m[:, None] - others_m[None]) ** 2).sum(axis=2)
-        return squares_m2 < self._near_m**2
+        apart_x = places_m[:, None, 0] - others_m[None, :, 0]
+        apart_y = places_m[:, None, 1] - others_m[None, :, 1]
+        return apart_x**2 + apart_y**2 < self._near_m**2
 
     def _within(self, place_m: Array) -> NDArray[np.bool_]:
         return ((self._cells_m - place_m) ** 2).sum(axis=1) < self.reach_m**2
