@@ -1,6 +1,7 @@
 """Gas distribution maps: the mean and the variance of the gas at every place, from readings along a way."""
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -64,10 +65,10 @@ class KernelMap:
         tests/unit/search/test_kernel_dm.py
     """
 
-    def __init__(self, grid: CellGrid, widths: KernelWidths | None = None) -> None:
-        """Begin without readings, on a grid in the plane or in space."""
+    def __init__(self, grid: CellGrid, widths: KernelWidths | None = None, *, max_readings: int | None = None) -> None:
+        """Begin without readings, on a grid in the plane or in space; `max_readings` are kept, the last ones."""
         self.grid, self.widths = grid, widths or KernelWidths()
-        self._rows: list[tuple[float, float, float, float, float, float, float]] = []
+        self._rows: deque[tuple[float, float, float, float, float, float, float]] = deque(maxlen=max_readings)
 
     @property
     def n_readings(self) -> int:
@@ -122,3 +123,10 @@ class KernelMap:
 def _blended(confidence: Array, sums: Array, omega: Array, elsewhere: float) -> Array:
     known = np.divide(sums, omega, out=np.zeros_like(sums), where=omega > 0.0)
     return confidence * known + (1.0 - confidence) * elsewhere
+
+
+def warm_up() -> None:
+    """Load or compile what a map runs, on a few cells, so that nothing is compiled in flight."""
+    gas = KernelMap(CellGrid((0.0, 0.0), 1.0, (2, 2)))
+    gas.add((1.0, 1.0), 1.0)
+    gas.maps()

@@ -1,6 +1,7 @@
 """Stops at places of a granted map: the way there round obstacles, and what was measured at the stop."""
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from gslcosim.search.flying import waypoint
 from gslcosim.search.gas_evidence import Finding, GasEvidence
 from gslcosim.search.grid_paths import (
     Free,
+    along,
     free_cells_of,
     inflated,
     nearest_free,
@@ -59,7 +61,7 @@ class Stop:
 class StopWatch:
     """Collects what a vehicle measures between two decisions at rest: call `add` with every observation.
 
-    State: findings and the wind since the last stop; see `GasEvidence` and `StopAndMeasure`.
+    State: findings since the last stop and the places of the last span; see `GasEvidence` and `StopAndMeasure`.
 
     Held by:
         tests/unit/search/test_map_flights.py
@@ -77,12 +79,18 @@ class StopWatch:
         self._evidence = GasEvidence(nose, every_s=every_s, threshold_ppm=threshold_ppm)
         self._hold = StopAndMeasure([nose], vane_of(briefing))
         self._findings: list[Finding] = []
+        self._every_s = every_s
+        self._track: deque[tuple[float, Vec3]] = deque()
 
     def add(self, observation: Observation) -> None:
         """Take note of an observation; a tick counts once."""
         self._hold.add(observation)
         finding = self._evidence.add(observation)
-        if finding is not None:
+        self._track.append((observation.time_s, observation.position_world_m))
+        while self._track[0][0] < observation.time_s - self._every_s:
+            self._track.popleft()
+        # A span that began on the way says nothing about one place.
+        if finding is not None and all(math.dist(place, finding.sensor_m) <= _HERE_M for _, place in self._track):
             self._findings.append(finding)
 
     def stop(self, observation: Observation) -> Stop:
@@ -138,10 +146,17 @@ class MapFlights:
         """Return whether the vehicle is elsewhere than at its goal: it was refused, or led around."""
         return self.goal_m is not None and math.dist(observation.position_world_m[:2], self.goal_m) > _HERE_M
 
-    def leg(self, observation: Observation) -> Command | None:
+    def leg(
+        self, observation: Observation, *, at_most_m: float = math.inf, hold_s: float | None = None
+    ) -> Command | None:
         """Return the command for the next leg to the goal; None without a goal or a way there.
 
         On bends the vehicle does not hold. A goal at which no vehicle can be is replaced by the nearest place that is.
+
+        Args:
+            observation: The question.
+            at_most_m: A longer way is flown so far only [m].
+            hold_s: How long to hold at the goal [s]; absent: the briefing's time.
         """
         if self.goal_m is None:
             return None
@@ -152,8 +167,9 @@ class MapFlights:
         x_m, y_m = way_m[-1]
         self.goal_m = (float(x_m), float(y_m))
         bends_m = [point_m for point_m in way_m[1:] if math.dist(point_m, here_m) > _ARRIVED_M] or [way_m[-1]]
-        is_last = len(bends_m) == 1
-        return self.pilot.leg(observation, bends_m[0], hold_s=None if is_last else 0.0)
+        is_last = len(bends_m) == 1 and math.dist(here_m, bends_m[0]) <= at_most_m
+        x_m, y_m = along(np.array([here_m, bends_m[0]]), at_most_m)
+        return self.pilot.leg(observation, (float(x_m), float(y_m)), hold_s=hold_s if is_last else 0.0)
 
     def stay(self, observation: Observation) -> Command:
         """Return the command to stay here for a hold, so that what comes with the wind is measured."""

@@ -127,6 +127,15 @@ def test_old_readings_fade():
     assert faded.mean[8, 6] == pytest.approx(alpha * 4.0 * share / (1.0 + share) + (1.0 - alpha) * 2.0)
 
 
+def test_the_oldest_readings_are_dropped_where_there_are_too_many():
+    gas = KernelMap(PLANE, max_readings=5)
+    for place_m, value, time_s, _ in readings(12):
+        gas.add(place_m, value, time_s=time_s)
+    rows = [(place_m, value, time_s, (0.0, 0.0)) for place_m, value, time_s, _ in readings(12)]
+    assert gas.n_readings == 5
+    assert gas.maps().mean == pytest.approx(mapped(rows[-5:]).mean)
+
+
 def test_the_peak_is_where_the_gas_varies_among_known_places():
     rows = [((2.0, 0.0), value, 0.0, (0.0, 0.0)) for value in (0.0, 8.0, 0.0, 8.0)]
     rows += [((4.5, -1.5), 1.0, 0.0, (0.0, 0.0))] * 4
