@@ -39,10 +39,19 @@ class SourceMapAgent(Agent):
     def decide(self, observation: Observation) -> Command:
         """Return the next leg, or a declaration."""
         self.observe(observation)
+        p = self.map.probability()
+        return self.search.answer(
+            observation,
+            p,
+            self.search.drawn_together(p),
+            lambda: self.search.next_leg(observation, p, self.chance(observation)),
+        )
+
+    def chance(self, observation: Observation) -> puff_tracing.Array:
+        """Return the chance to detect gas of a source at each offset, in the wind of late."""
         plan_grid = self.search.plan_grid
         travelled_m = displacements_m(self.search.winds, self.model, observation.position_world_m)
-        chance = footprint(self.model, travelled_m, plan_grid.cell_m, plan_grid.shape)
-        return self.search.answer(observation, self.map.probability(), chance)
+        return footprint(self.model, travelled_m, plan_grid.cell_m, plan_grid.shape)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """What searches with a belief over the floor share: findings, winds, the next leg, declaration and publication."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.declaring import Declared, by_variance
+from gslcosim.search.declaring import Declared, Estimate, by_variance
 from gslcosim.search.draws import Draws
 from gslcosim.search.flying import declaration
 from gslcosim.search.gas_evidence import Finding, GasEvidence
@@ -17,6 +18,7 @@ from gslcosim.search.instruments import noses_of, vane_of
 from gslcosim.search.map_flights import MapFlights
 from gslcosim.search.measuring import MeasuredWind, TrustedWind
 from gslcosim.search.source_goals import GoalFlights, best_goal, coarser, expected_information_bits, mass_around
+from gslcosim.search.surging import surge_place_m
 from gslcosim.search.wind_field import WindField, WindRecord
 
 Array = NDArray[np.float64]
@@ -28,7 +30,8 @@ _SURGE_WIND_S = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class BeliefSearchSettings:
-    """Settings that searches with a belief share; each card tells their values and where they come from.
+    """Settings that searches with a belief share; each card tells their values and where they come from. Those with a
+    default here are not in the card of every method.
 
     `cell_m` and `max_cells` make the grid, `wall_margin_m` and `clearance_m` say where to fly, `step_m` is the longest
     leg. `planner` is `maximum` (the likeliest place), `information` (what tells most and where the source is likely,
@@ -45,9 +48,7 @@ class BeliefSearchSettings:
     wall_margin_m: float
     clearance_m: float
     step_m: float
-    planner: str
     visit_m: float
-    near_m: float
     surge_s: float
     hold_s: float | None
     explore_hold_s: float
@@ -56,21 +57,24 @@ class BeliefSearchSettings:
     wind_threshold_m_s: float
     wind_step_s: float
     window_s: float
-    wind: str
-    wind_reach_m: float
-    declare_variance_m2: float
+    planner: str = "moth"
+    near_m: float = 2.0
+    wind: str = "uniform"
+    wind_reach_m: float = 1.5
+    declare_variance_m2: float = 0.5
 
     @classmethod
     def of(cls, settings: object) -> "BeliefSearchSettings":
         """Return this part of a method's settings."""
-        return cls(**{name: getattr(settings, name) for name in cls.__dataclass_fields__})
+        names = cls.__dataclass_fields__
+        return cls(**{name: getattr(settings, name) for name in names if hasattr(settings, name)})
 
 
 class BeliefSearch:
     """The part of a search with a belief that does not depend on how the belief is made.
 
     Call `observe` with every observation: it returns what was found, for the method to learn from. At a question call
-    `answer` with the belief.
+    `answer` with the belief and a way to the next leg.
 
     State: that of its parts.
 
@@ -112,30 +116,36 @@ class BeliefSearch:
         finding = self.evidence.add(observation)
         return finding if self.winds.n_steps_ever else None
 
-    def answer(self, observation: Observation, p: Array, chance: Array | None) -> Command:
+    def answer(
+        self, observation: Observation, p: Array, found: Estimate | None, next_leg: Callable[[], Command]
+    ) -> Command:
         """Return the command: the leg under way, a declaration, or the next leg; with the belief, if it is time.
 
-        A belief that has drawn together is declared at its place, and only there; see `take_rejected` for what follows.
+        A place is declared only when the vehicle is there; see `take_rejected` for what follows.
 
         Args:
             observation: The question.
-            p: The belief, of the grid's shape.
-            chance: Chance to detect gas of a source at each offset, on `plan_grid`; see `expected_information_bits`.
+            p: The belief, of the grid's shape, for publication.
+            found: Where the source is, if the belief has drawn together.
+            next_leg: Gives the next leg otherwise.
         """
         if self.flights.pilot.is_busy(observation):
             return self.flights.pilot.stay(observation)
         belief = self._publisher.message(observation, p, self.grid, height_m=self.height_m)
-        found = by_variance(p, self.grid, limit_m2=self.settings.declare_variance_m2)
+        return self._answer(observation, found, next_leg).model_copy(update={"belief": belief})
+
+    def _answer(self, observation: Observation, found: Estimate | None, next_leg: Callable[[], Command]) -> Command:
+        self.goals.note_refusal(observation)
         if found is None:
-            return self.next_leg(observation, p, chance).model_copy(update={"belief": belief})
-        if math.dist(found.position_m, observation.position_world_m[:2]) > self.settings.visit_m:
-            return self.goals.leg(observation, (found.position_m[0], found.position_m[1])).model_copy(
-                update={"belief": belief}
-            )
-        self._rejected_m = (found.position_m[0], found.position_m[1])
+            return next_leg()
+        x_m, y_m = found.position_m[:2]
+        is_there = math.dist((x_m, y_m), observation.position_world_m[:2]) <= self.settings.visit_m
+        if not is_there and not self.flights.pilot.was_refused(observation):
+            return self.goals.leg(observation, (x_m, y_m))
+        self._rejected_m = (x_m, y_m)
         if self._declared.passes(found) is None:
-            return self.next_leg(observation, p, chance).model_copy(update={"belief": belief})
-        return declaration(observation, (*found.position_m, self.height_m), found.confidence, belief=belief)
+            return next_leg()
+        return declaration(observation, (x_m, y_m, self.height_m), found.confidence)
 
     def take_rejected(self) -> tuple[float, float] | None:
         """Return, once, a place at which the vehicle has been and which was declared, though the run goes on.
@@ -146,18 +156,32 @@ class BeliefSearch:
         rejected_m, self._rejected_m = self._rejected_m, None
         return rejected_m
 
-    def next_leg(self, observation: Observation, p: Array, chance: Array | None) -> Command:
-        """Return the next step: upwind after gas, else towards the best goal."""
-        self.goals.note_refusal(observation)
-        is_recent = self.evidence.since_hit_s(observation.time_s) <= self.settings.surge_s
-        hold_s = self.settings.hold_s if is_recent else self.settings.explore_hold_s
-        upwind_rad = self.upwind_rad()
-        if self.settings.planner == "moth" and is_recent and upwind_rad is not None:
-            here_m, step_m = observation.position_world_m, self.settings.step_m
-            surge_m = (here_m[0] + step_m * math.cos(upwind_rad), here_m[1] + step_m * math.sin(upwind_rad))
-            if self.flights.pilot.is_worth_it(observation, surge_m):
-                return self.flights.pilot.leg(observation, surge_m, hold_s=hold_s)
+    def is_tracking(self, observation: Observation) -> bool:
+        """Return whether gas was met so lately that the plume is to be followed."""
+        return self.evidence.since_hit_s(observation.time_s) <= self.settings.surge_s
+
+    def next_leg(
+        self, observation: Observation, p: Array, chance: Array | None, *, trace_m: tuple[float, float] | None = None
+    ) -> Command:
+        """Return the next step: along the plume or upwind soon after gas, else towards the best goal.
+
+        Args:
+            observation: The question.
+            p: The belief, of the grid's shape.
+            chance: Chance to detect gas of a source at each offset, on `plan_grid`; see `expected_information_bits`.
+            trace_m: Where to go soon after gas, in place of a step upwind.
+        """
+        is_tracking = self.is_tracking(observation)
+        if is_tracking and self.settings.planner == "moth":
+            surge_m = trace_m or self.surge_m(observation)
+            if surge_m is not None and self.flights.pilot.is_worth_it(observation, surge_m):
+                return self.flights.pilot.leg(observation, surge_m, hold_s=self.settings.hold_s)
+        hold_s = self.settings.hold_s if is_tracking else self.settings.explore_hold_s
         return self.goals.leg(observation, self.goal_m(observation, p, chance), hold_s=hold_s)
+
+    def drawn_together(self, p: Array) -> Estimate | None:
+        """Return where the source is once the belief is as narrow as the settings ask for."""
+        return by_variance(p, self.grid, limit_m2=self.settings.declare_variance_m2, radius_m=self.settings.visit_m)
 
     def goal_m(self, observation: Observation, p: Array, chance: Array | None) -> tuple[float, float]:
         """Return where to go, by the planner of the settings, world frame [m]."""
@@ -175,6 +199,11 @@ class BeliefSearch:
     def plan_grid(self) -> CellGrid:
         """The cells on which plans are made."""
         return coarser(np.zeros(self.grid.shape), self.grid, least_cell_m=PLAN_CELL_M)[1]
+
+    def surge_m(self, observation: Observation) -> tuple[float, float] | None:
+        """Return the place a step upwind, world frame [m]; None while no wind is known."""
+        upwind_rad, here_m = self.upwind_rad(), observation.position_world_m
+        return None if upwind_rad is None else surge_place_m(here_m, None, upwind_rad, self.settings.step_m)
 
     def upwind_rad(self) -> float | None:
         """Return where the wind of the last seconds comes from, in calm air the last one before [rad]; None so far."""

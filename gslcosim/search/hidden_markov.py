@@ -194,3 +194,21 @@ def _only(grid: CellGrid, cell: Cell) -> Array:
     here = np.zeros(grid.shape)
     here[cell] = 1.0
     return here
+
+
+def place_along_m(path: PlumePath, grid: CellGrid, back_m: float) -> tuple[float, float]:
+    """Return the centre of the path's cell that lies at least so far back from the sensor, or its start [m]."""
+    places_m = [grid.centre_m(cell) for cell in path.cells]
+    end_m = places_m[-1]
+    x_m, y_m = next((place_m for place_m in reversed(places_m) if math.dist(place_m, end_m) >= back_m), places_m[0])
+    return x_m, y_m
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache on disk, so that no decision has to wait for it."""
+    grid, open_air = CellGrid((0.0, 0.0), 1.0, (2, 2)), np.zeros((2, 2), np.bool_)
+    in_wind = plume_in_wind(grid, open_air, np.zeros((2, 2)), step_s=1.0, spread_m_sqrt_s=0.2)
+    in_field = plume_in_field(grid, open_air, np.zeros((2, 2, 2)), window_s=1.0, spread_m_sqrt_s=0.2)
+    for plume in (in_wind, in_field):
+        arrivals(plume, (0, 0))
+        likeliest_path(plume, (0, 0), np.full((2, 2), 0.25))

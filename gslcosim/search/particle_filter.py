@@ -80,6 +80,10 @@ class ParticleCloud:
         x_m, y_m = self.weights() @ self.places_m
         return float(x_m), float(y_m)
 
+    def clear(self) -> None:
+        """Forget all particles: they were in the wrong place."""
+        self._put(np.zeros((0, 2)))
+
     def scatter(self) -> None:
         """Put all particles anywhere within the bounds, with equal weights."""
         self._put(self._rng.uniform(self._min_m, self._max_m, (self._n, 2)))
@@ -216,3 +220,9 @@ def find(
     sensor = np.array(sensor_m[:2], dtype=np.float64)
     log_miss = log_miss_of_particles(cloud.places_m, sensor, travelled_m, variance_m2, detection_probability, sensed_m2)
     cloud.weigh(log_miss, is_hit=is_hit, floor_frac=floor_frac)
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache on disk, so that no decision has to wait for it."""
+    log_miss_of_particles(np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), np.ones((2, 2)), 0.9, 0.01)
+    systematic_indices(np.full(2, 0.5), 0.5)

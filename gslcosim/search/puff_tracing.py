@@ -78,16 +78,14 @@ def displacements_m(
     """Return how far puffs of age 0, 1, 2, ... steps have come that are at the sensor now, (n_steps + 1, 2) [m].
 
     Args:
-        record: The wind so far.
+        record: The wind so far, over at least the window, in steps of the model's length.
         model: Gives step and window.
         sensor_m: Place of the measurement, world frame [m].
         field: Without it the wind is the same everywhere, as in the paper, and was the mean one before it is known.
             With it puffs are traced back through this field.
     """
     if field is None:
-        winds_m_s = record.winds_m_s()[-model.n_steps :]
-        before = np.tile(record.mean_wind_m_s(), (model.n_steps - len(winds_m_s), 1))
-        return partial_sums_m(np.concatenate([before, winds_m_s]), model.step_s)
+        return partial_sums_m(record.window_m_s()[-model.n_steps :], model.step_s)
     grid, sensor = field.grid, np.array(sensor_m[:2], dtype=np.float64)
     return trace_back(sensor, model.n_steps, model.step_s, np.array(grid.origin_m), grid.cell_m, field.winds_m_s())
 

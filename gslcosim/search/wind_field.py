@@ -60,6 +60,11 @@ class WindRecord:
         """Return (n, 2) the mean wind of each step, the oldest first, world frame [m/s]: where the air goes."""
         return self._table()[:, 2:]
 
+    def window_m_s(self) -> Array:
+        """Return (n_steps, 2) the winds of the whole window: the mean one before they are known."""
+        winds_m_s = self.winds_m_s()
+        return np.concatenate([np.tile(self.mean_wind_m_s(), (self._n_steps - len(winds_m_s), 1)), winds_m_s])
+
     def latest(self) -> tuple[float, float, float, float]:
         """Return place [m] and wind [m/s] of the newest step: x, y, u, v.
 

@@ -9,10 +9,12 @@ import pytest
 from gslcosim.search.beliefs import normalised
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.hidden_markov import (
+    PlumePath,
     arrivals,
     hops_per,
     likeliest_path,
     marginals,
+    place_along_m,
     plume_in_field,
     plume_in_wind,
     shares,
@@ -227,3 +229,12 @@ def test_hop_chances_are_those_of_the_axes():
     chances = hop_chances(np.array([[[0.3, -0.2]]]), 0.5, 0.4, 0.3)
     assert chances[0, 0, 0] == pytest.approx(axis_chances(0.375, 0.28125))
     assert chances[0, 0, 1] == pytest.approx(axis_chances(-0.25, 0.28125))
+
+
+def test_a_place_along_a_path_is_as_far_back_as_asked_or_its_start():
+    path = PlumePath(cells=((0, 0), (1, 0), (1, 0), (2, 1)), log_likelihood=0.0)
+    grid = CellGrid((0.0, 0.0), 2.0, (3, 2))
+    assert place_along_m(path, grid, 1.0) == (3.0, 1.0)
+    assert place_along_m(path, grid, 3.0) == (1.0, 1.0)
+    assert place_along_m(path, grid, 30.0) == (1.0, 1.0)
+    assert place_along_m(path, grid, 0.0) == (5.0, 3.0)

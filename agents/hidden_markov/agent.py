@@ -1,0 +1,106 @@
+"""Hidden Markov model: parcels of air hop from cell to cell, and what is found tells from which cell they came.
+
+After Farrell, Pang and Li 2003. README.md beside this file has the rules, method.yaml the parameters.
+"""
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search import hidden_markov, puff_tracing
+from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.beliefs import distances_m
+from gslcosim.search.gas_evidence import Finding
+from gslcosim.search.hidden_markov import Plume, arrivals, likeliest_path, place_along_m, shares
+from gslcosim.search.method import settings_of
+from gslcosim.search.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
+
+
+class HiddenMarkov(Agent):
+    """Believes by the chain's backward pass; after gas it follows the chain's likeliest path back to the source."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = self.settings = settings_of(briefing, __file__)
+        hidden_markov.warm_up()
+        puff_tracing.warm_up()
+        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
+        self.map = SourceMap(self.search.grid, free=self.search.free, floor_frac=settings.floor_frac)
+        # For plans, which look at the whole room at once and know no walls.
+        self.open_air = PuffModel(
+            step_s=settings.wind_step_s,
+            window_s=settings.window_s,
+            initial_sigma_m=0.5 * self.search.grid.cell_m,
+            spread_m_sqrt_s=settings.spread_m_sqrt_s,
+            detection_probability=settings.detection_probability,
+        )
+
+    def observe(self, observation: Observation) -> None:
+        """Update the map by what was found, on the way or at a stop."""
+        if (rejected_m := self.search.take_rejected()) is not None:
+            self.map.reject(rejected_m, self.settings.visit_m)
+        finding = self.search.observe(observation)
+        if finding is not None:
+            self.learn(finding)
+
+    def learn(self, finding: Finding) -> None:
+        """Pull the finding back along the chain, from the sensor's cell to every cell and time of release."""
+        plume = self.plume()
+        chance = arrivals(plume, self.cell_at(finding.sensor_m))
+        mean_share, log_share = shares(
+            chance,
+            detection_probability=self.settings.detection_probability,
+            puffs_per_hop=self.settings.puffs_per_s * plume.hop_s,
+        )
+        if finding.is_hit:
+            self.map.detect(mean_share)
+        else:
+            self.map.miss(log_share)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or a declaration."""
+        self.observe(observation)
+        p = self.map.probability()
+        return self.search.answer(observation, p, self.search.drawn_together(p), lambda: self.next_leg(observation, p))
+
+    def next_leg(self, observation: Observation, p: puff_tracing.Array) -> Command:
+        """Return a leg back along the plume soon after gas, else one to where a finding tells most."""
+        plan_grid, trace_m = self.search.plan_grid, None
+        travelled_m = displacements_m(self.search.winds, self.open_air, observation.position_world_m)
+        chance = footprint(self.open_air, travelled_m, plan_grid.cell_m, plan_grid.shape)
+        if self.settings.follow == "path" and self.search.is_tracking(observation):
+            trace_m = self.trace_m(observation.position_world_m, p)
+        return self.search.next_leg(observation, p, chance, trace_m=trace_m)
+
+    def trace_m(self, here_m: tuple[float, ...], p: puff_tracing.Array) -> tuple[float, float] | None:
+        """Return a place back along the likeliest path from a source that is at least a step away."""
+        step_m, grid = self.settings.step_m, self.search.grid
+        elsewhere = np.where(distances_m(grid, here_m) >= step_m, p, 0.0)
+        path = likeliest_path(self.plume(), self.cell_at(here_m), elsewhere)
+        return None if path is None else place_along_m(path, grid, step_m)
+
+    def plume(self) -> Plume:
+        """Return the chain of the window past, in the wind as it was met."""
+        search, settings = self.search, self.settings
+        if search.field is not None:
+            return hidden_markov.plume_in_field(
+                search.grid,
+                ~search.free,
+                search.field.winds_m_s(),
+                window_s=settings.window_s,
+                spread_m_sqrt_s=settings.spread_m_sqrt_s,
+            )
+        return hidden_markov.plume_in_wind(
+            search.grid,
+            ~search.free,
+            search.winds.window_m_s(),
+            step_s=settings.wind_step_s,
+            spread_m_sqrt_s=settings.spread_m_sqrt_s,
+        )
+
+    def cell_at(self, place_m: tuple[float, ...]) -> hidden_markov.Cell:
+        """Return the cell nearest to a place."""
+        i, j = self.search.grid.nearest_cell(place_m)
+        return i, j
+
+
+if __name__ == "__main__":
+    run(HiddenMarkov)

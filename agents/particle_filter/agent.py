@@ -1,0 +1,125 @@
+"""Particle filter: places where the source may be, born upwind of gas and weighed by what is found.
+
+After Li, Meng, Wang and Zeng 2011. README.md beside this file has the rules, method.yaml the parameters.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search import particle_filter
+from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.declaring import Estimate, by_spread
+from gslcosim.search.draws import Draws
+from gslcosim.search.gas_evidence import Finding
+from gslcosim.search.method import settings_of
+from gslcosim.search.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
+from gslcosim.search.puff_tracing import partial_sums_m
+from gslcosim.search.spirals import ArchimedeanSpiral, random_side
+from gslcosim.search.unseen import UnseenSquares
+
+
+class ParticleFilter(Agent):
+    """Surges upwind in gas and spirals when it is lost, or goes to the mean; declares when particles draw together."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = self.settings = settings_of(briefing, __file__)
+        particle_filter.warm_up()
+        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
+        self.draws = Draws(briefing.seed)
+        self.cloud = ParticleCloud(settings.particles, briefing.bounds, self.draws.generator("particles"))
+        self.means_m: deque[tuple[float, float]] = deque(maxlen=settings.estimates)
+        self.unseen = UnseenSquares(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
+        self.spiral: ArchimedeanSpiral | None = None
+        self.centre_m = (0.0, 0.0)
+
+    def observe(self, observation: Observation) -> None:
+        """Weigh the particles by what was found; the first gas bears them."""
+        self.unseen.note(observation.position_world_m)
+        if self.search.take_rejected() is not None:
+            self.cloud.clear()
+        finding = self.search.observe(observation)
+        if finding is not None and (finding.is_hit or self.cloud.is_born):
+            self.learn(finding)
+
+    def learn(self, finding: Finding) -> None:
+        """Bear, weigh and resample."""
+        settings, winds_m_s = self.settings, self.search.winds.window_m_s()
+        travelled_m = partial_sums_m(winds_m_s, settings.wind_step_s)
+        spread = wind_spread_m_sqrt_s(winds_m_s, settings.wind_step_s, settings.spread_m_sqrt_s)
+        variance_m2 = puff_variances_m2(len(travelled_m), settings.wind_step_s, spread, settings.first_sigma_m)
+        if finding.is_hit:
+            self.cloud.bear(finding.sensor_m, travelled_m, variance_m2, share=settings.birth_share)
+        particle_filter.find(
+            self.cloud,
+            finding.sensor_m,
+            travelled_m,
+            variance_m2,
+            is_hit=finding.is_hit,
+            detection_probability=settings.detection_probability,
+            sensed_m2=settings.sensed_m2,
+            floor_frac=settings.floor_frac,
+        )
+        if self.cloud.n_effective() < settings.resample_below * settings.particles:
+            if settings.resampling == "copies":
+                self.cloud.resample_by_copies(jitter_m=settings.copies_jitter_m)
+            else:
+                self.cloud.resample()
+        self.means_m.append(self.cloud.mean_m())
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or a declaration."""
+        self.observe(observation)
+        grid = self.search.grid
+        p = self.cloud.probability(grid) if self.cloud.is_born else np.full(grid.shape, 1.0 / grid.n_cells)
+        return self.search.answer(observation, p, self.found(), lambda: self.next_leg(observation))
+
+    def found(self) -> Estimate | None:
+        """Return the mean of the last estimates once the particles have drawn together."""
+        if not self.cloud.is_born:
+            return None
+        spread = by_spread(
+            self.cloud.places_m, self.cloud.weights(), limit_m=self.settings.declare_spread_m, radius_m=1.0
+        )
+        if spread is None or len(self.means_m) < self.settings.estimates:
+            return None
+        mean_m = np.mean(np.array(self.means_m), axis=0)
+        return Estimate(position_m=(float(mean_m[0]), float(mean_m[1])), confidence=spread.confidence)
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return a leg upwind soon after gas, then one of a spiral; without particles one to a place not seen yet."""
+        search, here_m = self.search, observation.position_world_m
+        surge_m = search.surge_m(observation)
+        if (
+            search.is_tracking(observation)
+            and surge_m is not None
+            and search.flights.pilot.is_worth_it(observation, surge_m)
+        ):
+            self.spiral = None
+            return search.flights.pilot.leg(observation, surge_m, hold_s=self.settings.hold_s)
+        if not self.cloud.is_born:
+            return search.goals.leg(observation, self.unseen.next_place_m(here_m, search.upwind_rad()), hold_s=0.0)
+        if self.settings.motion == "mean" and math.dist(self.cloud.mean_m(), here_m[:2]) > self.settings.step_m:
+            self.spiral = None
+            return search.goals.leg(observation, self.cloud.mean_m(), hold_s=self.settings.hold_s)
+        return self.spiral_leg(observation)
+
+    def spiral_leg(self, observation: Observation) -> Command:
+        """Return the next arc of a spiral round the place where the plume was lost; a wide one begins anew."""
+        if self.spiral is None or self.spiral.radius_m > self.settings.spiral_most_m:
+            self.centre_m = self.cloud.mean_m() if self.spiral is not None else observation.position_world_m[:2]
+            self.spiral = ArchimedeanSpiral(
+                gap_m=self.settings.spiral_gap_m,
+                arc_m=self.settings.step_m,
+                start_rad=self.draws.angle_rad(),
+                side=random_side(self.draws),
+            )
+        dx_m, dy_m = self.spiral.next_offset_m()
+        target_m = (self.centre_m[0] + dx_m, self.centre_m[1] + dy_m)
+        return self.search.flights.pilot.leg(observation, target_m, hold_s=self.settings.explore_hold_s)
+
+
+if __name__ == "__main__":
+    run(ParticleFilter)
