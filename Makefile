@@ -60,6 +60,7 @@ golden: .venv/ready-dev     # rewrite the golden files; review the diff
 docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python -m gslcosim.contract.reference > docs/messages.md
 	$(BIN)/python -m gslcosim.sensing.reference docs/sensors.md
+	$(BIN)/python -m gslcosim.methods.page agents docs
 
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
