@@ -64,7 +64,8 @@ def _flight_page(
     if scenario.channels:
         texts.append(_log_view(entities.RADIO, "Radio"))
     believing = [agent for agent in agents if agent.agent.name in believers]
-    maps: list[rrb.View | rrb.Tabs] = [_map_view(scenario, environment, agents)]
+    n_maps = 2 if believing else 1
+    maps: list[rrb.View | rrb.Tabs] = [_map_view(scenario, environment, agents, n_maps)]
     views = [_belief_view(environment, agents, agent) for agent in believing]
     if views:
         maps.append(rrb.Tabs(*views, active_tab=0) if len(views) > 1 else views[0])
@@ -103,10 +104,12 @@ def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[Ag
     )
 
 
-def _map_view(scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities]) -> rrb.Spatial3DView:
+def _map_view(
+    scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities], n_maps: int
+) -> rrb.Spatial3DView:
     height_m = scenario.slice_height_m
     scale = GasScale.of(scenario)
-    eye_m, target_m = eye_on_map(environment, height_m)
+    eye_m, target_m = eye_on_map(environment, height_m, n_views=n_maps)
     return rrb.Spatial3DView(
         origin="/",
         name=f"{scenario.gas.gas} at {height_m:.3g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind",
@@ -124,10 +127,10 @@ def _map_view(scenario: Scenario, environment: Environment, agents: Sequence[Age
 
 
 def _belief_view(environment: Environment, agents: Sequence[AgentEntities], agent: AgentEntities) -> rrb.Spatial3DView:
-    eye_m, target_m = eye_on_map(environment, agent.agent.vehicle.search_height_m)
+    eye_m, target_m = eye_on_map(environment, agent.agent.vehicle.search_height_m, n_views=2)
     return rrb.Spatial3DView(
         origin="/",
-        name=f"Where {agent.agent.name} believes the source to be",
+        name=f"Belief of {agent.agent.name}",
         contents=[*_NOT_ON_MAP, "- /map/scale/**", f"- /{entities.WIND}", f"+ /{agent.belief}"],
         background=colors.BACKGROUND,
         line_grid=False,

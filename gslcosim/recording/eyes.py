@@ -51,11 +51,18 @@ def eye_on_room(environment: Environment) -> tuple[Vec3, Vec3]:
     return _vec3(target_m + distance_m * backward), _vec3(target_m)
 
 
-def eye_on_map(environment: Environment, height_m: float) -> tuple[Vec3, Vec3]:
-    """Return eye and target [m] that look straight down on the layer, with the colour scale in view."""
+def eye_on_map(environment: Environment, height_m: float, *, n_views: int = 1) -> tuple[Vec3, Vec3]:
+    """Return eye and target [m] that look straight down on the layer, with the colour scale in view.
+
+    Args:
+        environment: The room.
+        height_m: Where the layer is [m].
+        n_views: How many maps stand side by side; each is as much narrower.
+    """
+    aspect = MAP_VIEW_ASPECT * 2 / (n_views + 1)
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
     width_m, depth_m = (1 + MAP_SCALE_FRAC) * (high_m[0] - low_m[0]), high_m[1] - low_m[1]
-    tallest_m = (1 + 2 * MAP_MARGIN_FRAC) * max(depth_m, width_m / MAP_VIEW_ASPECT)
+    tallest_m = (1 + 2 * MAP_MARGIN_FRAC) * max(depth_m, width_m / aspect)
     target_m = np.array([high_m[0] - width_m / 2, (low_m[1] + high_m[1]) / 2, height_m])
     # An orbiting eye has no up when it looks straight down; a hair from it is close enough.
     offset_m = np.array([0.0, -0.01, tallest_m / (2 * math.tan(FIELD_OF_VIEW_RAD / 2))])

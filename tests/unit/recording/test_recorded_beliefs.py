@@ -46,8 +46,8 @@ def _names(part):
 
 def test_only_who_believes_has_a_map_of_beliefs(make_room):
     root = default_blueprint(scenario(n_agents=3), make_room(), believers=("agent_0", "agent_2")).root_container
-    maps = [name for name in _names(root) if name.startswith("Where ")]
-    assert maps == [f"Where {name} believes the source to be" for name in ("agent_0", "agent_2")]
+    maps = [name for name in _names(root) if name.startswith("Belief of ")]
+    assert maps == [f"Belief of {name}" for name in ("agent_0", "agent_2")]
     assert "Belief within 1 m of the source [1]" in _names(root)
     assert not [name for name in _names(default_blueprint(scenario(), make_room()).root_container) if "elie" in name]
 
