@@ -17,9 +17,11 @@ from gslcosim.search.fluxes import (
     ring_flow,
 )
 from gslcosim.search.formation_flight import FormationFlight
-from gslcosim.search.formations import fit_plane, formation, mixed_direction
+from gslcosim.search.formations import fit_plane, formation, mixed_direction, odour_offset_m
 from gslcosim.search.method import settings_of
 from gslcosim.search.rounds import Round
+
+NO_FLOW = RingFlow(inward=0.0, outward=0.0)
 
 
 class Fluxotaxis(Agent):
@@ -44,12 +46,11 @@ class Fluxotaxis(Agent):
         flux = now.amounts[:, None] * np.nan_to_num(now.winds_m_s)
         flow = ring_flow(now.positions_m, flux)
         centre_m = now.positions_m.mean(axis=0)
-        step_m = self.next_step_m(now, flux, flow)
-        found = self.rule.declared(flow, centre_m)
+        found = self.rule.declared(flow if self.is_bracketed(now) else NO_FLOW, centre_m)
         estimate = None if found is None else self.flight.new(Estimate(position_m=found[0], confidence=found[1]))
         if estimate is not None:
             return self.flight.declare(observation, estimate)
-        return self.flight.step(observation, self.place_m(now) + step_m)
+        return self.flight.step(observation, self.place_m(now) + self.next_step_m(now, flux, flow))
 
     def place_m(self, now: Round) -> np.ndarray:
         """Return where this robot belongs in the lattice: in its slot until all have formed up, then by the forces."""
@@ -61,13 +62,18 @@ class Fluxotaxis(Agent):
         return lattice_m[now.names.index(self.flight.rounds.team.name)]
 
     def next_step_m(self, now: Round, flux: np.ndarray, flow: RingFlow) -> np.ndarray:
-        """Return the step of the whole lattice: upstream in gas, else to where gas was or may be."""
+        """Return the step of the whole lattice: none about a source, upstream in gas, else to where gas may be."""
         here_m = now.positions_m.mean(axis=0)
         if not now.has_gas:
             return self.flight.searching_centre_m(here_m, **self.lanes) - here_m
         self.flight.met_gas(here_m, **self.lanes)
-        upstream = self.upstream(now, flux, flow)
+        upstream = None if self.rule.is_holding else self.upstream(now, flux, flow)
         return np.zeros(2) if upstream is None else self.settings.step_m * upstream
+
+    def is_bracketed(self, now: Round) -> bool:
+        """Return whether the gas leaves in the middle: beside a plume that widens, gas flows out of any ring."""
+        offset_m = odour_offset_m(now.positions_m, now.amounts, self.flight.upwind_rad)
+        return abs(offset_m) <= self.settings.bracket_frac * self.settings.spacing_m
 
     def upstream(self, now: Round, flux: np.ndarray, flow: RingFlow) -> np.ndarray | None:
         """Return the direction to the source: up the divergence where gas is released, else to where most comes in."""

@@ -229,6 +229,11 @@ class OutflowRule:
         self._centres_m: list[tuple[float, float]] = []
         self._shares: list[float] = []
 
+    @property
+    def is_holding(self) -> bool:
+        """Whether the last round spoke for a source inside: the ring should stay and read again."""
+        return bool(self._shares)
+
     def declared(self, flow: RingFlow, centre_m: Floats) -> tuple[tuple[float, float], float] | None:
         """Take a round's flow; return place and confidence once the rule holds.
 
