@@ -18,7 +18,7 @@ LIMITS = Limits(exit_s=20.0)  # of right agents nobody waits for the limit
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_LIMIT_S + 120)]
 
 
-# The other bundled methods are checked where they fly: tests/end_to_end/test_methods.py.
+# The other bundled methods are checked in test_methods.py.
 PYTHON = {"dung_beetle": (sys.executable, str(ROOT / "agents" / "dung_beetle" / "agent.py"))}
 WAYS = [(door, frame_format) for door in ("stdio", "tcp", "unix") for frame_format in ("msgpack", "json")]
 N_AT_ONCE = 3

@@ -7,9 +7,7 @@ import pytest
 import yaml
 from flights import fly, fly_here
 
-from gslcosim.conformance import Limits, Wiring, check_agent
 from gslcosim.methods.card import card_beside
-from gslcosim.runtime.processes import python_command
 from gslcosim.scenario.bundled import bundled_agents
 
 ROOM = Path(__file__).parents[2] / "scenarios" / "tiny_room.yaml"
@@ -93,10 +91,3 @@ def test_it_flies_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
         if agent["belief"]:
             assert 0.0 <= agent["belief"]["mass_near_frac"] <= 1.0
             assert math.isfinite(agent["belief"]["expected_distance_m"])
-
-
-@every_method
-def test_it_keeps_every_rule_of_the_conformance_kit(name):
-    command = tuple(python_command(str(bundled_agents()[name])))
-    report = check_agent(Wiring(command=command), Limits(exit_s=20.0))
-    assert report.has_passed, report.as_text()

@@ -1,0 +1,33 @@
+"""Every bundled search method keeps every rule of the conformance kit, with all that its card needs."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from gslcosim.conformance import Limits, Wiring, check_agent
+from gslcosim.runtime.processes import python_command
+from gslcosim.scenario.bundled import bundled_agents
+
+LIMITS = Limits(exit_s=20.0)  # of right agents nobody waits for the limit
+# A check mostly waits: for processes to start, join and exit.
+N_AT_ONCE = 4
+
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def reports(request):
+    """The reports of the methods that are to be tested, made several at a time."""
+    names = [item.callspec.params["name"] for item in request.session.items if item.path == request.path]
+    with ThreadPoolExecutor(N_AT_ONCE) as pool:
+        yield {name: pool.submit(check_agent, wiring_of(name), LIMITS) for name in names}
+
+
+def wiring_of(name):
+    return Wiring(command=tuple(python_command(str(bundled_agents()[name]))))
+
+
+@pytest.mark.parametrize("name", sorted(bundled_agents()))
+def test_a_method_keeps_every_rule(name, reports):
+    report = reports[name].result()
+    assert report.has_passed, report.as_text()
