@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from gslcosim.contract.messages import Briefing, Command, Observation
 from gslcosim.search.contacts import Contact, PlumeWatch
-from gslcosim.search.declaring import Declared, ReactiveRule
+from gslcosim.search.declaring import Declared, Estimate, ReactiveRule
+from gslcosim.search.detections import LastDetections
 from gslcosim.search.draws import Draws
 from gslcosim.search.flying import declaration
 from gslcosim.search.leash import Leash
@@ -20,7 +21,8 @@ class ScoutSettings:
     `margin_m` is kept to the walls; `hold_s` is held after a leg (absent: the briefing's) and `explore_hold_s` after
     one that only explores or casts; `explore_step_m` is the edge of the squares of `unseen.UnseenSquares`;
     `threshold_ppm` and `threshold_m_s` are the least gas and wind that count; `leash_legs` legs within `leash_m` are
-    too many, after which `leash_away_legs` legs only explore; `declares` switches declarations.
+    too many, after which `leash_away_legs` legs only explore; `declares` switches declarations, by
+    `declaring.ReactiveRule` and, after `n_lost` losses of the plume within `spread_m`, by `detections.LastDetections`.
     """
 
     margin_m: float
@@ -33,11 +35,13 @@ class ScoutSettings:
     leash_m: float
     leash_away_legs: int
     declares: bool
+    n_lost: int = 6
+    spread_m: float = 1.0
 
     @classmethod
     def of(cls, settings: object) -> "ScoutSettings":
         """Return the scout's part of a method's settings."""
-        return cls(**{name: getattr(settings, name) for name in cls.__dataclass_fields__})
+        return cls(**{name: getattr(settings, name) for name in cls.__dataclass_fields__ if hasattr(settings, name)})
 
 
 class Scout:
@@ -61,6 +65,7 @@ class Scout:
         self._contact: Contact | None = None
         self._leash = Leash(n_legs=settings.leash_legs, radius_m=settings.leash_m)
         self._rule = ReactiveRule(threshold=settings.threshold_ppm)
+        self._losses = LastDetections(n=settings.n_lost, spread_m=settings.spread_m)
         self._declared = Declared()
         self._n_away = 0
         self._goal_m: tuple[float, float] | None = None
@@ -82,11 +87,25 @@ class Scout:
             return self.pilot.stay(observation)
         contact = self._contact = self.watch.contact(observation)
         self._rule.add(observation.position_world_m, contact.gas_ppm)
-        estimate = self._declared.passes(self._rule.estimate(contact.upwind_rad)) if self.settings.declares else None
-        if estimate is not None:
-            return declaration(observation, estimate.position_m, estimate.confidence)
         self._pull(observation)
-        return contact
+        return self._declaration(observation, self._rule.estimate(contact.upwind_rad)) or contact
+
+    def lose(self, observation: Observation, contact: Contact, upwind_rad: float) -> Command | None:
+        """Take note that the plume was lost; return the declaration, if these losses tell where the source is.
+
+        Args:
+            observation: The question.
+            contact: What is known at it; where gas was met last counts.
+            upwind_rad: The wind against which the plume was followed [rad].
+        """
+        if contact.last_m is None:
+            return None
+        self._losses.add(contact.last_m, upwind_rad)
+        return self._declaration(observation, self._losses.estimate(upwind_rad))
+
+    def _declaration(self, observation: Observation, estimate: Estimate | None) -> Command | None:
+        passed = self._declared.passes(estimate) if self.settings.declares else None
+        return None if passed is None else declaration(observation, passed.position_m, passed.confidence)
 
     def _pull(self, observation: Observation) -> None:
         self._leash.note(observation.position_world_m)

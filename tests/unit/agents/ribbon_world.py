@@ -17,6 +17,7 @@ class Ribbon:
     """Gas in a ribbon downwind (+x) of a source that winds like a wave carried by the wind, in blobs if wanted.
 
     Its half width grows as half_m + spread * distance, and so does its half depth about `height_m` where one is given;
+    the mixing ratio, `ppm` at the source, falls as the width grows where it `fades`;
     blobs of `blob_m` with gaps of `gap_m` drift with the wind.
     """
 
@@ -30,6 +31,7 @@ class Ribbon:
     blob_m: float = 1.0
     gap_m: float = 0.0
     height_m: float | None = None
+    fades: bool = False
     has_gas: bool = True
 
     def gas_ppm(self, x_m: float, y_m: float, z_m: float, time_s: float) -> float:
@@ -44,7 +46,26 @@ class Ribbon:
             return 0.0
         # At the source the wave is pinned.
         wave_m = self.wave_m * min(1.0, along_m / 3.0) * math.sin(math.tau * drift_m / self.wave_length_m)
-        return self.ppm if abs(y_m - self.source_m[1] - wave_m) <= half_m else 0.0
+        ppm = self.ppm * self.half_m / half_m if self.fades else self.ppm
+        return ppm if abs(y_m - self.source_m[1] - wave_m) <= half_m else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cloud:
+    """Gas in still air: bursts around a source, ever rarer and weaker with the distance, at random by place and time."""
+
+    source_m: tuple[float, float] = (2.0, 5.0)
+    wind_m_s: float = 0.0
+    ppm: float = 10.0
+    half_m: float = 1.0
+
+    def gas_ppm(self, x_m: float, y_m: float, z_m: float, time_s: float) -> float:
+        near = 1.0 / (1.0 + (math.hypot(x_m - self.source_m[0], y_m - self.source_m[1]) / self.half_m) ** 2)
+        # A number in [0, 1) that a change of a second or a decimetre makes anew.
+        chance = math.modf(
+            abs(math.sin(12.9898 * round(time_s) + 78.233 * round(10 * x_m) + round(10 * y_m))) * 43758.5
+        )
+        return self.ppm * near * (0.5 + chance[0]) if chance[0] < 0.2 + 0.8 * near else 0.0
 
 
 @dataclass
@@ -122,7 +143,7 @@ class Rails:
 
 def fly(
     agent_type: type[Agent],
-    plume: Ribbon,
+    plume: Ribbon | Cloud,
     *,
     nose: str = "pid",
     start_m: tuple[float, float, float] = (16.0, 5.0, 2.0),

@@ -1,0 +1,97 @@
+"""Casting: aslant to the wind through the plume; back across the wind when its edge is passed, then aslant again.
+
+After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
+"""
+
+import math
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.casting import CastSequence
+from gslcosim.search.contacts import Contact
+from gslcosim.search.draws import Draws
+from gslcosim.search.method import settings_of
+from gslcosim.search.scout import Scout, ScoutSettings
+from gslcosim.search.spirals import random_side
+from gslcosim.search.surging import oblique_place_m
+
+LEAST_LEG_M = 0.1
+
+
+class Casting(Agent):
+    """Remembers its side of the wind, where gas was met last, and how far a cast back has come."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.draws = Draws(briefing.seed)
+        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.beta_rad = math.radians(self.settings.beta_deg)
+        self.side = random_side(self.draws)
+        self.upwind_rad = 0.0
+        self.is_crossing = False
+        self.cast: CastSequence | None = None
+        self.n_returns_left = 0
+
+    def observe(self, observation: Observation) -> None:
+        """Watch for gas on the way too."""
+        self.scout.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg: cross the plume, cast back, or explore."""
+        contact = self.scout.ask(observation, aborts=not self.is_crossing)
+        if isinstance(contact, Command):
+            return contact
+        if contact.upwind_rad is None or self.scout.is_away:
+            self.is_crossing, self.cast = False, None
+            return self.scout.explore(observation)
+        if contact.has_gas:
+            return self.cross(observation, contact)
+        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        if self.is_crossing and left_m > LEAST_LEG_M:
+            return self.scout.fly_to(observation, self.place_ahead_m(observation, None))
+        if self.is_crossing:
+            self.is_crossing, self.n_returns_left = False, self.settings.n_returns
+            self.cast = self.cast_back(observation.position_world_m)
+            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            if answer is not None:
+                return answer
+        return self.cast_or_explore(observation, contact)
+
+    def cross(self, observation: Observation, contact: Contact) -> Command:
+        """Return a leg aslant through the plume; who comes back from an edge crosses to the other one."""
+        assert contact.upwind_rad is not None
+        gas_m = None if self.is_crossing else contact.gas_m
+        if self.cast is not None:
+            self.side = -self.side
+        self.is_crossing, self.cast, self.upwind_rad = True, None, contact.upwind_rad
+        return self.scout.fly_to(observation, self.place_ahead_m(observation, gas_m))
+
+    def place_ahead_m(self, observation: Observation, gas_m: tuple[float, ...] | None) -> tuple[float, float]:
+        """Return the end of a leg aslant to the wind, from the line upwind through gas where there is some."""
+        return oblique_place_m(
+            observation.position_world_m, gas_m, self.upwind_rad, self.side * self.beta_rad, self.settings.step_m
+        )
+
+    def cast_or_explore(self, observation: Observation, contact: Contact) -> Command:
+        """Return the next leg of the cast; after it go back to the last gas and cast there; then explore."""
+        while self.cast is not None:
+            command = self.scout.follow(observation, self.cast.next_turn_m)
+            if command is not None:
+                return command
+            self.cast = self.cast_back(contact.last_m) if self.n_returns_left > 0 and contact.last_m else None
+            self.n_returns_left -= 1
+        return self.scout.explore(observation)
+
+    def cast_back(self, here_m: tuple[float, ...]) -> CastSequence:
+        """Return a cast whose first leg leads back over the edge that was passed."""
+        return CastSequence(
+            anchor_m=(here_m[0], here_m[1]),
+            upwind_rad=self.upwind_rad,
+            side=-self.side,
+            width_m=self.settings.cast_m,
+            growth=self.settings.growth,
+            n_legs=self.settings.n_casts,
+        )
+
+
+if __name__ == "__main__":
+    run(Casting)

@@ -1,0 +1,86 @@
+"""Spiral: a square spiral of stops that begins anew wherever the source seems nearer than before; it needs no wind.
+
+After Ferri et al. 2009. README.md beside this file has the rules.
+"""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.draws import Draws
+from gslcosim.search.instruments import noses_of
+from gslcosim.search.method import settings_of
+from gslcosim.search.proximity import BestProximity, proximity_index
+from gslcosim.search.scout import Scout, ScoutSettings
+from gslcosim.search.spirals import SpiralCourse, SquareSpiral, random_side
+
+
+class Spiral(Agent):
+    """Remembers the best proximity index, the samples of this stop, and how far a spiral has come."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.draws = Draws(briefing.seed)
+        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.nose = noses_of(briefing)[0]
+        self.tick_s = briefing.tick_ns / 1e9
+        self.best = BestProximity(n_misses=self.settings.n_misses)
+        self.samples: list[float] = []
+        self.last_tick = -1
+        self.course: SpiralCourse | None = None
+
+    def observe(self, observation: Observation) -> None:
+        """Watch for gas on the way, and collect the samples of a stop."""
+        self.scout.observe(observation)
+        is_new, self.last_tick = observation.tick != self.last_tick, observation.tick
+        if observation.status != "holding":
+            self.samples.clear()
+        elif is_new and self.nose.is_ready(observation):
+            self.samples.append(min(self.nose.ppm(observation), self.settings.most_ppm))
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg: wind out, begin anew, or explore."""
+        self.observe(observation)
+        contact = self.scout.ask(observation, aborts=self.course is None)
+        if isinstance(contact, Command):
+            return contact
+        is_better = self.best.is_better(self.index())
+        self.samples.clear()
+        if self.scout.is_away:
+            self.course = None
+        elif is_better:
+            self.course = self.new_course(observation)
+        elif self.course is None and contact.gas_m is not None:
+            # Gas was met on the way: stop there first.
+            self.course = self.new_course(observation)
+            return self.scout.fly_to(observation, contact.gas_m[:2])
+        place_m = None if self.course is None else self.course.next_place_m()
+        if place_m is not None:
+            return self.scout.fly_to(observation, place_m)
+        if self.course is not None and self.course.is_blocked:
+            self.course = self.new_course(observation)
+            place_m = self.course.next_place_m()
+        if place_m is None:
+            self.course = None
+            return self.scout.explore(observation)
+        return self.scout.fly_to(observation, place_m)
+
+    def index(self) -> float:
+        """Return the proximity index of this stop."""
+        return proximity_index(
+            self.samples, self.tick_s, mean_weight=self.settings.mean_weight, peak_weight=self.settings.peak_weight
+        )
+
+    def new_course(self, observation: Observation) -> SpiralCourse:
+        """Return a spiral that begins here in a random direction, to a random side."""
+        s = self.settings
+        spiral = SquareSpiral(
+            side_m=s.side_m,
+            growth_m=s.growth_m,
+            heading_rad=self.draws.angle_rad(),
+            side=random_side(self.draws),
+            n_sides=s.n_sides,
+        )
+        room = self.scout.pilot.room
+        return SpiralCourse(spiral, observation.position_world_m, is_free=room.contains, n_skips=s.n_skips)
+
+
+if __name__ == "__main__":
+    run(Spiral)

@@ -1,0 +1,89 @@
+"""Surge-spiral: upwind while there is gas; outwards in a spiral when it is lost.
+
+After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
+"""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.contacts import Contact
+from gslcosim.search.draws import Draws
+from gslcosim.search.method import settings_of
+from gslcosim.search.scout import Scout, ScoutSettings
+from gslcosim.search.spirals import ArchimedeanSpiral, SpiralCourse, SquareSpiral, random_side
+from gslcosim.search.surging import surge_place_m
+
+LEAST_LEG_M = 0.1
+
+
+class SurgeSpiral(Agent):
+    """Remembers where gas was met last, the wind there, and how far a spiral has come."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.draws = Draws(briefing.seed)
+        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.upwind_rad = 0.0
+        self.is_surging = False
+        self.course: SpiralCourse | None = None
+        self.n_restarts_left = 0
+        self.n_returns_left = 0
+
+    def observe(self, observation: Observation) -> None:
+        """Watch for gas on the way too."""
+        self.scout.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg: surge, spiral or explore."""
+        contact = self.scout.ask(observation, aborts=not self.is_surging)
+        if isinstance(contact, Command):
+            return contact
+        if contact.upwind_rad is None or self.scout.is_away:
+            self.is_surging, self.course = False, None
+            return self.scout.explore(observation)
+        if contact.has_gas:
+            self.is_surging, self.course, self.upwind_rad = True, None, contact.upwind_rad
+        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        if self.is_surging and left_m > LEAST_LEG_M:
+            step_m = min(self.settings.step_m, left_m)
+            place_m = surge_place_m(observation.position_world_m, contact.gas_m, self.upwind_rad, step_m)
+            return self.scout.fly_to(observation, place_m)
+        if self.is_surging:
+            self.is_surging = False
+            self.n_restarts_left, self.n_returns_left = self.settings.n_restarts, self.settings.n_returns
+            self.course = self.new_course(observation.position_world_m)
+            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            if answer is not None:
+                return answer
+        return self.wind_out(observation, contact)
+
+    def new_course(self, centre_m: tuple[float, ...]) -> SpiralCourse:
+        """Return a spiral about a place, upwind first."""
+        s, side = self.settings, random_side(self.draws)
+        if s.shape == "archimedean":
+            spiral = ArchimedeanSpiral(
+                gap_m=s.gap_m, arc_m=s.arc_m, start_rad=self.upwind_rad, side=side, reach_m=s.reach_m
+            )
+        else:
+            spiral = SquareSpiral(
+                side_m=s.side_m, growth_m=s.growth_m, heading_rad=self.upwind_rad, side=side, n_sides=s.n_sides
+            )
+        room = self.scout.pilot.room
+        return SpiralCourse(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
+
+    def wind_out(self, observation: Observation, contact: Contact) -> Command:
+        """Return the next leg of the spiral; where it is blocked begin anew; after it wind out from the last gas."""
+        while self.course is not None:
+            place_m = self.course.next_place_m()
+            if place_m is not None:
+                return self.scout.cast_to(observation, place_m)
+            is_blocked, self.course = self.course.is_blocked, None
+            if is_blocked and self.n_restarts_left > 0:
+                self.n_restarts_left -= 1
+                self.course = self.new_course(observation.position_world_m)
+            elif self.n_returns_left > 0 and contact.last_m is not None:
+                self.n_returns_left -= 1
+                self.course = self.new_course(contact.last_m)
+        return self.scout.explore(observation)
+
+
+if __name__ == "__main__":
+    run(SurgeSpiral)
