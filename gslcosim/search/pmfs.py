@@ -30,10 +30,10 @@ class PmfsSettings:
     """Figures of PMFS; lengths in cells.
 
     Hit map: `prior`, `hit_target` and `miss_target` are probabilities; `kernel_cells` and `stretch_s_m` its reach.
-    Trust: `trust_reach_cells` and `trust_scale`; cells that are trusted more than `least_trust` count, at most
-    `scored`, the most trusted ones. Motion: goals lie within `reach_cells` of way from visited cells, at most
-    `candidates` are compared, `explore_frac` of the goals are chosen to explore, and so are the first `explore_first`;
-    exploring looks `view_cells` far.
+    Trust: `trust_reach_cells` and `trust_scale`. Score: cells that are trusted more than `least_trust` count, at most
+    `scored`, the most trusted ones, and the score is taken to the power `temper`. Motion: goals lie within
+    `reach_cells` of way from visited cells, at most `candidates` are compared, `explore_frac` of the goals are chosen
+    to explore, and so are the first `explore_first`.
     """
 
     prior: float = 0.3
@@ -45,6 +45,7 @@ class PmfsSettings:
     trust_scale: float = 1.0
     least_trust: float = 0.5
     scored: int = 200
+    temper: float = 1.0
     reach_cells: float = 5.0
     candidates: int = 100
     explore_frac: float = 0.1
@@ -79,7 +80,8 @@ class Pmfs:
     Deviation:
         Sources are scored by the steady plume calculated backwards, in place of a simulation of filaments for each one
         of a few hundred candidates: every cell is a candidate, and nothing is drawn at random. The product runs over
-        trusted cells only, so that cells nobody measured do not count.
+        trusted cells only, so that cells nobody measured do not count. A score may be tempered: neighbouring cells
+        share their measurements, and the model is not the room.
     Held by:
         tests/unit/search/test_pmfs.py
     """
@@ -157,7 +159,7 @@ class Pmfs:
         add_log_score_inplace(
             log_score, self._plume.shares(cells), self.hit_probability[at], confidence[at], _LEAST_FACTOR
         )
-        self.p[self.free] = normalised_from_log(log_score)
+        self.p[self.free] = normalised_from_log(self.settings.temper * log_score)
 
     def next_goal(self, point_m: Sequence[float], draws: Draws) -> Cell | None:
         """Return where to measure next; None when no cell is left. Draws one number."""

@@ -173,3 +173,15 @@ def test_goals_that_were_given_up_or_cannot_be_flown_to_are_left_out():
     assert pmfs.next_goal(centre((15, 15)), Draws(1)) == (16, 15)
     pmfs.give_up(centre((16, 15)))
     assert pmfs.next_goal(centre((15, 15)), Draws(1)) is None
+
+
+def test_a_tempered_score_is_the_power_of_the_score():
+    free = open_room()
+    beliefs = []
+    for temper in (1.0, 0.5):
+        pmfs = method(free, temper=temper)
+        pmfs.update(centre((16, 15)), [True] * 4, (0.3, 0.0))
+        pmfs.score(even_wind(free, 0.3))
+        beliefs.append(pmfs.p)
+    root = np.sqrt(beliefs[0])
+    assert beliefs[1] == pytest.approx(root / root.sum(), rel=1e-6)
