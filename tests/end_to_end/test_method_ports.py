@@ -22,6 +22,11 @@ NOSES = {"ohm": "tgs2600", "ppm": "pid"}
 # What the port can do of what the Python method can, by method; see the README of its folder.
 PARAMETERS = {
     "e_coli": ("{declares: false}", "{declares: false, eps: 0.0, step_m: 0.7, wall_margin_m: 0.3, hold_s: 0.2}"),
+    "surge_cast": (
+        "{declares: false}",
+        "{declares: false, explore: random, lost_by: last_blank, growth: doubling, n_returns: 3, cast_m: 0.4, "
+        "leash_legs: 6, leash_m: 1.5, step_m: 0.6, hold_s: 0.2, margin_m: 0.3}",
+    ),
 }
 
 each_port = pytest.mark.parametrize(

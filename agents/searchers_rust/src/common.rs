@@ -30,6 +30,10 @@ impl Draws {
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.fraction()
+    }
+
     pub fn angle_rad(&mut self) -> f64 {
         FULL_TURN_RAD * self.fraction()
     }
@@ -55,10 +59,32 @@ impl<'a> Parameters<'a> {
         Ok(self.number_if_given(name)?.unwrap_or(usual))
     }
 
-    /// Returns nothing where it is not given.
+    pub fn whole(&self, name: &str, usual: usize) -> Result<usize, String> {
+        let wrong = |value: &Value| format!("parameters.{name}: expected a whole number, was {value}");
+        let given = self.0.get(name).map(|value| value.as_u64().ok_or_else(|| wrong(value))).transpose()?;
+        Ok(given.map_or(usual, |number| number as usize))
+    }
+
+    /// Returns one of several words, the first where none is given.
+    pub fn choice<'b>(&self, name: &str, choices: &[&'b str]) -> Result<&'b str, String> {
+        let Some(value) = self.0.get(name) else { return Ok(choices[0]) };
+        let found = choices.iter().find(|choice| value == **choice);
+        found.copied().ok_or_else(|| format!("parameters.{name}: expected one of {}, was {value}", choices.join(", ")))
+    }
+
+    /// Returns nothing where it is not given, or null.
     pub fn number_if_given(&self, name: &str) -> Result<Option<f64>, String> {
         let wrong = |value: &Value| format!("parameters.{name}: expected a number, was {value}");
-        self.0.get(name).map(|value| value.as_f64().ok_or_else(|| wrong(value))).transpose()
+        let given = self.0.get(name).filter(|value| !value.is_null());
+        given.map(|value| value.as_f64().ok_or_else(|| wrong(value))).transpose()
+    }
+
+    /// Refuses a scenario in which the Python method would declare the source.
+    pub fn require_no_declarations(&self) -> Result<(), String> {
+        match self.0.get("declares") {
+            Some(Value::Bool(false)) => Ok(()),
+            _ => Err("parameters.declares: expected false, because this method in Rust never declares".to_string()),
+        }
     }
 
     /// Refuses all but one of the ways in which the Python method can do something.
@@ -70,17 +96,19 @@ impl<'a> Parameters<'a> {
     }
 }
 
-/// The room without its margin.
+/// The room without its margin; where there is less than two margins, its middle.
 pub struct Room {
-    min_m: [f64; 2],
-    max_m: [f64; 2],
+    pub min_m: [f64; 2],
+    pub max_m: [f64; 2],
 }
 
 impl Room {
     pub fn of(briefing: &Briefing, margin_m: f64) -> Self {
+        let (low_m, high_m) = (briefing.bounds.min_m, briefing.bounds.max_m);
+        let middle_m = |axis: usize| (low_m[axis] + high_m[axis]) / 2.0;
         Self {
-            min_m: [0, 1].map(|axis| briefing.bounds.min_m[axis] + margin_m),
-            max_m: [0, 1].map(|axis| briefing.bounds.max_m[axis] - margin_m),
+            min_m: [0, 1].map(|axis| (low_m[axis] + margin_m).min(middle_m(axis))),
+            max_m: [0, 1].map(|axis| (high_m[axis] - margin_m).max(middle_m(axis))),
         }
     }
 
@@ -103,26 +131,31 @@ impl Room {
 /// The first gas sensor of the briefing.
 pub struct Nose {
     name: String,
-    is_in_ohm: bool,
+    pub unit: String,
 }
 
 impl Nose {
     pub fn of(briefing: &Briefing) -> Result<Self, String> {
         let found = briefing.sensors.iter().find(|sensor| GAS_QUANTITIES.contains(&sensor.quantity.as_str()));
         let sensor = found.ok_or("sensors: expected at least 1 of kind gas, was none")?;
-        Ok(Self { name: sensor.name.clone(), is_in_ohm: sensor.unit == "ohm" })
+        Ok(Self { name: sensor.name.clone(), unit: sensor.unit.clone() })
+    }
+
+    /// Returns the reading as it is, or nothing while the sensor warms up.
+    pub fn value(&self, seen: &Observation) -> Result<Option<f64>, String> {
+        let reading = seen.reading(&self.name)?;
+        let value = *reading.values.first().ok_or("expected a value of the gas sensor, found none")?;
+        Ok((!reading.is_warming_up).then_some(value))
     }
 
     /// Returns a number that grows with the gas, or nothing while the sensor warms up.
     pub fn amount(&self, seen: &Observation) -> Result<Option<f64>, String> {
-        let reading = seen.reading(&self.name)?;
-        let value = *reading.values.first().ok_or("expected a value of the gas sensor, found none")?;
-        let amount = match (self.is_in_ohm, value > 0.0) {
+        let amount = |value: f64| match (self.unit == "ohm", value > 0.0) {
             (false, _) => value,
             (true, true) => 1.0 / value,
             (true, false) => f64::INFINITY,
         };
-        Ok((!reading.is_warming_up).then_some(amount))
+        Ok(self.value(seen)?.map(amount))
     }
 }
 

@@ -23,7 +23,7 @@ impl EColi {
         let known = ["step_m", "eps", "wall_margin_m", "hold_s", "measure", "declares"];
         let settings = Parameters::of(briefing, &known)?;
         settings.require("measure", json!("last"))?;
-        settings.require("declares", json!(false))?;
+        settings.require_no_declarations()?;
         Ok(Self {
             step_m: settings.number("step_m", 1.0)?,
             eps: settings.number("eps", 0.005)?,

@@ -4,6 +4,10 @@
 mod common;
 mod e_coli;
 mod messages;
+mod piloting;
+mod sensing;
+mod surge_cast;
+mod unseen;
 
 use std::error::Error;
 use std::io::{Write, stdin, stdout};
@@ -11,10 +15,14 @@ use std::io::{Write, stdin, stdout};
 use common::Method;
 use e_coli::EColi;
 use messages::{Briefing, Message};
+use surge_cast::SurgeCast;
 
 type Maker = fn(&Briefing) -> Result<Box<dyn Method>, String>;
 
-const MAKERS: [(&str, Maker); 1] = [("e_coli", |briefing| Ok(Box::new(EColi::new(briefing)?)))];
+const MAKERS: [(&str, Maker); 2] = [
+    ("e_coli", |briefing| Ok(Box::new(EColi::new(briefing)?))),
+    ("surge_cast", |briefing| Ok(Box::new(SurgeCast::new(briefing)?))),
+];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let wanted = std::env::args().nth(1).unwrap_or_default();

@@ -17,11 +17,13 @@ pub enum Message {
 pub struct Briefing {
     pub contract_version: String,
     pub seed: u64,
+    pub mode: String,
     pub bounds: Bounds,
     pub search_height_m: f64,
     pub sensors: Vec<Sensor>,
     #[serde(default)]
     pub parameters: Map<String, Value>,
+    pub known_map: Option<Value>,
 }
 
 /// The room, world frame.
@@ -42,7 +44,9 @@ pub struct Sensor {
 #[derive(Deserialize)]
 pub struct Observation {
     pub tick: u64,
+    pub time_s: f64,
     pub position_world_m: [f64; 3],
+    pub status: String,
     pub awaiting_command: bool,
     pub readings: Vec<Reading>,
     pub notice: Option<String>,
