@@ -109,16 +109,21 @@ class ParticleFilter(Agent):
     def spiral_leg(self, observation: Observation) -> Command:
         """Return the next arc of a spiral round the place where the plume was lost; a wide one begins anew."""
         if self.spiral is None or self.spiral.radius_m > self.settings.spiral_most_m:
-            self.centre_m = self.cloud.mean_m() if self.spiral is not None else observation.position_world_m[:2]
-            self.spiral = ArchimedeanSpiral(
-                gap_m=self.settings.spiral_gap_m,
-                arc_m=self.settings.step_m,
-                start_rad=self.draws.angle_rad(),
-                side=random_side(self.draws),
-            )
+            x_m, y_m, _ = observation.position_world_m
+            self.centre_m = (x_m, y_m) if self.spiral is None else self.cloud.mean_m()
+            self.spiral = self.new_spiral()
         dx_m, dy_m = self.spiral.next_offset_m()
         target_m = (self.centre_m[0] + dx_m, self.centre_m[1] + dy_m)
         return self.search.flights.pilot.leg(observation, target_m, hold_s=self.settings.explore_hold_s)
+
+    def new_spiral(self) -> ArchimedeanSpiral:
+        """Return a spiral that leaves its centre in a random direction, to a random side."""
+        return ArchimedeanSpiral(
+            gap_m=self.settings.spiral_gap_m,
+            arc_m=self.settings.step_m,
+            start_rad=self.draws.angle_rad(),
+            side=random_side(self.draws),
+        )
 
 
 if __name__ == "__main__":
