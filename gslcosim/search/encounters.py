@@ -264,7 +264,7 @@ def _fading_s(plume: NominalPlume, width_m2: float) -> float:
 
 
 def likelihoods(
-    log_mean: Array, *, n_outcomes: int = 2, floor: float = 0.0, power: float = 1.0
+    log_mean: Array, *, n_outcomes: int = 2, floor: float = 0.0, power: float | Array = 1.0
 ) -> tuple[Array, Array, Array]:
     """Return how likely each outcome of a stop is for each place of the source, what it weighs, and the weight's log.
 
@@ -272,13 +272,14 @@ def likelihoods(
         log_mean: (m, c) logarithm of expected hits: m places of the searcher, c cells of the source.
         n_outcomes: 2 for "hit or not", more to count hits.
         floor: Least probability of an outcome.
-        power: Tempering: the weight is the likelihood to this power.
+        power: Tempering: the weight is the likelihood to this power, one number or one for each place.
 
     Returns:
         Three arrays (m, n_outcomes, c): likelihood, weight, logarithm of the weight (0 where the weight is 0).
     """
     shape = (log_mean.shape[0], n_outcomes, log_mean.shape[1])
     likelihood, log_weight = np.empty(shape), np.empty(shape)
-    weight = likelihood if power == 1.0 else np.empty(shape)
-    likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight)
+    powers = np.array(np.broadcast_to(np.asarray(power, np.float64), shape[:1]))
+    weight = likelihood if (powers == 1.0).all() else np.empty(shape)
+    likelihoods_into(log_mean, floor, powers, likelihood, weight, log_weight)
     return likelihood, weight, log_weight

@@ -9,6 +9,8 @@ import numpy as np
 EULER_GAMMA = 0.5772156649015329
 # Terms of the power series at arguments up to 2: the next one is below 1e-17.
 _N_SERIES = 12
+# Logarithm of a mean so small that one minus it is one.
+_NEVER = -40.0
 # Terms of a tail of Poisson's law below a mean of 1: the next one is below 1e-19.
 _N_TAIL = 20
 
@@ -162,20 +164,53 @@ def hit_probability(log_mean, hits, n_outcomes):
     return max(0.0, 1.0 - others)
 
 
+# Most of a decision's time is spent here: two outcomes share their exponentials, and where no hit is to be expected
+# (mu below 1e-17) both are what they are without a source.
+@numba.njit(cache=True, nogil=True)
+def _hit_or_not_into(log_mean, floor, power, likelihood, weight, log_weight):
+    scale = 1.0 - 2.0 * floor
+    log_never = math.log(floor) if floor > 0.0 else 0.0
+    for i in range(log_mean.shape[0]):
+        k = power[i]
+        never_weight = math.exp(k * log_never) if floor > 0.0 else 0.0
+        sure_log = k * math.log1p(-floor)
+        sure_weight = math.exp(sure_log)
+        for j in range(log_mean.shape[1]):
+            if log_mean[i, j] < _NEVER:
+                likelihood[i, 0, j], likelihood[i, 1, j] = 1.0 - floor, floor
+                weight[i, 0, j], weight[i, 1, j] = sure_weight, never_weight
+                log_weight[i, 0, j], log_weight[i, 1, j] = sure_log, k * log_never
+                continue
+            mean = math.exp(min(log_mean[i, j], 50.0))
+            none = math.exp(-mean)
+            # Two terms of the series where one minus the other would lose digits: either is right to 2e-11.
+            some = mean * (1.0 - 0.5 * mean) if mean < 1e-5 else 1.0 - none
+            miss, hit = floor + scale * none, floor + scale * some
+            likelihood[i, 0, j], likelihood[i, 1, j] = miss, hit
+            log_miss = k * math.log(miss) if miss > 0.0 else 0.0
+            log_hit = k * math.log(hit)
+            log_weight[i, 0, j], log_weight[i, 1, j] = log_miss, log_hit
+            if k == 1.0:
+                weight[i, 0, j], weight[i, 1, j] = miss, hit
+            else:
+                weight[i, 0, j] = math.exp(log_miss) if miss > 0.0 else 0.0
+                weight[i, 1, j] = math.exp(log_hit)
+
+
 @numba.njit(cache=True, nogil=True)
 def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
     """Write how likely each outcome of a stop is for each place of the source, and what it weighs in a belief.
 
     L = f + (1 - n f) P(h)        f floor, n number of outcomes: no outcome is ruled out, and the sum stays 1
-    W = L^k                       k power: 1 trusts each stop fully, less counts stops as alike
+    W = L^k                       k power: 1 trusts a stop fully, less counts it as like others
     [1] = [1]
 
     Args:
         log_mean: (m, c) logarithm of the expected hits for m places of the searcher and c cells of the source.
         floor: Least probability f of an outcome, from 0 to 1 / n.
-        power: Power k, from 0 to 1.
+        power: (m,) power k of each place, from 0 to 1.
         likelihood: (m, n, c) L; overwritten.
-        weight: (m, n, c) W; overwritten. May be the same array as `likelihood` where the power is 1.
+        weight: (m, n, c) W; overwritten. May be the same array as `likelihood` where all powers are 1.
         log_weight: (m, n, c) ln W, 0 where W is 0; overwritten.
 
     Source:
@@ -184,6 +219,9 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
         tests/unit/search/test_encounters.py
     """
     n_outcomes = likelihood.shape[1]
+    if n_outcomes == 2:
+        _hit_or_not_into(log_mean, floor, power, likelihood, weight, log_weight)
+        return
     scale = 1.0 - n_outcomes * floor
     for i in range(log_mean.shape[0]):
         for h in range(n_outcomes):
@@ -194,9 +232,9 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
                     weight[i, h, j] = 0.0
                     log_weight[i, h, j] = 0.0
                 else:
-                    log_w = power * math.log(value)
+                    log_w = power[i] * math.log(value)
                     log_weight[i, h, j] = log_w
-                    weight[i, h, j] = value if power == 1.0 else math.exp(log_w)
+                    weight[i, h, j] = value if power[i] == 1.0 else math.exp(log_w)
 
 
 @numba.njit(cache=True, nogil=True)
