@@ -108,12 +108,13 @@ class ParticleFilter(Agent):
 
     def spiral_leg(self, observation: Observation) -> Command:
         """Return the next arc of a spiral round the place where the plume was lost; a wide one begins anew."""
-        if self.spiral is None or self.spiral.radius_m > self.settings.spiral_most_m:
+        offset_m = None if self.spiral is None else self.spiral.next_offset_m()
+        if offset_m is None:
             x_m, y_m, _ = observation.position_world_m
             self.centre_m = (x_m, y_m) if self.spiral is None else self.cloud.mean_m()
             self.spiral = self.new_spiral()
-        dx_m, dy_m = self.spiral.next_offset_m()
-        target_m = (self.centre_m[0] + dx_m, self.centre_m[1] + dy_m)
+            offset_m = self.spiral.next_offset_m() or (0.0, 0.0)
+        target_m = (self.centre_m[0] + offset_m[0], self.centre_m[1] + offset_m[1])
         return self.search.flights.pilot.leg(observation, target_m, hold_s=self.settings.explore_hold_s)
 
     def new_spiral(self) -> ArchimedeanSpiral:
@@ -123,6 +124,7 @@ class ParticleFilter(Agent):
             arc_m=self.settings.step_m,
             start_rad=self.draws.angle_rad(),
             side=random_side(self.draws),
+            reach_m=self.settings.spiral_most_m,
         )
 
 
