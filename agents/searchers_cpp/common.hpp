@@ -15,6 +15,7 @@
 
 using json = nlohmann::json;
 using Vec2 = std::array<double, 2>;
+using Vec3 = std::array<double, 3>;
 
 constexpr double full_turn_rad = 6.283185307179586;
 constexpr int n_tries = 100;
@@ -54,9 +55,26 @@ public:
 
     double number(const char* name, double usual) const { return values_.value(name, usual); }
 
-    // Nothing where it is not given: the vehicle holds as long as the briefing says.
+    std::size_t whole(const char* name, std::size_t usual) const { return values_.value(name, usual); }
+
+    // One of several words, the first where none is given.
+    std::string choice(const char* name, const std::vector<std::string>& choices) const {
+        const std::string given = values_.value(name, choices.front());
+        if (std::find(choices.begin(), choices.end(), given) == choices.end())
+            throw std::runtime_error(std::string{"parameters."} + name + ": expected one of " + json(choices).dump() +
+                                     ", was " + given);
+        return given;
+    }
+
+    // Nothing where it is not given, or null: the vehicle holds as long as the briefing says.
     std::optional<double> number_if_given(const char* name) const {
-        return values_.contains(name) ? std::optional<double>{values_.at(name).get<double>()} : std::nullopt;
+        return values_.contains(name) && !values_.at(name).is_null() ? std::optional<double>{values_.at(name).get<double>()} : std::nullopt;
+    }
+
+    // Refuses a scenario in which the Python method would declare the source.
+    void require_no_declarations() const {
+        if (values_.value("declares", true))
+            throw std::runtime_error("parameters.declares: expected false, because this method in C++ never declares");
     }
 
     // Of what the Python method can do in several ways, one is done here.
@@ -70,15 +88,17 @@ private:
     json values_;
 };
 
-// The room without its margin.
+// The room without its margin; where there is less than two margins, its middle.
 struct Room {
     Vec2 min_m, max_m;
 
     Room(const json& briefing, double margin_m) {
         const auto& bounds = briefing.at("bounds");
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            min_m[axis] = bounds.at("min_m").at(axis).get<double>() + margin_m;
-            max_m[axis] = bounds.at("max_m").at(axis).get<double>() - margin_m;
+            const double low_m = bounds.at("min_m").at(axis), high_m = bounds.at("max_m").at(axis);
+            const double middle_m = (low_m + high_m) / 2.0;
+            min_m[axis] = std::min(low_m + margin_m, middle_m);
+            max_m[axis] = std::max(high_m - margin_m, middle_m);
         }
     }
 
@@ -116,7 +136,7 @@ public:
         for (const auto& sensor : briefing.at("sensors"))
             if (quantities.count(sensor.at("quantity")) != 0) {
                 name_ = sensor.at("name");
-                is_in_ohm_ = sensor.at("unit") == "ohm";
+                unit_ = sensor.at("unit");
                 return;
             }
         throw std::runtime_error("sensors: expected at least 1 of kind gas, was none");
@@ -124,16 +144,20 @@ public:
 
     bool is_ready(const json& observation) const { return !reading_of(observation, name_).value("is_warming_up", false); }
 
+    const std::string& unit() const { return unit_; }
+
+    // The reading as it is.
+    double value(const json& observation) const { return reading_of(observation, name_).at("values").at(0); }
+
     // Grows with the gas: the conductance of a sensor in ohm, what others show.
     double amount(const json& observation) const {
-        const double value = reading_of(observation, name_).at("values").at(0);
-        if (!is_in_ohm_) return value;
+        const double value = this->value(observation);
+        if (unit_ != "ohm") return value;
         return value > 0.0 ? 1.0 / value : std::numeric_limits<double>::infinity();
     }
 
 private:
-    std::string name_;
-    bool is_in_ohm_ = false;
+    std::string name_, unit_;
 };
 
 inline Vec2 place_of(const json& observation) {

@@ -15,7 +15,7 @@ public:
           height_m_{briefing.at("search_height_m")},
           draws_{briefing.at("seed").get<std::uint64_t>()} {
         settings_.require("measure", "last");
-        settings_.require("declares", false);
+        settings_.require_no_declarations();
     }
 
     json decide(const json& observation) override {

@@ -10,6 +10,7 @@
 
 #include "common.hpp"
 #include "e_coli.hpp"
+#include "surge_cast.hpp"
 
 namespace {
 
@@ -17,6 +18,7 @@ using Maker = std::function<std::unique_ptr<Method>(const json&)>;
 
 const std::map<std::string, Maker> makers{
     {"e_coli", [](const json& briefing) { return std::make_unique<EColi>(briefing); }},
+    {"surge_cast", [](const json& briefing) { return std::make_unique<SurgeCast>(briefing); }},
 };
 
 void check_contract(const json& briefing) {
