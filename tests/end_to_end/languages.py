@@ -203,7 +203,7 @@ def golden_briefing(seed: int) -> Briefing:
         sensors=(
             SensorDescription(name="nose", model="tgs2600", quantity="resistance", unit="ohm", mount_body_m=(0.0,) * 3),
             SensorDescription(
-                name="wind", model="anemometer", quantity="wind", unit="m/s, rad", mount_body_m=(0.0,) * 3
+                name="wind", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0,) * 3
             ),
         ),
     )

@@ -1,0 +1,33 @@
+"""Cognitive search: weighs stops by a Renyi divergence of beliefs, or by free energy."""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.grid_search import GridSearch, Outlook
+from gslcosim.search.information import Array, free_energy_cost, renyi_cost
+from gslcosim.search.method import settings_of
+
+
+class CognitiveSearch(Agent):
+    """Infotaxis with another measure of what a reading is worth."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.search = GridSearch(briefing, self.settings, self.costs)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of wind and gas on the way."""
+        self.search.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next stop, or a declaration."""
+        return self.search.decide(observation)
+
+    def costs(self, outlook: Outlook) -> Array:
+        """Return the cost of each stop by the chosen reward."""
+        settings = self.settings
+        if settings.reward == "renyi":
+            return renyi_cost(outlook.foresight(alpha=settings.alpha))
+        return free_energy_cost(outlook.foresight(), step_m=outlook.step_m, temperature=settings.temperature)
+
+
+if __name__ == "__main__":
+    run(CognitiveSearch)

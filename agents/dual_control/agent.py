@@ -1,0 +1,33 @@
+"""Dual control: nears the mean of its belief and shrinks the variance of it, weighed as one cost."""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.grid_search import GridSearch, Outlook
+from gslcosim.search.information import Array, dual_control_cost
+from gslcosim.search.method import settings_of
+
+
+class DualControl(Agent):
+    """Exploits by going to where it believes the source to be, explores by the variance that a reading would leave."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.search = GridSearch(briefing, self.settings, self.costs)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of wind and gas on the way."""
+        self.search.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next stop, or a declaration."""
+        return self.search.decide(observation)
+
+    def costs(self, outlook: Outlook) -> Array:
+        """Return squared distance to the estimate plus weighed variance [m2], more where findings were made already."""
+        cost = dual_control_cost(
+            outlook.foresight(), outlook.places_m, outlook.mean_m, exploration=self.settings.exploration
+        )
+        return cost / outlook.novelty
+
+
+if __name__ == "__main__":
+    run(DualControl)

@@ -1,0 +1,30 @@
+"""Information gain: goes where the next reading is expected to change its belief most."""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.grid_search import GridSearch, Outlook
+from gslcosim.search.information import Array, information_gain_cost
+from gslcosim.search.method import settings_of
+
+
+class InformationGain(Agent):
+    """Weighs stops by the divergence of the belief after the reading from that before it."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.settings = settings_of(briefing, __file__)
+        self.search = GridSearch(briefing, self.settings, self.costs)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of wind and gas on the way."""
+        self.search.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next stop, or a declaration."""
+        return self.search.decide(observation)
+
+    def costs(self, outlook: Outlook) -> Array:
+        """Return minus the divergence that each stop is expected to cause [bit]."""
+        return information_gain_cost(outlook.foresight())
+
+
+if __name__ == "__main__":
+    run(InformationGain)
