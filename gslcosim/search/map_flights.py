@@ -144,7 +144,7 @@ class MapFlights:
 
     def was_missed(self, observation: Observation) -> bool:
         """Return whether the vehicle is elsewhere than at its goal: it was refused, or led around."""
-        return self.goal_m is not None and math.dist(observation.position_world_m[:2], self.goal_m) > _HERE_M
+        return self.goal_m is not None and math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
 
     def leg(
         self, observation: Observation, *, at_most_m: float = math.inf, hold_s: float | None = None

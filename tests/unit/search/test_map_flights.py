@@ -132,6 +132,13 @@ def test_a_refused_or_missed_goal_is_told():
     assert not on_map.is_under_way(observation(1, position_m=(8.0, 2.0, 2.0)))
 
 
+def test_a_goal_next_to_the_vehicle_is_missed_too_when_it_was_refused():
+    on_map = flights()
+    on_map.go_to((2.4, 2.0))
+    on_map.leg(observation(0))
+    assert on_map.was_missed(observation(1, notice="expected a free place"))
+
+
 def test_who_stays_has_no_goal_and_holds_at_search_height():
     on_map = flights()
     on_map.go_to((8.0, 2.0))

@@ -1,0 +1,122 @@
+import math
+
+import numpy as np
+import pytest
+from briefings import briefing, observation, open_map
+
+from gslcosim_agents.kernel_dmv.agent import KernelDmv
+from gslcosim_agents.kernel_dmvw.agent import KernelDmvw
+
+SIZE_M = (6.0, 5.0, 4.0)
+START_M = (3.0, 2.5, 2.0)
+PEAK_M = (1.5, 3.5)
+SENSORS = (("pid", "nose"), ("anemometer", "vane"))
+BOTH = pytest.mark.parametrize("method", [KernelDmv, KernelDmvw])
+
+
+def mapper(method, *, seed: int = 1, known_map=None, sensors=SENSORS, **parameters):
+    return method(briefing(sensors=sensors, seed=seed, size_m=SIZE_M, known_map=known_map, parameters=parameters))
+
+
+def gas_ppm(position_m, draws) -> float:
+    """Gas that varies near one place, and hardly anywhere else."""
+    near = math.exp(-(math.dist(position_m[:2], PEAK_M) ** 2))
+    return max(0.0, 5.0 * near * (1.0 + draws.normal()))
+
+
+def flown(agent, n: int, *, gas=gas_ppm, refused=(), seed: int = 3):
+    """Commands of a vehicle that flies to where it is sent in 1 s, seen ten times on the way."""
+    draws, position_m, commands, notice = np.random.default_rng(seed), START_M, [], None
+    target_m, tick = START_M, 40
+    for i in range(n):
+        for step in range(10):
+            share = (step + 1) / 10.0
+            place_m = tuple((1.0 - share) * a + share * b for a, b in zip(position_m, target_m))
+            seen = observation(
+                tick=tick + step,
+                position_m=place_m,
+                readings={"nose": gas(place_m, draws), "vane": (0.3, math.pi)},
+                asked=step == 9,
+                notice=notice if step == 9 else None,
+            )
+            agent.observe(seen)
+        position_m, tick = place_m, tick + 10
+        commands.append(agent.decide(seen))
+        notice = "expected a free place" if i in refused else None
+        target_m = commands[-1].position_world_m or position_m
+        if notice is not None:
+            target_m = position_m
+    return commands
+
+
+@BOTH
+def test_a_sweep_comes_near_to_every_place(method):
+    places_m = [command.position_world_m[:2] for command in flown(mapper(method), 25, gas=lambda *_: 0.0)]
+    for corner_m in ((0.5, 0.5), (5.5, 0.5), (0.5, 4.5), (5.5, 4.5)):
+        assert min(math.dist(corner_m, place_m) for place_m in places_m) < 0.3
+
+
+@BOTH
+def test_legs_are_no_longer_than_asked_and_end_inside_the_margin(method):
+    here_m = START_M
+    for command in flown(mapper(method, step_m=1.0), 25, gas=lambda *_: 0.0):
+        assert math.dist(here_m[:2], command.position_world_m[:2]) <= 1.01
+        assert all(0.49 <= x <= size - 0.49 for x, size in zip(command.position_world_m, SIZE_M[:2]))
+        here_m = command.position_world_m
+
+
+@BOTH
+def test_it_declares_near_where_the_gas_varies(method):
+    declared = [c.declaration for c in flown(mapper(method), 60) if c.kind == "declare_source"]
+    assert declared
+    assert math.dist(declared[-1].position_world_m[:2], PEAK_M) < 1.0
+
+
+@BOTH
+def test_without_gas_it_declares_nothing(method):
+    commands = flown(mapper(method), 60, gas=lambda _, draws: 0.001 * abs(draws.normal()))
+    assert {command.kind for command in commands} == {"waypoint"}
+
+
+@BOTH
+def test_its_belief_is_the_variance_map_over_free_cells(method):
+    known = open_map(SIZE_M[:2], walls=[(4.0, 1.0, 5.0, 2.0)])
+    agent = mapper(method, known_map=known)
+    beliefs = [command.belief for command in flown(agent, 30) if command.belief is not None]
+    p = beliefs[-1].probability.to_array()
+    assert p[agent.flights.grid.nearest_cell((4.5, 1.5))] == 0.0
+    expected = agent.gas.maps().variance * agent.flights.free
+    assert np.corrcoef(p.reshape(-1), expected.reshape(-1))[0, 1] > 0.99
+
+
+@BOTH
+def test_refused_legs_lead_elsewhere(method):
+    commands = flown(mapper(method), 8, refused=(2, 3, 4))
+    assert len({command.position_world_m for command in commands[2:6]}) > 2
+
+
+@BOTH
+def test_who_goes_where_it_is_worth_it_visits_much_gas_after_what_is_unknown(method):
+    agent = mapper(method, motion="worth", curiosity=0.0)
+    places_m = [
+        c.position_world_m[:2]
+        for c in flown(agent, 60, gas=lambda place_m, _: 5.0 - math.dist(place_m[:2], PEAK_M))
+        if c.position_world_m
+    ]
+    assert min(math.dist(PEAK_M, place_m) for place_m in places_m) < 1.5
+
+
+@BOTH
+def test_equal_readings_give_equal_commands(method):
+    assert flown(mapper(method), 20) == flown(mapper(method), 20)
+
+
+def test_a_mox_reading_belongs_to_where_the_vehicle_was_and_a_pid_reading_to_where_it_is():
+    lagging = mapper(KernelDmv, sensors=(("tgs2600", "nose"),), mox_lag_s=2.0, reading_s=0.1)
+    for tick in range(60):
+        readings = {"nose": 50_000.0, "nose_ppm": 9.0 if tick >= 40 else 0.0}
+        lagging.observe(observation(tick=tick, position_m=(0.1 * tick, 2.5, 2.0), readings=readings, asked=False))
+    mean = lagging.gas.maps().mean[:, lagging.flights.grid.nearest_cell((0.0, 2.5))[1]]
+    middle = float(mean.max() + mean.min()) / 2.0
+    edge_m = lagging.flights.grid.axis_m(0)[int(np.argmax(mean > middle))]
+    assert edge_m == pytest.approx(2.0, abs=0.5)  # the gas came at x = 4, the sensor lags by 2 s at 1 m/s
