@@ -52,7 +52,7 @@ class Ribbon:
 
 @dataclass(frozen=True, kw_only=True)
 class Cloud:
-    """Gas in still air: bursts around a source, ever rarer and weaker with the distance, at random by place and time."""
+    """Gas in still air: bursts around a source, rarer and weaker with the distance, at random by place and time."""
 
     source_m: tuple[float, float] = (2.0, 5.0)
     wind_m_s: float = 0.0
@@ -115,6 +115,7 @@ class Rails:
     def obey(self, command: Command, refuses: Callable[[tuple[float, float, float]], bool]) -> None:
         self.notice = None
         self.hold_s = self.told.hold_s if command.hold_s is None else command.hold_s
+        self.yaw_rad = self.yaw_rad if command.yaw_rad is None else command.yaw_rad
         if command.kind == "waypoint":
             assert command.position_world_m is not None
             self.velocity_m_s = (0.0, 0.0, 0.0)
@@ -125,7 +126,6 @@ class Rails:
         elif command.kind == "velocity":
             assert command.velocity_world_m_s is not None
             self.velocity_m_s = command.velocity_world_m_s
-            self.yaw_rad = self.yaw_rad if command.yaw_rad is None else command.yaw_rad
             self.hold_s = max(self.hold_s, TICK_S)
 
     def move(self) -> None:
