@@ -200,8 +200,9 @@ def kept_off(direction: Vector, ranges_m: Sequence[float], yaw_rad: float, least
 class Bug:
     """Brings a robot to its waypoint along the line, along walls, or pushed by others, one direction at a time.
 
-    It flies along one of the two beams that bracket the line, and changes to the other one when it is `line_m` off it. Where what it wants is blocked (a range below `wall_m`) it follows the wall on the side
-    nearer to the waypoint, until it is back on the line, nearer to the waypoint than where it met the wall.
+    It flies along one of the two beams that bracket the line, and changes to the other one when it is `line_m` off it.
+    Where what it wants is blocked (a range below `wall_m`) it follows the wall on the side nearer to the waypoint,
+    until it is back on the line, nearer to the waypoint than where it met the wall.
     A wall's end is passed by `past_m` before it turns round it.
 
     State: the line, the beam it flies along, on which side the wall is (+1 left, -1 right, 0 none), how far the
