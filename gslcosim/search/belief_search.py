@@ -14,7 +14,7 @@ from gslcosim.search.draws import Draws
 from gslcosim.search.flying import declaration
 from gslcosim.search.gas_evidence import Finding, GasEvidence
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.instruments import noses_of, vane_of
+from gslcosim.search.instruments import Nose, noses_of, vane_of
 from gslcosim.search.map_flights import MapFlights
 from gslcosim.search.measuring import MeasuredWind, TrustedWind
 from gslcosim.search.source_goals import GoalFlights, best_goal, coarser, expected_information_bits, mass_around
@@ -82,8 +82,8 @@ class BeliefSearch:
         tests/unit/search/test_belief_search.py
     """
 
-    def __init__(self, briefing: Briefing, settings: BeliefSearchSettings) -> None:
-        """Begin without findings and wind."""
+    def __init__(self, briefing: Briefing, settings: BeliefSearchSettings, *, nose: Nose | None = None) -> None:
+        """Begin without findings and wind; without a nose the briefing's first gas sensor is used."""
         self.settings = settings
         self.flights = MapFlights(
             briefing,
@@ -97,7 +97,7 @@ class BeliefSearch:
         self.height_m = briefing.search_height_m
         self.goals = GoalFlights(self.flights, step_m=settings.step_m)
         self.evidence = GasEvidence(
-            noses_of(briefing)[0], every_s=settings.finding_s, threshold_ppm=settings.gas_threshold_ppm
+            nose or noses_of(briefing)[0], every_s=settings.finding_s, threshold_ppm=settings.gas_threshold_ppm
         )
         n_steps = max(1, round(settings.window_s / settings.wind_step_s))
         self.winds = WindRecord(vane_of(briefing), step_s=settings.wind_step_s, n_steps=n_steps)
@@ -205,11 +205,17 @@ class BeliefSearch:
         upwind_rad, here_m = self.upwind_rad(), observation.position_world_m
         return None if upwind_rad is None else surge_place_m(here_m, None, upwind_rad, self.settings.step_m)
 
-    def upwind_rad(self) -> float | None:
-        """Return where the wind of the last seconds comes from, in calm air the last one before [rad]; None so far."""
+    def recent_wind_m_s(self) -> tuple[float, float]:
+        """Return the mean wind of the last seconds, world frame [m/s]: where the air goes; 0 before it is known."""
         n_steps = max(1, round(_SURGE_WIND_S / self.settings.wind_step_s))
         winds_m_s = self.winds.winds_m_s()[-n_steps:]
-        if len(winds_m_s):
-            u_m_s, v_m_s = winds_m_s.mean(axis=0).tolist()
-            self._trusted.add(MeasuredWind(speed_m_s=math.hypot(u_m_s, v_m_s), upwind_rad=math.atan2(-v_m_s, -u_m_s)))
+        if not len(winds_m_s):
+            return 0.0, 0.0
+        u_m_s, v_m_s = winds_m_s.mean(axis=0).tolist()
+        return u_m_s, v_m_s
+
+    def upwind_rad(self) -> float | None:
+        """Return where the wind of the last seconds comes from, in calm air the last one before [rad]; None so far."""
+        u_m_s, v_m_s = self.recent_wind_m_s()
+        self._trusted.add(MeasuredWind(speed_m_s=math.hypot(u_m_s, v_m_s), upwind_rad=math.atan2(-v_m_s, -u_m_s)))
         return self._trusted.upwind_rad

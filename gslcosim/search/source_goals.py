@@ -127,6 +127,11 @@ class GoalFlights:
         bend_m = goal_m if way_m is None or len(way_m) < 2 else (float(way_m[1][0]), float(way_m[1][1]))
         return pilot.leg(observation, step_towards_m(here_m, bend_m, self._step_m), hold_s=hold_s)
 
+    def is_goal(self, place_m: Sequence[float]) -> bool:
+        """Return whether a place lies in a cell that may be a goal."""
+        cell = self.flights.grid.cell_at(place_m)
+        return cell is not None and bool(self.goals[cell])
+
     def note_refusal(self, observation: Observation) -> None:
         """Give up the last goal if the vehicle tells that it could not go on; call it before the next is chosen."""
         if self._goal_m is None or not self.flights.pilot.was_refused(observation):

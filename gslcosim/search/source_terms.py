@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 TERMS = ("x_m", "y_m", "z_m", "rate", "speed", "direction_rad", "diffusivity_m2_s", "lifetime_s")
 _POSITIVE = ("rate", "speed", "diffusivity_m2_s", "lifetime_s")
 _ROUNDING = 1e-12
+_LOG_REJECTED = math.log(0.01)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +141,8 @@ class SourceTermFilter:
     2. When fewer than half of the particles count, N_eff < N / 2, they are drawn anew by their weights and moved:
        each proposes a step of the kernel, h L xi with the weighted covariance L L' of before and xi standard normal,
        and takes it with the chance min(1, p(new) / p(old)) of all that is known: prior and every reading so far.
+       Then each proposes a draw from the prior, taken with the chance min(1, L(new) / L(old)) of the readings: a way
+       out of a wrong place that small steps do not find.
 
     All weights and chances are logarithms.
 
@@ -149,7 +152,8 @@ class SourceTermFilter:
         Hutchinson, Liu, Chen 2018, Information Fusion 42; AutoSTE [C]; the move: Gilks and Berzuini 2001,
         doi:10.1111/1467-9868.00280.
     Deviation:
-        A step is judged by all readings, not by the last one: only then do moves leave the posterior as it is.
+        A step is judged by all readings, not by the last one: only then do moves leave the posterior as it is. Draws
+        from the prior are ours; they leave it as it is, too.
     Held by:
         tests/unit/search/test_source_terms.py (coverage of the truth on its own model)
     """
@@ -171,6 +175,7 @@ class SourceTermFilter:
         self._prior, self._rng, self._n_moves = prior, rng, n_moves
         self._log_weights: Array = np.zeros(n_particles)
         self._log_likelihoods: Array = np.zeros(n_particles)
+        self._rejected: list[tuple[float, float, float]] = []
         self._places_m: list[Sequence[float]] = []
         self._winds: list[tuple[float, float]] = []
         self._readings: list[float] = []
@@ -200,6 +205,16 @@ class SourceTermFilter:
         self._winds.append((speed_m_s, direction_rad))
         self._readings.append(ppm)
         latest = self._likelihoods(self.terms, since=len(self._readings) - 1)
+        self._log_likelihoods += latest
+        self._log_weights += latest
+        self._log_weights -= self._log_weights.max()
+        if self.n_effective() < 0.5 * len(self.terms):
+            self._renew()
+
+    def reject(self, place_m: Sequence[float], radius_m: float) -> None:
+        """Take note that the source is not near a place in the plane: it is there a hundred times less likely."""
+        self._rejected.append((place_m[0], place_m[1], radius_m))
+        latest = _log_rejection(self.terms, self._rejected[-1:])
         self._log_likelihoods += latest
         self._log_weights += latest
         self._log_weights -= self._log_weights.max()
@@ -245,22 +260,25 @@ class SourceTermFilter:
         index = systematic_indices(weights, float(self._rng.random()))
         self.terms, self._log_likelihoods = self.terms[index], self._log_likelihoods[index]
         self._log_weights = np.zeros(len(self.terms))
-        for _ in range(self._n_moves):
-            self._move(root)
-
-    def _move(self, root: Array) -> None:
         n = len(self.terms)
-        step = kernel_width(n) * self._rng.standard_normal((n, N_TERMS)) @ root.T
-        proposed = self.terms + step
-        chance = np.log1p(-self._rng.random(n))
-        log_prior = self._prior.log_density(proposed)
-        possible = np.flatnonzero(np.isfinite(log_prior))
-        log_likelihoods_there = self._likelihoods(proposed[possible])
-        gain = log_prior[possible] + log_likelihoods_there
-        gain -= self._prior.log_density(self.terms[possible]) + self._log_likelihoods[possible]
-        taken = gain > chance[possible]
+        for _ in range(self._n_moves):
+            step = kernel_width(n) * self._rng.standard_normal((n, N_TERMS)) @ root.T
+            proposed = self.terms + step
+            self._take(proposed, self._prior.log_density(proposed) - self._prior.log_density(self.terms))
+        self._take(self._prior.draw(n, self._rng), np.zeros(n))
+
+    # Metropolis and Hastings: the gain of the prior comes with the proposal, that of the readings is added.
+    def _take(self, proposed: Array, gain: Array) -> None:
+        chance = np.log1p(-self._rng.random(len(proposed)))
+        possible = np.flatnonzero(np.isfinite(gain))
+        log_likelihoods_there = self._all_likelihoods(proposed[possible])
+        gain_there = gain[possible] + log_likelihoods_there - self._log_likelihoods[possible]
+        taken = gain_there > chance[possible]
         self.terms[possible[taken]] = proposed[possible[taken]]
         self._log_likelihoods[possible[taken]] = log_likelihoods_there[taken]
+
+    def _all_likelihoods(self, terms: Array) -> Array:
+        return self._likelihoods(terms) + _log_rejection(terms, self._rejected)
 
     def _likelihoods(self, terms: Array, *, since: int = 0) -> Array:
         plume, sensor, figures = self.model.numbers
@@ -269,6 +287,13 @@ class SourceTermFilter:
         return log_likelihoods(
             terms, places_m, winds, np.array(self._readings[since:], dtype=np.float64), plume, sensor, figures
         )
+
+
+def _log_rejection(terms: Array, rejected: Sequence[tuple[float, float, float]]) -> Array:
+    total = np.zeros(len(terms))
+    for x_m, y_m, radius_m in rejected:
+        total += np.where(np.hypot(terms[:, 0] - x_m, terms[:, 1] - y_m) <= radius_m, _LOG_REJECTED, 0.0)
+    return total
 
 
 def _covariance(terms: Array, weights: Array) -> Array:
@@ -280,3 +305,12 @@ def _covariance(terms: Array, weights: Array) -> Array:
 def _root(covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, _ROUNDING * max(float(values.max()), _ROUNDING)))
+
+
+def warm_up(model: PlumeSensor) -> None:
+    """Compile the kernels, or load them from the cache on disk, so that no decision has to wait for it."""
+    spread = Spread(kind="log_uniform", a=0.5, b=1.0)
+    tiny = SourceTermFilter(Prior(dict.fromkeys(TERMS, spread)), model, 2, np.random.default_rng(0), n_moves=1)
+    tiny.read((0.0, 0.0, 0.0), 0.0)
+    tiny.gain_bits(np.zeros((1, 3)), n_particles=2, n_truths=1)
+    systematic_indices(np.full(2, 0.5), 0.5)

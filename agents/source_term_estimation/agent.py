@@ -1,0 +1,127 @@
+"""Source-term estimation: particles of place, rate and plume, weighed by readings; flies where a reading tells most.
+
+After Hutchinson, Liu and Chen 2018. README.md beside this file has the rules, method.yaml the parameters.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search import source_terms
+from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.declaring import by_spread
+from gslcosim.search.draws import Draws
+from gslcosim.search.gas_evidence import Finding
+from gslcosim.search.instruments import noses_of
+from gslcosim.search.method import settings_of
+from gslcosim.search.source_terms import PlumeSensor, Prior, SourceTermFilter, Spread
+from gslcosim.search.unseen import UnseenSquares
+
+N_DIRECTIONS = 8
+NEAR_AND_FAR = (1.0, 3.0)  # candidate places lie so many steps away
+
+
+class SourceTermEstimation(Agent):
+    """Believes in sets of source terms; goes where the next reading tells most, and to the mean once it is narrow."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = self.settings = settings_of(briefing, __file__)
+        self.nose = next(nose for nose in noses_of(briefing) if nose.unit == "ppm" or nose.estimate is not None)
+        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings), nose=self.nose)
+        self.threshold_ppm = settings.mox_floor_ppm if self.nose.unit == "ohm" else settings.gas_threshold_ppm
+        model = PlumeSensor(
+            plume=settings.plume,
+            sensor=settings.sensor,
+            threshold_ppm=self.threshold_ppm,
+            noise_frac=settings.noise_frac,
+            noise_floor_ppm=settings.noise_floor_ppm,
+            detection_probability=settings.detection_probability,
+            source_radius_m=settings.source_radius_m,
+        )
+        source_terms.warm_up(model)
+        rng = Draws(briefing.seed).generator("source terms")
+        self.filter = SourceTermFilter(self.prior(briefing), model, settings.particles, rng, n_moves=settings.moves)
+        self.unseen = UnseenSquares(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
+
+    def prior(self, briefing: Briefing) -> Prior:
+        """Return what is believed at the start; a granted plume narrows the rate."""
+        (x_0, y_0, z_0), (x_1, y_1, z_1) = briefing.bounds.min_m, briefing.bounds.max_m
+        rates = self.settings.rate_ppm_m3_s
+        if briefing.plume is not None:
+            rates = (briefing.plume.release_ppm_m3_s / 3.0, briefing.plume.release_ppm_m3_s * 3.0)
+        return Prior(
+            {
+                "x_m": Spread(kind="uniform", a=x_0, b=x_1),
+                "y_m": Spread(kind="uniform", a=y_0, b=y_1),
+                "z_m": Spread(kind="uniform", a=z_0, b=min(z_1, z_0 + self.settings.highest_m)),
+                "rate": Spread(kind="log_uniform", a=rates[0], b=rates[1]),
+                "speed": Spread(kind="log_uniform", a=0.5, b=2.0),
+                "direction_rad": Spread(kind="normal", a=0.0, b=self.settings.direction_std_rad),
+                "diffusivity_m2_s": _log_uniform(self.settings.diffusivity_m2_s),
+                "lifetime_s": _log_uniform(self.settings.lifetime_s),
+            }
+        )
+
+    def observe(self, observation: Observation) -> None:
+        """Take a reading for each finding: the mixing ratio after gas, none in clean air."""
+        self.unseen.note(observation.position_world_m)
+        if (rejected_m := self.search.take_rejected()) is not None:
+            self.filter.reject(rejected_m, self.settings.visit_m)
+        finding = self.search.observe(observation)
+        if finding is not None:
+            self.learn(observation, finding)
+
+    def learn(self, observation: Observation, finding: Finding) -> None:
+        """Weigh the particles by a reading and the wind it came with."""
+        speed_m_s, direction_rad = self.wind()
+        ppm = max(self.nose.ppm(observation), 1.01 * self.threshold_ppm) if finding.is_hit else 0.0
+        self.filter.read(finding.sensor_m, ppm, speed_m_s=speed_m_s, direction_rad=direction_rad)
+
+    def wind(self) -> tuple[float, float]:
+        """Return speed and direction of the mean wind of the last seconds: where the air goes."""
+        u_m_s, v_m_s = self.search.recent_wind_m_s()
+        return math.hypot(u_m_s, v_m_s), math.atan2(v_m_s, u_m_s)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or a declaration."""
+        self.observe(observation)
+        places_m, weights = self.filter.terms[:, :2], self.filter.weights()
+        found = by_spread(places_m, weights, limit_m=self.settings.declare_spread_m, radius_m=self.settings.visit_m)
+        p = self.filter.probability(self.search.grid)
+        return self.search.answer(observation, p, found, lambda: self.next_leg(observation))
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return the next step towards the place of most information and probability for the way."""
+        here_m, mean = observation.position_world_m, self.filter.mean()
+        mean_m = (mean["x_m"], mean["y_m"])
+        hold_s = self.settings.hold_s if self.search.is_tracking(observation) else self.settings.explore_hold_s
+        if self.settings.planner == "mean" and math.dist(mean_m, here_m[:2]) > 0.5 * self.settings.step_m:
+            return self.search.goals.leg(observation, mean_m, hold_s=hold_s)
+        goals_m = np.array([*self.around(here_m), mean_m, self.unseen.next_place_m(here_m, self.search.upwind_rad())])
+        places_m = np.column_stack([goals_m, np.full(len(goals_m), self.search.height_m)])
+        speed_m_s, direction_rad = self.wind()
+        gain = self.filter.gain_bits(places_m, speed_m_s=speed_m_s, direction_rad=direction_rad)
+        away_m = np.hypot(*(self.filter.terms[:, None, :2] - goals_m[None]).transpose(2, 0, 1))
+        likely = self.filter.weights() @ (away_m <= self.settings.visit_m)
+        ways_m = np.hypot(goals_m[:, 0] - here_m[0], goals_m[:, 1] - here_m[1])
+        worth = np.where(ways_m < 0.5 * self.settings.step_m, -1.0, (gain + likely) / (ways_m + self.settings.near_m))
+        x_m, y_m = goals_m[int(worth.argmax())].tolist()
+        return self.search.goals.leg(observation, (x_m, y_m), hold_s=hold_s)
+
+    def around(self, here_m: tuple[float, ...]) -> list[tuple[float, float]]:
+        """Return candidate places in eight directions, near and far, that lie in the room and are not refused."""
+        places_m = [
+            (here_m[0] + n * self.settings.step_m * math.cos(a), here_m[1] + n * self.settings.step_m * math.sin(a))
+            for n in NEAR_AND_FAR
+            for a in np.arange(N_DIRECTIONS) * (2.0 * math.pi / N_DIRECTIONS)
+        ]
+        return [place_m for place_m in places_m if self.search.goals.is_goal(place_m)]
+
+
+def _log_uniform(limits: tuple[float, float]) -> Spread:
+    return Spread(kind="log_uniform", a=limits[0], b=limits[1])
+
+
+if __name__ == "__main__":
+    run(SourceTermEstimation)
