@@ -231,8 +231,8 @@ class OutflowRule:
 
     @property
     def is_holding(self) -> bool:
-        """Whether the last round spoke for a source inside: the ring should stay and read again."""
-        return bool(self._shares)
+        """Whether the last round spoke for a source inside: the ring should stay and read again, until that is sure."""
+        return 0 < len(self._shares) <= self._n_rounds
 
     def declared(self, flow: RingFlow, centre_m: Floats) -> tuple[tuple[float, float], float] | None:
         """Take a round's flow; return place and confidence once the rule holds.

@@ -14,7 +14,7 @@ from gslcosim.search.flying import declaration
 from gslcosim.search.formations import centre_m
 from gslcosim.search.instruments import noses_of, vanes_of
 from gslcosim.search.measuring import MeasuredWind, TrustedWind
-from gslcosim.search.particle_swarm import Sighting, better
+from gslcosim.search.particle_swarm import Sighting
 from gslcosim.search.piloting import Pilot
 from gslcosim.search.plume_finding import PlumeMemory, crosswind_course
 from gslcosim.search.radio import Best, Report
@@ -54,7 +54,7 @@ class FormationFlight:
         s = self.settings = settings
         nose, vane = noses_of(briefing)[0], next(iter(vanes_of(briefing)), None)
         smell = Smell(nose, floor=s.gas_floor, band_frac=s.mox_band_frac)
-        self.rounds = Rounds(briefing, nose, vane, amount=smell.amount, timeout_s=s.timeout_s)
+        self.rounds = Rounds(briefing, nose, vane, amount=smell.amount, timeout_s=s.timeout_s, window_s=s.hold_s)
         self.pilot = Pilot(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
         self.room, self.height_m = self.pilot.room, self.pilot.height_m
         self.wind = TrustedWind(threshold_m_s=s.calm_m_s)
@@ -87,7 +87,7 @@ class FormationFlight:
         """Return the round's reports when all have read; until then answer with `wait`."""
         if self.pilot.is_busy(observation):
             return None
-        best = self.best
+        best = None if self.best is None else self.best.faded(observation.time_s, self.settings.fades_s)
         told = None if best is None else Best(position_m=(*best.place_m, self.height_m), amount=best.amount)
         now = self.rounds.complete(observation, numbers, best=told)
         if now is not None:
@@ -157,17 +157,17 @@ class FormationFlight:
         self._wind_m_s = (1.0 - share) * self._wind_m_s + share * np.array(now.mean_wind_m_s)
         x_m_s, y_m_s = (float(v) for v in self._wind_m_s)
         self.wind.add(MeasuredWind(speed_m_s=math.hypot(x_m_s, y_m_s), upwind_rad=math.atan2(-y_m_s, -x_m_s)))
-        if self.best is not None:
-            faded = self.best.faded(time_s, self.settings.fades_s)
-            self.best = faded if faded.amount > self.settings.gas_floor else None
-        for report in now.reports.values():
-            for place_m, amount in _sightings(report):
-                if amount > 0.0:
-                    self.best = better(self.best, Sighting(place_m, amount, time_s))
+        known = [sighting for report in now.reports.values() for sighting in _sightings(report)]
+        known += [] if self.best is None else [self.best]
+        faded = [sighting.faded(time_s, self.settings.fades_s) for sighting in known]
+        most = max(faded, key=lambda sighting: sighting.amount, default=None)
+        self.best = most if most is not None and most.amount > self.settings.gas_floor else None
 
 
 # What a report says of gas at places: its own reading, and the best place that it knows of.
-def _sightings(report: Report) -> list[tuple[tuple[float, float], float]]:
-    told = [((report.position_m[0], report.position_m[1]), report.amount)]
+def _sightings(report: Report) -> list[Sighting]:
+    told = [Sighting((report.position_m[0], report.position_m[1]), report.amount, report.time_s)]
     best = report.best
-    return told if best is None else [*told, ((best.position_m[0], best.position_m[1]), best.amount)]
+    if best is None:
+        return told
+    return [*told, Sighting((best.position_m[0], best.position_m[1]), best.amount, report.time_s)]

@@ -1,5 +1,6 @@
 """Synchronous rounds of a team over radio: all hold, read and tell, then all step."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -98,6 +99,7 @@ class Rounds:
         first_timeout_s: float = 15.0,
         wait_s: float = 0.2,
         n_calls: int = 2,
+        window_s: float = math.inf,
     ) -> None:
         """Join the team on the first channel of a briefing.
 
@@ -110,6 +112,7 @@ class Rounds:
             first_timeout_s: The same in the first round, in which all take off [s].
             wait_s: How long a wait lasts before the report is told again [s].
             n_calls: How often a report is told at least.
+            window_s: Over how long a robot that stays where it is averages what it reads [s].
         """
         self.team = Team(briefing)
         self.number = 1
@@ -117,7 +120,7 @@ class Rounds:
         self._timeouts_s = (first_timeout_s, timeout_s)
         self._wait_s, self._n_calls = wait_s, n_calls
         self._amount = amount
-        self._measure = StopAndMeasure((nose,), vane)
+        self._measure = StopAndMeasure((nose,), vane, window_s=window_s)
         self._heard: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
         self._own: Report | None = None
         self._last: Report | None = None

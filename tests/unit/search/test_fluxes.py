@@ -8,6 +8,7 @@ from gslcosim.search.fluxes import (
     RingFlow,
     divergence_slope,
     flux_divergence,
+    inflow_direction,
     lattice_forces,
     relaxed_lattice,
     ring_flow,
@@ -145,3 +146,27 @@ def test_a_round_of_throughflow_or_of_almost_nothing_begins_anew(flow):
 def test_nothing_released_where_more_flows_in_than_out_or_nothing_at_all():
     assert RingFlow(inward=2.0, outward=1.0).released_frac == 0.0
     assert RingFlow(inward=0.0, outward=0.0).released_frac == 0.0
+
+
+def test_the_rule_holds_from_the_first_round_of_outflow_until_it_is_sure_or_refuted():
+    held, good, place = rule(), RingFlow(inward=0.0, outward=1.0), np.zeros(2)
+    holding = [held.is_holding]
+    for flow in (good, RingFlow(inward=1.0, outward=1.0), good, good, good, good):
+        held.declared(flow, place)
+        holding.append(held.is_holding)
+    assert holding == [False, True, False, True, True, True, False]
+
+
+def test_gas_comes_from_up_the_wind_and_from_where_there_is_most():
+    places = ring(4, 1.0)
+    wind = np.tile((-1.0, 0.0), (4, 1))
+    assert inflow_direction(places, wind) == pytest.approx([1.0, 0.0])
+    towards = inflow_direction(ring(8, 1.0), np.linspace(0.0, 1.0, 8)[:, None] * np.tile((-1.0, 0.0), (8, 1)))
+    # Robots to the right of the wind's origin have more gas; they are the last of the ring.
+    assert towards[0] > 0.0 > towards[1]
+
+
+def test_without_inflow_there_is_no_direction():
+    assert inflow_direction(ring(4, 1.0), np.zeros((4, 2))) is None
+    assert inflow_direction(np.zeros((1, 2)), np.ones((1, 2))) is None
+    assert inflow_direction(ring(4, 1.0), ring(4, 1.0)) is None

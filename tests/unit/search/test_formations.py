@@ -12,6 +12,7 @@ from gslcosim.search.formations import (
     hexagon,
     in_world,
     inverted_v,
+    laplacian_leg_m,
     laplacian_velocity_m_s,
     mixed_direction,
     next_width,
@@ -175,3 +176,21 @@ def test_the_width_keeps_within_its_limits():
     assert next_width(1.95, slots, np.ones(5, bool), change_frac=0.1, least=0.5, most=2.0) == 2.0
     middle = np.array([True, False, False, False, False])
     assert next_width(0.51, slots, middle, change_frac=0.1, least=0.5, most=2.0) == 0.5
+
+
+def legs(positions, offsets, dt_s):
+    return np.array([
+        laplacian_leg_m(i, positions, offsets, 0.0, 0.5, dt_s=dt_s, **GAINS) for i in range(len(positions))
+    ])  # fmt: skip
+
+
+def test_a_short_leg_is_the_law_times_its_duration():
+    positions, offsets = np.random.default_rng(5).uniform(0.0, 5.0, (5, 2)), formation("square", 5, 1.0)
+    assert legs(positions, offsets, 1e-6) / 1e-6 == pytest.approx(velocities(positions, offsets, 0.0, 0.5), rel=1e-4)
+
+
+def test_a_long_leg_ends_in_the_formation_and_never_beyond():
+    positions, offsets = np.random.default_rng(6).uniform(0.0, 5.0, (5, 2)), formation("square", 5, 1.0)
+    ends = positions + legs(positions, offsets, 30.0)
+    assert ends - ends.mean(axis=0) == pytest.approx(offsets - offsets.mean(axis=0), abs=1e-6)
+    assert ends.mean(axis=0) - positions.mean(axis=0) == pytest.approx([30.0 * 0.3, 30.0 * 0.2 * 0.5])
