@@ -121,7 +121,7 @@ private:
         const double dx_m = contact.last_m ? (*contact.last_m)[0] - here_m[0] : 0.0;
         const double dy_m = contact.last_m ? (*contact.last_m)[1] - here_m[1] : 0.0;
         const double cross_m = std::cos(upwind_rad_) * dy_m - std::sin(upwind_rad_) * dx_m;
-        const bool is_left = cross_m == 0.0 ? pilot_.draws.fraction() < 0.5 : cross_m > 0.0;
+        const bool is_left = std::abs(cross_m) <= 0.001 ? pilot_.draws.fraction() < 0.5 : cross_m > 0.0;
         const double across_rad = upwind_rad_ + (is_left ? right_angle_rad : -right_angle_rad);
         return {here_m, {std::cos(across_rad), std::sin(across_rad)}};
     }

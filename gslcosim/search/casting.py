@@ -11,6 +11,7 @@ from typing import Literal
 from gslcosim.search.draws import Draws
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
+ON_LINE_M = 0.001
 
 Growth = Literal["growing", "fixed", "doubling"]
 
@@ -136,7 +137,8 @@ class PlaneCastSequence:
 def side_of(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float) -> int:
     """Return on which side of the line upwind through an anchor a place lies: +1 left, -1 right, 0 on it.
 
-    sign of the cross product (u x (p - a)) . z        u unit vector upwind
+    sign of the cross product (u x (p - a)) . z        u unit vector upwind; within a millimetre of the line it is 0,
+    so that the last bit of a sine chooses no side
 
     It tells on which side gas was seen to vanish: a vehicle that left the plume at its left edge finds it to its right.
 
@@ -147,7 +149,7 @@ def side_of(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: flo
     """
     dx_m, dy_m = place_m[0] - anchor_m[0], place_m[1] - anchor_m[1]
     cross_m = math.cos(upwind_rad) * dy_m - math.sin(upwind_rad) * dx_m
-    return int(cross_m > 0.0) - int(cross_m < 0.0)
+    return int(cross_m > ON_LINE_M) - int(cross_m < -ON_LINE_M)
 
 
 def side_or_random(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float, draws: Draws) -> int:

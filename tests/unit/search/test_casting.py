@@ -11,7 +11,9 @@ from gslcosim.search.casting import (
     cast_offset_m,
     crosswind_unit,
     side_of,
+    side_or_random,
 )
+from gslcosim.search.draws import Draws
 
 WIDTH_M = 0.75
 GROWTHS = {"growing": [1, 2, 3, 4, 5], "fixed": [1, 2, 2, 2, 2], "doubling": [1, 2, 4, 8, 16]}
@@ -81,8 +83,17 @@ def test_a_cast_in_the_plane_keeps_to_the_plane_and_may_dip_first():
     assert [z for _, _, z in turns] == [2.0, 2.0, 1.5, 2.5]
 
 
-def test_a_place_on_the_line_upwind_is_on_neither_side():
-    assert side_of((1.0, 0.0), (0.0, 0.0), 0.0) == 0
+@pytest.mark.parametrize("upwind_rad", [0.0, 0.7, math.pi, -2.0])
+def test_a_place_on_the_line_upwind_is_on_neither_side(upwind_rad):
+    on_line_m = (5.0 * math.cos(upwind_rad), 5.0 * math.sin(upwind_rad))
+    assert side_of(on_line_m, (0.0, 0.0), upwind_rad) == 0
+    assert {side_or_random(on_line_m, (0.0, 0.0), upwind_rad, Draws(seed)) for seed in range(20)} == {1, -1}
+
+
+def test_a_known_side_costs_no_draw():
+    draws = Draws(1)
+    assert side_or_random((0.0, 1.0), (0.0, 0.0), 0.0, draws) == 1
+    assert draws.fraction() == Draws(1).fraction()
 
 
 def memory(**changes):

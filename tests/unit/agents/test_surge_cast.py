@@ -1,0 +1,164 @@
+import math
+
+import pytest
+from briefings import briefing, observation
+from ribbon_world import Ribbon, fly
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.surge_cast.agent import SurgeCast
+
+WEST_RAD = math.pi  # the wind comes from -x
+PID = (("pid", "nose"), ("anemometer", "vane"))
+
+
+def made(**changes):
+    return SurgeCast(briefing(**{"sensors": PID, **changes}))
+
+
+def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, upwind_rad=WEST_RAD, speed_m_s=0.5, notice=None, status="holding"):
+    readings = {"nose": ppm, "vane": (speed_m_s, upwind_rad)}
+    seen = observation(tick=tick, position_m=place_m, readings=readings, notice=notice)
+    return seen.model_copy(update={"status": status})
+
+
+def flown(agent, amounts, place_m=(7.0, 5.0, 2.0)):
+    """Places commanded at one question after the other, each of them reached."""
+    places = []
+    for i, ppm in enumerate(amounts):
+        place_m = agent.decide(at(40 + 40 * i, place_m, ppm=ppm)).position_world_m
+        places.append(place_m)
+    return places
+
+
+def test_gas_sends_it_a_step_upwind():
+    assert flown(made(), [1.0, 1.0]) == [(6.0, 5.0, 2.0), (5.0, 5.0, 2.0)]
+
+
+def test_it_goes_on_upwind_until_the_plume_counts_as_lost_and_then_casts_d_2d_3d_across():
+    places = flown(made(parameters={"lost_m": 1.5}), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert places[:2] == [(6.0, 5.0, 2.0), (5.5, 5.0, 2.0)]
+    turns_m = [y_m - 5.0 for _, y_m, _ in places[2:6]]
+    side = math.copysign(1.0, turns_m[0])
+    assert turns_m == pytest.approx([side * 0.75, -side * 0.75, side * 1.5, -side * 1.5])
+    assert all(x_m == 5.5 for x_m, _, _ in places[2:6])
+
+
+def test_after_the_cast_it_goes_back_to_the_last_gas_and_casts_there():
+    places = flown(made(parameters={"lost_m": 1.0, "n_casts": 1}), [1.0, 0.0, 0.0])
+    assert places[1][0] == 6.0
+    assert places[2][0] == 7.0
+
+
+def test_a_cast_keeps_the_wind_with_which_it_began():
+    agent = made(parameters={"lost_m": 1.0})
+    agent.decide(at(40, ppm=1.0))
+    first = agent.decide(at(80, (6.0, 5.0, 2.0)))
+    second = agent.decide(at(120, first.position_world_m, upwind_rad=0.5))
+    assert first.position_world_m[0] == second.position_world_m[0] == 6.0
+
+
+def test_gas_on_the_way_is_gone_back_to_sideways():
+    agent = made(parameters={"lost_m": 1.0})
+    agent.decide(at(40, ppm=1.0))
+    agent.decide(at(80, (6.0, 5.0, 2.0)))
+    agent.observe(at(90, (6.0, 5.4, 2.0), ppm=1.0, status="flying"))
+    assert agent.decide(at(120, (6.0, 5.75, 2.0))).position_world_m == (5.0, 5.4, 2.0)
+
+
+def test_the_last_blank_decides_how_long_it_waits():
+    agent = made(parameters={"lost_by": "last_blank", "least_memory_s": 1.0})
+    agent.observe(at(10, ppm=1.0))
+    agent.observe(at(60, ppm=1.0))  # a blank of 5 s
+    agent.decide(at(70))
+    assert agent.decide(at(100, (6.0, 5.0, 2.0))).position_world_m == (5.0, 5.0, 2.0)
+    x_m, y_m, _ = agent.decide(at(120, (5.0, 5.0, 2.0))).position_world_m
+    assert (x_m, abs(y_m - 5.0)) == (5.0, 0.75)
+
+
+def test_without_wind_or_gas_it_explores_new_places():
+    places = flown(made(), [0.0] * 25)
+    assert len(set(places)) == 25
+    calm = made()
+    command = calm.decide(at(40, ppm=1.0, speed_m_s=0.0))
+    assert command.position_world_m != (6.0, 5.0, 2.0)
+
+
+def test_it_may_explore_at_random_nearby():
+    for _ in range(5):
+        (place_m,) = flown(made(parameters={"explore": "random"}), [0.0])
+        assert max(abs(place_m[0] - 7.0), abs(place_m[1] - 5.0)) <= 0.5
+
+
+def test_a_refused_surge_is_led_around():
+    agent = made()
+    first = agent.decide(at(40, ppm=1.0))
+    second = agent.decide(at(80, ppm=1.0, notice="in an obstacle"))
+    assert second.position_world_m != first.position_world_m
+
+
+def test_asked_at_every_tick_it_lets_a_leg_end_but_breaks_off_a_cast_for_gas():
+    agent = made(mode="lockstep", parameters={"lost_m": 1.0})
+    agent.decide(at(40, ppm=1.0))
+    assert agent.decide(at(45, (6.5, 5.0, 2.0), status="flying")).kind == "noop"
+    agent.decide(at(46, (6.0, 5.0, 2.0)))
+    agent.decide(at(80, (6.0, 5.0, 2.0)))
+    assert agent.decide(at(85, (6.0, 5.3, 2.0), status="flying")).kind == "noop"
+    assert agent.decide(at(86, (6.0, 5.4, 2.0), ppm=1.0, status="flying")).kind == "waypoint"
+
+
+def test_equal_seeds_give_equal_legs_and_other_seeds_other_sides():
+    lost = [1.0, 0.0, 0.0, 0.0, 0.0]
+    assert flown(made(seed=3), lost) == flown(made(seed=3), lost)
+    assert len({tuple(flown(made(seed=seed), lost)) for seed in range(10)}) == 2
+
+
+@pytest.mark.parametrize(
+    ("sensors", "parameters"), [((("pid", "nose"),), {}), (PID, {"step": 1.0}), (PID, {"step_m": -1.0})]
+)
+def test_what_is_missing_or_wrong_is_told_at_the_briefing(sensors, parameters):
+    with pytest.raises(MethodError, match="expected"):
+        made(sensors=sensors, parameters=parameters)
+
+
+@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
+@pytest.mark.parametrize("plume", [Ribbon(), Ribbon(wave_m=1.0), Ribbon(wave_m=0.8, blob_m=0.6, gap_m=1.0)])
+def test_it_comes_up_a_ribbon_of_gas(nose, plume):
+    found_s = fly(SurgeCast, plume, nose=nose, limit_s=120.0).found_s
+    assert found_s is not None
+    assert found_s < 90.0
+
+
+def test_it_declares_near_the_source():
+    flight = fly(SurgeCast, Ribbon(), found_m=0.0, limit_s=240.0)
+    declared = [command.declaration for command in flight.commands if command.declaration is not None]
+    assert 1 <= len(declared) <= 3
+    assert math.dist(declared[0].position_world_m, (2.0, 5.0, 2.0)) < 0.6
+
+
+class Kinked(Ribbon):
+    """A ribbon whose lower part lies beside the upper one, as after the wind has turned and turned back."""
+
+    def gas_ppm(self, x_m, y_m, z_m, time_s):
+        return super().gas_ppm(x_m, y_m - (1.6 if x_m > 9.0 else 0.0), z_m, time_s)
+
+
+def test_growing_casts_meet_a_plume_again_that_fixed_ones_miss():
+    """Beyond the first turn of a cast only growth finds the plume; in one that swings back by itself it may not pay."""
+    parameters = {"explore": "random", "n_returns": 0, "n_casts": 6, "lost_m": 1.0, "leash_legs": 0}
+    found = {
+        growth: sum(
+            fly(
+                SurgeCast,
+                Kinked(spread=0.0, half_m=0.3),
+                start_m=(13.0 + 0.3 * seed, 6.6, 2.0),
+                seed=seed,
+                limit_s=60.0,
+                parameters={**parameters, "growth": growth},
+            ).found_s
+            is not None
+            for seed in range(6)
+        )
+        for growth in ("growing", "fixed")
+    }
+    assert found["growing"] == 6
+    assert found["fixed"] < 6
