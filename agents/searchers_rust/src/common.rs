@@ -81,10 +81,8 @@ impl<'a> Parameters<'a> {
 
     /// Refuses a scenario in which the Python method would declare the source.
     pub fn require_no_declarations(&self) -> Result<(), String> {
-        match self.0.get("declares") {
-            Some(Value::Bool(false)) => Ok(()),
-            _ => Err("parameters.declares: expected false, because this method in Rust never declares".to_string()),
-        }
+        let wrong = "parameters.declares: expected false, because this method in Rust never declares".to_string();
+        if self.0.get("declares") == Some(&Value::Bool(false)) { Ok(()) } else { Err(wrong) }
     }
 
     /// Refuses all but one of the ways in which the Python method can do something.
@@ -129,6 +127,7 @@ impl Room {
 }
 
 /// The first gas sensor of the briefing.
+#[derive(Default)]
 pub struct Nose {
     name: String,
     pub unit: String,

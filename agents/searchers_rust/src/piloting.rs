@@ -104,10 +104,8 @@ impl Leash {
 
     /// Takes note of where a leg has ended; returns whether it is wound up, and lets go if so.
     pub fn pulls(&mut self, place_m: [f64; 2]) -> bool {
-        self.places_m.push_back(place_m);
-        while self.places_m.len() > self.n_legs {
-            self.places_m.pop_front();
-        }
+        self.places_m.push_front(place_m);
+        self.places_m.truncate(self.n_legs);
         if self.n_legs == 0 || self.places_m.len() < self.n_legs {
             return false;
         }

@@ -8,41 +8,25 @@ use crate::messages::{Briefing, Observation};
 const LEAST_STEP_S: f64 = 1e-9;
 const ELSEWHERE_M: f64 = 0.25;
 const MOX_LAG_S: f64 = 1.0;
+const LEARN_S: f64 = 2.0;
+const NOISE_MEMORY_S: f64 = 20.0;
+const LEAST_SLOPE_PER_S: f64 = 0.005;
 
-/// Returns the exactly rounded sum of numbers, as Python's `math.fsum` does (Shewchuk 1997).
+/// Returns the sum of numbers without what rounding loses on the way, as Python's `math.fsum` does (Shewchuk 1997).
 pub fn exact_sum(numbers: impl IntoIterator<Item = f64>) -> f64 {
     let mut parts: Vec<f64> = Vec::new();
-    for number in numbers {
-        let mut x = number;
+    for mut x in numbers {
         let mut kept = 0;
         for i in 0..parts.len() {
             let (large, small) = if x.abs() < parts[i].abs() { (parts[i], x) } else { (x, parts[i]) };
             x = large + small;
-            let rest = small - (x - large);
-            if rest != 0.0 {
-                parts[kept] = rest;
-                kept += 1;
-            }
+            parts[kept] = small - (x - large);
+            kept += usize::from(parts[kept] != 0.0);
         }
         parts.truncate(kept);
         parts.push(x);
     }
-    let Some(mut high) = parts.pop() else { return 0.0 };
-    while let Some(part) = parts.pop() {
-        let before = high;
-        high = before + part;
-        let low = part - (high - before);
-        if low == 0.0 {
-            continue;
-        }
-        // Half a unit of the last place, and more of the same sign below it: rounded the other way.
-        let same_sign = parts.last().is_some_and(|next| (low < 0.0) == (*next < 0.0) && *next != 0.0);
-        if same_sign && high + 2.0 * low - high == 2.0 * low {
-            high += 2.0 * low;
-        }
-        break;
-    }
-    high
+    parts.iter().sum::<f64>() + 0.0
 }
 
 /// Returns how far two places are from each other.
@@ -58,73 +42,47 @@ struct Onset {
     slope_per_s: f64,
     threshold_per_s: f64,
     noise_variance: f64,
-    n_changes: u32,
+    n_changes: f64,
     first_s: f64,
     last_s: f64,
 }
 
 impl Onset {
-    const K: f64 = 3.0;
-    const LEAST_SLOPE_PER_S: f64 = 0.005;
-    const MEMORY_S: f64 = 20.0;
-    const LEARN_S: f64 = 2.0;
-
     fn add(&mut self, time_s: f64, ohm: f64) -> bool {
+        let step_s = time_s - self.last_s;
         if ohm.is_finite() && ohm > 0.0 {
             let log_ohm = ohm.ln();
-            let step_s = time_s - self.last_s;
             match self.smooth {
-                None => {
-                    (self.smooth, self.last_log) = (Some(log_ohm), log_ohm);
-                    (self.first_s, self.last_s) = (time_s, time_s);
-                    self.threshold_per_s = Self::LEAST_SLOPE_PER_S;
-                }
-                Some(smooth) if step_s > LEAST_STEP_S => {
-                    self.follow(log_ohm, smooth, step_s);
-                    (self.last_s, self.last_log) = (time_s, log_ohm);
-                }
-                Some(_) => {}
+                None => (self.smooth, self.first_s) = (Some(log_ohm), time_s),
+                Some(smooth) if step_s > LEAST_STEP_S => self.follow(log_ohm, smooth, step_s),
+                Some(_) => return self.is_onset(),
             }
+            (self.last_s, self.last_log) = (time_s, log_ohm);
         }
-        self.last_s - self.first_s >= Self::LEARN_S && self.slope_per_s < -self.threshold_per_s
+        self.is_onset()
+    }
+
+    fn is_onset(&self) -> bool {
+        self.last_s - self.first_s >= LEARN_S && self.slope_per_s < -self.threshold_per_s
     }
 
     fn follow(&mut self, log_ohm: f64, smooth: f64, step_s: f64) {
         let weight = -(-step_s).exp_m1();
         if log_ohm != self.last_log {
             let surprise = log_ohm - self.last_log - self.slope_per_s * step_s;
-            self.n_changes += 1;
-            let share = (-(-step_s / Self::MEMORY_S).exp_m1()).max(1.0 / f64::from(self.n_changes));
+            self.n_changes += 1.0;
+            let share = (-(-step_s / NOISE_MEMORY_S).exp_m1()).max(1.0 / self.n_changes);
             self.noise_variance += share * (surprise * surprise / 2.0 - self.noise_variance);
         }
         self.smooth = Some(smooth + weight * (log_ohm - smooth));
         self.slope_per_s = weight * (log_ohm - smooth) / step_s;
         let sd_per_s = weight * (self.noise_variance * 2.0 / (2.0 - weight)).sqrt() / step_s;
-        self.threshold_per_s = (Self::K * sd_per_s).max(Self::LEAST_SLOPE_PER_S);
-    }
-}
-
-/// Tells hits by the rule that suits the unit of the nose.
-pub struct Hits {
-    nose: Nose,
-    threshold: f64,
-    onset: Onset,
-}
-
-impl Hits {
-    pub fn new(nose: Nose, threshold_ppm: f64) -> Self {
-        let threshold = if nose.unit == "ppm" { threshold_ppm } else { 0.5 };
-        Self { nose, threshold, onset: Onset::default() }
-    }
-
-    /// Returns whether there is a hit at an observation; call it once for each.
-    pub fn add(&mut self, seen: &Observation) -> Result<bool, String> {
-        let Some(value) = self.nose.value(seen)? else { return Ok(false) };
-        Ok(if self.nose.unit == "ohm" { self.onset.add(seen.time_s, value) } else { value > self.threshold })
+        self.threshold_per_s = (3.0 * sd_per_s).max(LEAST_SLOPE_PER_S);
     }
 }
 
 /// The first anemometer of the briefing.
+#[derive(Default)]
 pub struct Vane {
     name: String,
     is_3d: bool,
@@ -140,9 +98,7 @@ impl Vane {
     /// Returns the wind vector and the direction it comes from, or nothing while the sensor warms up.
     pub fn wind(&self, seen: &Observation) -> Result<Option<([f64; 2], f64)>, String> {
         let reading = seen.reading(&self.name)?;
-        let (Some(&first), Some(&second)) = (reading.values.first(), reading.values.get(1)) else {
-            return Err("expected two values of the anemometer".to_string());
-        };
+        let [first, second, ..] = reading.values[..] else { return Err("expected two values of the wind".into()) };
         let wind = if self.is_3d {
             ([first, second], (-second).atan2(-first))
         } else {
@@ -161,8 +117,11 @@ pub struct Contact {
 }
 
 /// Takes note of hits and wind at every observation; see `contacts.PlumeWatch` of the Python package.
+#[derive(Default)]
 pub struct PlumeWatch {
-    hits: Hits,
+    nose: Nose,
+    onset: Onset,
+    threshold: f64, // of a hit, for sensors without onset
     vane: Vane,
     threshold_m_s: f64,
     lag_s: f64,
@@ -179,15 +138,11 @@ impl PlumeWatch {
         let nose = Nose::of(briefing)?;
         Ok(Self {
             lag_s: if nose.unit == "ohm" { MOX_LAG_S } else { 0.0 },
-            hits: Hits::new(nose, threshold_ppm),
+            threshold: if nose.unit == "ppm" { threshold_ppm } else { 0.5 },
+            nose,
             vane: Vane::of(briefing)?,
             threshold_m_s,
-            track: VecDeque::new(),
-            hits_m: Vec::new(),
-            last_m: None,
-            hold_at_m: None,
-            winds: Vec::new(),
-            upwind_rad: None,
+            ..Self::default()
         })
     }
 
@@ -198,7 +153,10 @@ impl PlumeWatch {
         while self.track.len() > 1 && self.track[1].0 <= seen.time_s - self.lag_s {
             self.track.pop_front();
         }
-        let is_hit = self.hits.add(seen)?;
+        let is_hit = match self.nose.value(seen)? {
+            Some(ohm) if self.nose.unit == "ohm" => self.onset.add(seen.time_s, ohm),
+            value => value.is_some_and(|value| value > self.threshold),
+        };
         if is_hit {
             self.last_m = Some(self.track[0].1);
             self.hits_m.push(self.track[0].1);
@@ -224,7 +182,7 @@ impl PlumeWatch {
             self.winds.clear();
             self.hold_at_m = is_at_rest.then_some(here_m);
         }
-        if let (Some(_), Some(([x_m_s, y_m_s], upwind_rad))) = (self.hits.nose.value(seen)?, self.vane.wind(seen)?) {
+        if let (Some(_), Some(([x_m_s, y_m_s], upwind_rad))) = (self.nose.value(seen)?, self.vane.wind(seen)?) {
             self.winds.push((x_m_s.hypot(y_m_s), upwind_rad));
         }
         Ok(())

@@ -24,27 +24,6 @@ struct Cast {
     n_done: usize,
 }
 
-/// How long to wait for gas before the plume counts as lost: as long as the last blank was.
-struct Blanks {
-    least_s: f64,
-    most_s: f64,
-    memory_s: f64,
-    last_hit_s: Option<f64>,
-}
-
-impl Blanks {
-    fn note_hit(&mut self, time_s: f64) {
-        if let Some(blank_s) = self.last_hit_s.map(|last_s| time_s - last_s).filter(|blank_s| *blank_s > 0.0) {
-            self.memory_s = blank_s.max(self.least_s).min(self.most_s);
-        }
-        self.last_hit_s = Some(time_s);
-    }
-
-    fn is_lost(&self, time_s: f64) -> bool {
-        self.last_hit_s.is_none_or(|last_s| time_s - last_s > self.memory_s)
-    }
-}
-
 /// Remembers where gas was met last, the wind there, and how far a cast has come.
 pub struct SurgeCast {
     step_m: f64,
@@ -62,7 +41,10 @@ pub struct SurgeCast {
     watch: PlumeWatch,
     unseen: UnseenSquares,
     leash: Leash,
-    blanks: Blanks,
+    least_memory_s: f64,
+    most_memory_s: f64,
+    memory_s: f64,
+    last_hit_s: Option<f64>,
     upwind_rad: f64, // that of the surge
     is_surging: bool,
     cast: Option<Cast>,
@@ -80,8 +62,7 @@ impl SurgeCast {
         }
         let number = |name: &str, usual: f64| settings.number(name, usual);
         let pilot = Pilot::new(briefing, number("margin_m", 0.5)?);
-        let (least_s, most_s) = (number("least_memory_s", 1.0)?, number("most_memory_s", 20.0)?);
-        let memory_s = number("memory_s", 5.0)?.max(least_s).min(most_s);
+        let (least_memory_s, most_memory_s) = (number("least_memory_s", 1.0)?, number("most_memory_s", 20.0)?);
         Ok(Self {
             step_m: number("step_m", 1.0)?,
             is_lost_by_distance: settings.choice("lost_by", &["distance", "last_blank"])? == "distance",
@@ -97,7 +78,10 @@ impl SurgeCast {
             watch: PlumeWatch::new(briefing, number("threshold_ppm", 0.1)?, number("threshold_m_s", 0.1)?)?,
             unseen: UnseenSquares::new(&pilot.room, number("explore_step_m", 1.8)?),
             leash: Leash::new(settings.whole("leash_legs", 20)?, number("leash_m", 2.0)?),
-            blanks: Blanks { least_s, most_s, memory_s, last_hit_s: None },
+            memory_s: number("memory_s", 5.0)?.max(least_memory_s).min(most_memory_s),
+            least_memory_s,
+            most_memory_s,
+            last_hit_s: None,
             pilot,
             upwind_rad: 0.0,
             is_surging: false,
@@ -125,11 +109,9 @@ impl SurgeCast {
     }
 
     fn is_lost(&self, seen: &Observation, contact: &Contact) -> bool {
-        match (contact.has_gas, self.is_lost_by_distance) {
-            (true, _) => false,
-            (false, true) => self.way_left_m(seen, contact) <= LEAST_LEG_M,
-            (false, false) => self.blanks.is_lost(seen.time_s),
-        }
+        let is_far = self.way_left_m(seen, contact) <= LEAST_LEG_M;
+        let is_late = self.last_hit_s.is_none_or(|last_s| seen.time_s - last_s > self.memory_s);
+        !contact.has_gas && if self.is_lost_by_distance { is_far } else { is_late }
     }
 
     /// Returns how far to fly on without gas before the plume counts as lost.
@@ -140,14 +122,12 @@ impl SurgeCast {
 
     /// Returns a leg upwind, in line with the gas of the last leg.
     fn surge(&mut self, seen: &Observation, contact: &Contact) -> Command {
-        let here_m = place_of(seen);
+        let [x_m, y_m] = place_of(seen);
         let left_m = if self.is_lost_by_distance { self.way_left_m(seen, contact) } else { f64::INFINITY };
         let step_m = self.step_m.min(left_m);
         let (along_y, along_x) = self.upwind_rad.sin_cos();
-        let across_m =
-            contact.gas_m.map_or(0.0, |gas_m| (gas_m[1] - here_m[1]) * along_x - (gas_m[0] - here_m[0]) * along_y);
-        let place_m =
-            [here_m[0] + step_m * along_x - across_m * along_y, here_m[1] + step_m * along_y + across_m * along_x];
+        let across_m = contact.gas_m.map_or(0.0, |gas_m| (gas_m[1] - y_m) * along_x - (gas_m[0] - x_m) * along_y);
+        let place_m = [x_m + step_m * along_x - across_m * along_y, y_m + step_m * along_y + across_m * along_x];
         self.fly_to(seen, place_m, self.hold_s)
     }
 
@@ -156,7 +136,7 @@ impl SurgeCast {
         let last_m = contact.last_m.map_or(here_m, |last_m| [last_m[0], last_m[1]]);
         let (dx_m, dy_m) = (last_m[0] - here_m[0], last_m[1] - here_m[1]);
         let cross_m = self.upwind_rad.cos() * dy_m - self.upwind_rad.sin() * dx_m;
-        let is_left = if cross_m == 0.0 { self.pilot.draws.fraction() < 0.5 } else { cross_m > 0.0 };
+        let is_left = if cross_m.abs() <= 0.001 { self.pilot.draws.fraction() < 0.5 } else { cross_m > 0.0 };
         let across_rad = self.upwind_rad + if is_left { FRAC_PI_2 } else { -FRAC_PI_2 };
         Cast { anchor_m: here_m, across: [across_rad.cos(), across_rad.sin()], n_done: 0 }
     }
@@ -179,18 +159,17 @@ impl SurgeCast {
 
     /// Returns a leg without gas: to a place not seen yet, or at random nearby.
     fn explore(&mut self, seen: &Observation, contact: &Contact) -> Command {
-        let hold_s = Some(self.explore_hold_s);
         let here_m = place_of(seen);
         if !self.explores_unseen && self.n_away == 0 {
             let place_m = here_m.map(|x_m| x_m + self.pilot.draws.uniform(-WANDER_M, WANDER_M));
-            return self.fly_to(seen, place_m, hold_s);
+            return self.fly_to(seen, place_m, Some(self.explore_hold_s));
         }
         self.n_away = self.n_away.saturating_sub(1);
         if let Some(goal_m) = self.goal_m.filter(|_| self.pilot.was_refused(seen)) {
-            self.unseen.skip(goal_m);
+            self.unseen.note(goal_m, false);
         }
         let goal_m = self.unseen.next_place_m(here_m, contact.upwind_rad);
-        let command = self.fly_to(seen, goal_m, hold_s);
+        let command = self.fly_to(seen, goal_m, Some(self.explore_hold_s));
         self.goal_m = Some(goal_m);
         command
     }
@@ -204,9 +183,12 @@ impl SurgeCast {
 impl Method for SurgeCast {
     fn observe(&mut self, seen: &Observation) -> Result<(), String> {
         if self.watch.add(seen)? {
-            self.blanks.note_hit(seen.time_s);
+            let blank_s = self.last_hit_s.replace(seen.time_s).map_or(0.0, |last_s| seen.time_s - last_s);
+            if blank_s > 0.0 {
+                self.memory_s = blank_s.max(self.least_memory_s).min(self.most_memory_s);
+            }
         }
-        self.unseen.note(place_of(seen));
+        self.unseen.note(place_of(seen), true);
         Ok(())
     }
 

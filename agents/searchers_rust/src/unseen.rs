@@ -19,18 +19,11 @@ impl UnseenSquares {
         Self { columns_m, rows_m, radius_m: edge_m / 2.0, is_seen }
     }
 
-    /// Takes note of where the vehicle is.
-    pub fn note(&mut self, [x_m, y_m]: [f64; 2]) {
+    /// Takes the square around a place for seen: where the vehicle is, or one that it cannot reach, whatever the radius.
+    pub fn note(&mut self, [x_m, y_m]: [f64; 2], is_there: bool) {
         let (i, j) = (nearest(&self.columns_m, x_m), nearest(&self.rows_m, y_m));
-        if (self.columns_m[i] - x_m).hypot(self.rows_m[j] - y_m) < self.radius_m {
-            self.is_seen[i * self.rows_m.len() + j] = true;
-        }
-    }
-
-    /// Takes the square around a place for seen, because it cannot be reached.
-    pub fn skip(&mut self, [x_m, y_m]: [f64; 2]) {
-        let (i, j) = (nearest(&self.columns_m, x_m), nearest(&self.rows_m, y_m));
-        self.is_seen[i * self.rows_m.len() + j] = true;
+        let is_near = (self.columns_m[i] - x_m).hypot(self.rows_m[j] - y_m) < self.radius_m;
+        self.is_seen[i * self.rows_m.len() + j] |= is_near || !is_there;
     }
 
     /// Returns the centre of the next square to visit.
