@@ -1,0 +1,82 @@
+import math
+
+import pytest
+from briefings import briefing, observation
+from ribbon_world import Ribbon, fly
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.casting.agent import Casting
+
+WEST_RAD = math.pi  # the wind comes from -x
+PID = (("pid", "nose"), ("anemometer", "vane"))
+
+
+def made(**changes):
+    return Casting(briefing(**{"sensors": PID, **changes}))
+
+
+def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None):
+    return observation(tick=tick, position_m=place_m, readings={"nose": ppm, "vane": (0.5, WEST_RAD)}, notice=notice)
+
+
+def flown(agent, amounts, place_m=(7.0, 5.0, 2.0)):
+    places = []
+    for i, ppm in enumerate(amounts):
+        place_m = agent.decide(at(40 + 40 * i, place_m, ppm=ppm)).position_world_m
+        places.append(place_m)
+    return places
+
+
+@pytest.mark.parametrize("beta_deg", [5.0, 20.0, 30.0])
+def test_in_the_plume_it_keeps_to_one_angle_to_upwind(beta_deg):
+    places = [(7.0, 5.0, 2.0), *flown(made(parameters={"beta_deg": beta_deg}), [1.0, 1.0, 1.0])]
+    for a, b in zip(places, places[1:]):  # noqa: RUF007
+        assert math.dist(a, b) == pytest.approx(1.0, abs=0.002)
+        assert b[0] - a[0] == pytest.approx(-math.cos(math.radians(beta_deg)), abs=0.002)
+    assert len({b[1] > a[1] for a, b in zip(places, places[1:])}) == 1  # noqa: RUF007
+
+
+def test_past_the_edge_it_goes_back_across_and_then_aslant_to_the_other_side():
+    agent = made(parameters={"lost_m": 1.0, "cast_m": 1.5})
+    places = flown(agent, [1.0, 0.0])
+    side = math.copysign(1.0, places[0][1] - 5.0)
+    assert places[1][0] == pytest.approx(places[0][0], abs=0.001)
+    assert places[1][1] - places[0][1] == pytest.approx(-side * 1.5, abs=0.001)
+    back_m = agent.decide(at(200, places[1], ppm=1.0)).position_world_m
+    assert back_m[0] < places[1][0]
+    assert math.copysign(1.0, back_m[1] - places[1][1]) == -side
+
+
+def test_a_cast_that_meets_nothing_grows_and_ends_in_new_places():
+    places = flown(made(parameters={"lost_m": 1.0, "n_returns": 0, "n_casts": 2}), [1.0] + [0.0] * 12)
+    assert math.dist(places[1], places[2]) == pytest.approx(3.0, abs=0.002)
+    assert len(set(places)) == len(places)
+
+
+def test_a_refused_leg_is_led_around():
+    agent = made()
+    first = agent.decide(at(40, ppm=1.0))
+    assert agent.decide(at(80, ppm=1.0, notice="no")).position_world_m != first.position_world_m
+
+
+def test_equal_seeds_give_equal_legs_and_other_seeds_other_sides():
+    assert flown(made(seed=3), [1.0, 1.0]) == flown(made(seed=3), [1.0, 1.0])
+    assert len({tuple(flown(made(seed=seed), [1.0])) for seed in range(10)}) == 2
+
+
+def test_a_missing_anemometer_is_told_at_the_briefing():
+    with pytest.raises(MethodError, match="wind"):
+        made(sensors=(("pid", "nose"),))
+
+
+@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
+@pytest.mark.parametrize("plume", [Ribbon(), Ribbon(wave_m=1.0)])
+def test_it_comes_up_a_ribbon_of_gas(nose, plume):
+    assert fly(Casting, plume, nose=nose, limit_s=120.0).found_s is not None
+
+
+def test_it_declares_near_the_source():
+    flight = fly(Casting, Ribbon(), found_m=0.0, limit_s=260.0)
+    declared = [command.declaration for command in flight.commands if command.declaration is not None]
+    assert declared
+    assert math.dist(declared[0].position_world_m, (2.0, 5.0, 2.0)) < 0.6

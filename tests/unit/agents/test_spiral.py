@@ -1,0 +1,91 @@
+import itertools
+import math
+
+import pytest
+from briefings import briefing, observation
+from ribbon_world import Cloud, fly
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.spiral.agent import Spiral
+
+START_M = (7.0, 5.0, 2.0)
+
+
+def made(**changes):
+    return Spiral(briefing(**{"sensors": (("pid", "nose"),), **changes}))
+
+
+def at(tick, place_m=START_M, *, ppm=0.0, notice=None):
+    return observation(tick=tick, position_m=place_m, readings={"nose": ppm}, notice=notice)
+
+
+def flown(agent, amounts, place_m=START_M):
+    """Places commanded after stops of two samples each."""
+    places = []
+    for i, ppm in enumerate(amounts):
+        agent.observe(at(39 + 40 * i, place_m, ppm=ppm))
+        place_m = agent.decide(at(40 + 40 * i, place_m, ppm=ppm)).position_world_m
+        places.append(place_m)
+    return places
+
+
+def legs_m(places):
+    return [math.dist(a, b) for a, b in itertools.pairwise(places)]
+
+
+def test_more_gas_begins_the_spiral_anew_and_less_lets_it_grow():
+    places = [START_M, *flown(made(), [1.0, 0.5, 0.5, 2.0, 0.5, 0.5])]
+    assert legs_m(places) == pytest.approx([1.0, 1.0, 1.5, 1.0, 1.0, 1.5], abs=0.002)
+
+
+def test_after_more_than_three_misses_half_as_much_gas_is_better():
+    # Misses at 2, 3, 4, 5: at the fourth the best is halved, so that 0.6 is better than 0.5 and the spiral anew.
+    places = [START_M, *flown(made(), [1.0, 0.0, 0.0, 0.0, 0.0, 0.6])]
+    assert legs_m(places)[-1] == pytest.approx(1.0, abs=0.002)
+    without = [START_M, *flown(made(parameters={"n_misses": 50}), [1.0, 0.0, 0.0, 0.0, 0.0, 0.6])]
+    assert legs_m(without)[-1] == pytest.approx(2.0, abs=0.002)
+
+
+def test_bursts_are_better_than_the_same_gas_without():
+    agent = made()
+    for tick, ppm in enumerate([0.5] * 10):
+        agent.observe(at(tick, ppm=ppm))
+    steady = agent.index()
+    bursts = made()
+    for tick, ppm in enumerate([0.0, 1.0] * 5):
+        bursts.observe(at(tick, ppm=ppm))
+    assert bursts.index() > steady > 0.0
+
+
+def test_gas_that_is_met_on_the_way_is_gone_back_to():
+    agent = made()
+    agent.decide(at(40))
+    agent.observe(at(50, (7.5, 5.5, 2.0), ppm=1.0).model_copy(update={"status": "flying"}))
+    assert agent.decide(at(80, (8.5, 6.5, 2.0))).position_world_m == (7.5, 5.5, 2.0)
+
+
+def test_without_gas_it_explores_new_places():
+    places = flown(made(), [0.0] * 20)
+    assert len(set(places)) == 20
+
+
+def test_in_a_corner_it_stays_inside_the_margin():
+    places = flown(made(), [1.0, 0.0, 0.0, 0.0, 0.0] * 4, place_m=(0.6, 0.6, 2.0))
+    assert all(0.5 <= x <= 14.5 and 0.5 <= y <= 9.5 for x, y, _ in places)
+
+
+def test_equal_seeds_give_equal_legs_and_others_differ():
+    assert flown(made(seed=3), [1.0]) == flown(made(seed=3), [1.0])
+    assert flown(made(seed=3), [1.0]) != flown(made(seed=4), [1.0])
+
+
+def test_a_missing_gas_sensor_is_told_at_the_briefing():
+    with pytest.raises(MethodError, match="gas"):
+        made(sensors=(("anemometer", "vane"),))
+
+
+@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
+@pytest.mark.parametrize("start_m", [(6.0, 2.0, 2.0), (7.0, 5.0, 2.0)])
+def test_it_finds_a_source_in_still_air_without_a_wind_sensor(nose, start_m):
+    flight = fly(Spiral, Cloud(half_m=1.5), nose=nose, start_m=start_m, has_vane=False, limit_s=300.0)
+    assert flight.found_s is not None

@@ -1,0 +1,79 @@
+import itertools
+import math
+
+import pytest
+from briefings import briefing, observation
+from ribbon_world import Ribbon, fly
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.surge_spiral.agent import SurgeSpiral
+
+WEST_RAD = math.pi  # the wind comes from -x
+PID = (("pid", "nose"), ("anemometer", "vane"))
+START_M = (7.0, 5.0, 2.0)
+
+
+def made(**changes):
+    return SurgeSpiral(briefing(**{"sensors": PID, **changes}))
+
+
+def at(tick, place_m=START_M, *, ppm=0.0, notice=None):
+    return observation(tick=tick, position_m=place_m, readings={"nose": ppm, "vane": (0.5, WEST_RAD)}, notice=notice)
+
+
+def flown(agent, amounts, place_m=START_M):
+    places = []
+    for i, ppm in enumerate(amounts):
+        place_m = agent.decide(at(40 + 40 * i, place_m, ppm=ppm)).position_world_m
+        places.append(place_m)
+    return places
+
+
+def test_gas_sends_it_a_step_upwind():
+    assert flown(made(), [1.0, 1.0]) == [(6.0, 5.0, 2.0), (5.0, 5.0, 2.0)]
+
+
+def test_without_gas_it_winds_outwards_around_the_place_of_loss():
+    places = flown(made(parameters={"lost_m": 1.0, "reach_m": 1.5}), [1.0] + [0.0] * 14)
+    away_m = [math.dist(place, places[0]) for place in places[1:]]
+    assert away_m == sorted(away_m)
+    steps_m = [math.dist(a, b) for a, b in itertools.pairwise(places)]
+    assert max(steps_m) <= 0.75 + 0.001
+
+
+def test_the_square_spiral_turns_at_right_angles_and_grows():
+    places = flown(made(parameters={"lost_m": 1.0, "shape": "square"}), [1.0] + [0.0] * 6)
+    legs_m = [math.dist(a, b) for a, b in itertools.pairwise(places)]
+    assert legs_m == pytest.approx([1.0, 1.0, 1.4, 1.4, 1.8, 1.8], abs=0.002)
+    for a, b, c in zip(places, places[1:], places[2:]):
+        assert (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) == pytest.approx(0.0, abs=0.01)
+
+
+def test_after_the_spiral_it_winds_out_from_the_last_gas_and_then_explores():
+    parameters = {"lost_m": 1.0, "shape": "square", "n_sides": 1}
+    places = flown(made(parameters=parameters), [1.0] + [0.0] * 3)
+    assert math.dist(places[1], (6.0, 5.0, 2.0)) == pytest.approx(1.0)
+    assert math.dist(places[2], START_M) == pytest.approx(1.0)
+    assert places[3] not in places[:3]
+
+
+def test_in_a_corner_it_stays_inside_the_margin():
+    places = flown(made(parameters={"lost_m": 1.0}), [1.0] + [0.0] * 30, place_m=(1.6, 0.6, 2.0))
+    assert all(0.5 <= x <= 14.5 and 0.5 <= y <= 9.5 for x, y, _ in places)
+
+
+def test_equal_seeds_give_equal_legs_and_other_seeds_other_sides():
+    lost = [1.0, 0.0, 0.0, 0.0]
+    assert flown(made(seed=3), lost) == flown(made(seed=3), lost)
+    assert len({tuple(flown(made(seed=seed, parameters={"lost_m": 1.0}), lost)) for seed in range(10)}) == 2
+
+
+def test_a_missing_anemometer_is_told_at_the_briefing():
+    with pytest.raises(MethodError, match="wind"):
+        made(sensors=(("pid", "nose"),))
+
+
+@pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])
+@pytest.mark.parametrize("plume", [Ribbon(), Ribbon(wave_m=1.0)])
+def test_it_comes_up_a_ribbon_of_gas(nose, plume):
+    assert fly(SurgeSpiral, plume, nose=nose, limit_s=150.0).found_s is not None
