@@ -1,0 +1,63 @@
+import math
+
+import numpy as np
+import pytest
+from briefings import briefing, observation
+from ribbon_world import Ribbon, fly
+
+from gslcosim.errors import MethodError
+from gslcosim_agents.information_gain.agent import InformationGain
+
+PID = (("pid", "nose"), ("anemometer", "vane"))
+COME = "Find the source of ethanol in the room: come within 1 m of it in at most 300 s."
+
+
+def made(**parameters):
+    return InformationGain(briefing(sensors=PID, parameters=parameters))
+
+
+def at(time_s, place_m, *, ppm=0.0):
+    readings = {"nose": ppm, "vane": (0.4, math.pi)}
+    return observation(tick=round(10 * time_s), position_m=place_m, readings=readings)
+
+
+def chosen(agent, place_m=(7.0, 5.0, 2.0)):
+    """Where the agent goes, and the outlook that it has weighed."""
+    agent.observe(at(4.0, place_m))
+    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+
+
+def informed(agent, seed=5):
+    """Let an agent hold a belief with several peaks."""
+    p = np.random.default_rng(seed).random(agent.search.grid.n_cells) ** 8
+    agent.search._memory.p = p / p.sum()
+    return agent
+
+
+def test_it_finds_the_source_of_a_plume_in_a_steady_wind():
+    flight = fly(InformationGain, Ribbon(half_m=0.4, spread=0.08), mission=COME, limit_s=120.0)
+    assert flight.found_s is not None
+
+
+def test_without_a_vane_it_says_so_at_its_briefing():
+    with pytest.raises(MethodError, match="wind"):
+        InformationGain(briefing(sensors=(("pid", "nose"),)))
+
+
+def test_a_parameter_out_of_range_is_refused():
+    with pytest.raises(MethodError, match="step_m"):
+        made(step_m=-1.0)
+
+
+def test_it_goes_where_its_belief_is_expected_to_change_most():
+    place_m, outlook = chosen(informed(made(declares=False)))
+    stops = outlook.survey([tuple(place) for place in outlook.places_m])
+    gains = []
+    for likelihood, weight in zip(stops.likelihood, stops.weight):
+        gain = 0.0
+        for row, factor in zip(likelihood, weight):
+            after = outlook.p * factor / (outlook.p @ factor)
+            gain += (outlook.p @ row) * float((after * np.log2(after / outlook.p)).sum())
+        gains.append(gain)
+    assert place_m[:2] == pytest.approx(outlook.places_m[int(np.argmax(gains))])
