@@ -96,6 +96,9 @@ class SourceTermEstimation(Agent):
         here_m, mean = observation.position_world_m, self.filter.mean()
         mean_m = (mean["x_m"], mean["y_m"])
         hold_s = self.settings.hold_s if self.search.is_tracking(observation) else self.settings.explore_hold_s
+        surge_m = self.search.surge_m(observation)
+        if self.settings.planner == "moth" and self.search.is_tracking(observation) and surge_m is not None:
+            return self.search.goals.leg(observation, surge_m, hold_s=hold_s)
         if self.settings.planner == "mean" and math.dist(mean_m, here_m[:2]) > 0.5 * self.settings.step_m:
             return self.search.goals.leg(observation, mean_m, hold_s=hold_s)
         goals_m = np.array([*self.around(here_m), mean_m, self.unseen.next_place_m(here_m, self.search.upwind_rad())])

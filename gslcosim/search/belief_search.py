@@ -15,6 +15,7 @@ from gslcosim.search.flying import declaration
 from gslcosim.search.gas_evidence import Finding, GasEvidence
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.instruments import Nose, noses_of, vane_of
+from gslcosim.search.leash import Leash
 from gslcosim.search.map_flights import MapFlights
 from gslcosim.search.measuring import MeasuredWind, TrustedWind
 from gslcosim.search.source_goals import GoalFlights, best_goal, coarser, expected_information_bits, mass_around
@@ -41,6 +42,7 @@ class BeliefSearchSettings:
     finding and `gas_threshold_ppm` what counts in it; `wind_threshold_m_s` is the least wind with a direction.
     `wind_step_s` and `window_s` make the record of the wind; `wind` is `uniform` or `measured`, the latter holds
     within `wind_reach_m`. `declare_variance_m2` is the width of a belief that is declared.
+    After `leash_legs` legs within `leash_m` the place is rejected.
     """
 
     cell_m: float
@@ -62,6 +64,8 @@ class BeliefSearchSettings:
     wind: str = "uniform"
     wind_reach_m: float = 1.5
     declare_variance_m2: float = 0.5
+    leash_legs: int = 20
+    leash_m: float = 1.5
 
     @classmethod
     def of(cls, settings: object) -> "BeliefSearchSettings":
@@ -104,6 +108,7 @@ class BeliefSearch:
         self.field = WindField(self.grid, reach_m=settings.wind_reach_m) if settings.wind == "measured" else None
         self._publisher, self._declared = BeliefPublisher(), Declared()
         self._trusted = TrustedWind(threshold_m_s=settings.wind_threshold_m_s)
+        self._leash = Leash(n_legs=settings.leash_legs, radius_m=settings.leash_m)
         self._rejected_m: tuple[float, float] | None = None
 
     def observe(self, observation: Observation) -> Finding | None:
@@ -132,6 +137,10 @@ class BeliefSearch:
         if self.flights.pilot.is_busy(observation):
             return self.flights.pilot.stay(observation)
         belief = self._publisher.message(observation, p, self.grid, height_m=self.height_m)
+        self._leash.note(observation.position_world_m)
+        if self._leash.is_wound_up:
+            self._leash.release()
+            self._rejected_m = (observation.position_world_m[0], observation.position_world_m[1])
         return self._answer(observation, found, next_leg).model_copy(update={"belief": belief})
 
     def _answer(self, observation: Observation, found: Estimate | None, next_leg: Callable[[], Command]) -> Command:
@@ -148,7 +157,7 @@ class BeliefSearch:
         return declaration(observation, (x_m, y_m, self.height_m), found.confidence)
 
     def take_rejected(self) -> tuple[float, float] | None:
-        """Return, once, a place at which the vehicle has been and which was declared, though the run goes on.
+        """Return, once, a place that was declared, or at which the vehicle has been for long, though the run goes on.
 
         Where nearness counts the source would have been found, and where a declaration counts the run would have ended:
         it is not there.
