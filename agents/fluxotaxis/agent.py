@@ -77,7 +77,7 @@ class Fluxotaxis(Agent):
 
     def upstream(self, now: Round, flux: np.ndarray, flow: RingFlow) -> np.ndarray | None:
         """Return the direction to the source: up the divergence where gas is released, else to where most comes in."""
-        if flow.net > 0.0:
+        if flow.released_frac >= self.settings.released_frac:
             slope = divergence_slope(now.positions_m, flux, REACH * self.settings.spacing_m)
             if slope.gradient_per_m is not None:
                 return mixed_direction(slope.gradient_per_m, None, 0.0)

@@ -30,7 +30,8 @@ class LineSweep(Agent):
         self.n_swept = 0
         self.spacing_m = self.settings.spacing_m
         self.failed_m = NOWHERE_M
-        self.n_blank = self.n_failed = 0
+        self.failed_s = 0.0
+        self.n_blank = 0
 
     def observe(self, observation: Observation) -> None:
         """Read and listen: reports come with any observation."""
@@ -79,13 +80,12 @@ class LineSweep(Agent):
         """Return the place in a line upwind of the round's most gas; where that failed lately, narrower about it."""
         s, i = self.settings, int(now.amounts.argmax())
         is_good = now.amounts[i] >= s.good_frac * best.amount
-        self.n_failed += 1
         if not is_good:
-            self.failed_m, self.n_failed = best.place_m, 0
-        elif self.n_failed > 2 * s.patience:
+            self.failed_m, self.failed_s = best.place_m, best.time_s
+        elif best.time_s > self.failed_s + s.contract_s:
             self.failed_m = NOWHERE_M
         centre_m = now.positions_m[i] if is_good else np.array(best.place_m)
-        surges = is_good and math.dist(centre_m, self.failed_m) > 0.5 * s.lead_m
+        surges = is_good and math.dist(centre_m, self.failed_m) > s.lead_m
         self.spacing_m *= 1.0 / s.shrink_frac if surges else s.shrink_frac
         self.spacing_m = min(s.most_spacing_m, max(s.least_spacing_m, self.spacing_m))
         lead_m = np.array([[s.lead_m if surges else 0.0, 0.0]])

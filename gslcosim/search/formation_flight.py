@@ -61,6 +61,8 @@ class FormationFlight:
         self.best: Sighting | None = None
         self._wind_m_s = np.zeros(2)
         self._memory: PlumeMemory | None = None
+        # What was refused while it waits: the answer to a wait says nothing of the leg any more.
+        self._notice: str | None = None
         self._rule: SwarmRule | None = None
         self._declared = Declared()
 
@@ -82,6 +84,7 @@ class FormationFlight:
     def observe(self, observation: Observation) -> None:
         """Take note of an observation, whether or not it asks."""
         self.rounds.observe(observation)
+        self._notice = observation.notice or self._notice
 
     def complete(self, observation: Observation, numbers: Sequence[float] = ()) -> Round | None:
         """Return the round's reports when all have read; until then answer with `wait`."""
@@ -142,7 +145,9 @@ class FormationFlight:
     def step(self, observation: Observation, target_m: Sequence[float] | Floats) -> Command:
         """Return the leg to a place, or as near to it as the room allows; another one where that was refused."""
         inside_m = self.room.nearest([float(x) for x in target_m[:2]])
-        leg = self.pilot.leg(observation, inside_m, hold_s=self.settings.hold_s)
+        told = observation.model_copy(update={"notice": self._notice})
+        self._notice = None
+        leg = self.pilot.leg(told, inside_m, hold_s=self.settings.hold_s)
         return leg.model_copy(update={"outgoing": self.rounds.call()})
 
     def _plume_memory(self, lane_m: float, inset_m: float) -> PlumeMemory:

@@ -98,6 +98,11 @@ class SharedBelief:
         return len(self._known)
 
     @property
+    def findings(self) -> tuple[SharedFinding, ...]:
+        """What it rests on, in the order of the keys."""
+        return tuple(entry.finding for entry in self._known)
+
+    @property
     def p(self) -> Array:
         """The belief (nx, ny)."""
         log_p = self._known[-1].log_p if self._known else self._log_prior

@@ -131,7 +131,10 @@ def test_a_refused_step_is_not_flown_again_as_it_was():
     team = flight()
     play_round(team, 1.0)
     first = team.step(seen(1.2), (6.0, 4.0))
-    again = team.step(seen(5.0, notice="in an obstacle"), (6.0, 4.0))
+    refused = seen(5.0, notice="in an obstacle")
+    team.observe(refused)
+    team.wait(refused)
+    again = team.step(seen(5.2), (6.0, 4.0))
     assert again.position_world_m != first.position_world_m
 
 

@@ -1,0 +1,91 @@
+import math
+
+import numpy as np
+import pytest
+from team_flight import TeamFlight, plume
+
+from gslcosim_agents.collaborative_infotaxis.agent import CollaborativeInfotaxis
+
+SOURCE = (4.0, 5.0)
+STARTS = {"ada": (11.0, 3.0), "bob": (12.0, 4.0), "cyd": (11.0, 6.0)}
+MISSION = "Find the source; come within 1.0 m of it."
+
+
+def team(*, gas=None, **changes):
+    settings = {"hold_s": 1.0, "mission": MISSION, **changes}
+    return TeamFlight(CollaborativeInfotaxis, STARTS, gas=gas or plume(SOURCE), **settings)
+
+
+def agents_of(flight):
+    return [vehicle.agent for vehicle in flight.vehicles.values()]
+
+
+def findings_of(agent):
+    return {(finding.finder, finding.number): finding for finding in agent.belief.findings}
+
+
+@pytest.mark.parametrize("loss_frac", [0.0, 0.3])
+def test_who_knows_the_same_findings_holds_the_same_belief_to_the_bit(loss_frac):
+    """Each has heard them in an order of its own; what one still lacks is told to it at last."""
+    flight = team(loss_frac=loss_frac)
+    flight.fly(25.0)
+    agents = agents_of(flight)
+    known = {key: finding for agent in agents for key, finding in findings_of(agent).items()}
+    orders = {tuple(findings_of(agent)) for agent in agents}
+    for agent in agents:
+        for finding in known.values():
+            agent.belief.add(finding)
+    assert len(known) > 20
+    assert len(orders) > 1
+    assert all(np.array_equal(agent.belief.p, agents[0].belief.p) for agent in agents)
+
+
+def test_findings_that_were_lost_are_told_again():
+    flight = team(loss_frac=0.3)
+    flight.fly(60.0)
+    all_told = set().union(*(set(findings_of(agent)) for agent in agents_of(flight)))
+    old = {key for key in all_told if key[1] <= max(n for f, n in all_told if f == key[0]) - 10}
+    for agent in agents_of(flight):
+        assert len(set(findings_of(agent)) & old) >= 0.9 * len(old)
+
+
+def test_robots_go_to_different_places():
+    flight = team()
+    flight.fly(40.0)
+    targets = [
+        (command.tick, command.position_world_m)
+        for vehicle in flight.vehicles.values()
+        for command in vehicle.commands
+        if command.kind == "waypoint"
+    ]
+    for name, vehicle in flight.vehicles.items():
+        others = [v for n, v in flight.vehicles.items() if n != name]
+        for command in [c for c in vehicle.commands if c.kind == "waypoint"][3:]:
+            known = [
+                last
+                for other in others
+                if (last := next((c for c in reversed(other.commands) if c.tick < command.tick - 1), None))
+                and last.kind == "waypoint"
+            ]
+            assert all(math.dist(command.position_world_m, other.position_world_m) > 0.3 for other in known)
+    assert len(targets) > 15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss_frac", [0.0, 0.2])
+def test_a_team_finds_the_source_of_a_plume(loss_frac):
+    flight = team(loss_frac=loss_frac)
+    assert flight.fly(250.0, lambda f: f.nearest_m(SOURCE) < 1.0) < 250.0
+
+
+@pytest.mark.slow
+def test_the_others_go_on_when_one_is_lost():
+    flight = team(lost_at_s={"bob": 10.0})
+    assert flight.fly(250.0, lambda f: f.nearest_m(SOURCE) < 1.0) < 250.0
+
+
+def test_the_same_seed_gives_the_same_commands():
+    first, second = (team(loss_frac=0.1), team(loss_frac=0.1))
+    for flight in (first, second):
+        flight.fly(15.0)
+    assert first.vehicles["ada"].commands == second.vehicles["ada"].commands
