@@ -32,9 +32,9 @@ def test_programs_that_are_there_are_accepted(agent_files, scenario_file, start)
 @pytest.mark.parametrize(
     ("start", "told_line"),
     [
-        ("{python: dung_beatle}", f"{PLACE}.python: expected a bundled agent ({', '.join(bundled_agents())}) or a file "
+        ("{python: dung_beatle}", f"{PLACE}.python: expected a bundled agent (`gslcosim list` names them) or a file "
          "like ./my_agent.py, was 'dung_beatle'. Did you mean dung_beetle?"),
-        ("{python: mine}", f"{PLACE}.python: expected a bundled agent ({', '.join(bundled_agents())}) or a file "
+        ("{python: mine}", f"{PLACE}.python: expected a bundled agent (`gslcosim list` names them) or a file "
          "like ./my_agent.py, was 'mine'. Did you mean ./mine.py?"),
         ("{python: ./yours.py}", f"{PLACE}.python: expected a Python file, was './yours.py'. There is no yours.py."),
         ("{command: [./none]}", f"{PLACE}.command[0]: expected a program, was './none'. There is no none."),
