@@ -73,13 +73,12 @@ def methods_in(agents: Path, costs: Mapping[str, Any]) -> list[Method]:
         costs: The content of `method_costs.json`, or nothing.
     """
     paths = [path for path in sorted(agents.glob(f"*/{CARD_FILE}")) if path.with_name("agent.py").is_file()]
-    known = {path.parent.name for path in paths}
     found = [
         Method(
             name=path.parent.name,
             card=load_card(path),
             p95_ms=costs.get("methods", {}).get(path.parent.name, {}).get("p95_ms"),
-            ports=_ports_of(path.parent, known),
+            ports=_ports_of(path.parent),
         )
         for path in paths
     ]
@@ -206,12 +205,14 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
 
-def _ports_of(folder: Path, known: set[str]) -> dict[str, str]:
+# Folders of other languages say which methods they have, or are named after theirs.
+def _ports_of(folder: Path) -> dict[str, str]:
     ports = {}
-    for path in sorted(folder.parent.glob(f"{folder.name}_*/agent.yaml")):
-        if path.parent.name not in known:
-            fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
-            ports[path.parent.name] = str(fields["language"])
+    for path in sorted(folder.parent.glob("*/agent.yaml")):
+        fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
+        port = path.parent.name
+        if folder.name in fields.get("methods", ()) or port.startswith(f"{folder.name}_"):
+            ports[port] = str(fields["language"])
     return ports
 
 

@@ -179,6 +179,7 @@ class Vehicle:
     notice: str | None = None
     heard: list[RadioReception] = field(default_factory=list)
     spent_s: float = 0.0
+    decided_s: float = 0.0
     n_belief_cells: int = 0
 
     def move(self, time_s: float) -> None:
@@ -251,8 +252,8 @@ class Flight:
             for i, name in enumerate(names)
         ]
 
-    def decisions_s(self, *, max_time_s: float = 5000.0) -> Iterator[float]:
-        """Yield the processor time of each decision with the observations since the one before it [s]."""
+    def decisions_s(self, *, max_time_s: float = 5000.0) -> Iterator[tuple[float, float]]:
+        """Yield the processor time of each decision with the observations since the one before it, and alone [s]."""
         for tick in range(1, round(max_time_s / TICK_S)):
             self._air.pass_tick()
             sent: list[tuple[Vehicle, Command]] = []
@@ -260,7 +261,7 @@ class Flight:
                 vehicle.move(tick * TICK_S)
                 command = self._ask(vehicle, tick)
                 if command is not None:
-                    yield vehicle.spent_s
+                    yield vehicle.spent_s, vehicle.decided_s
                     vehicle.spent_s = 0.0
                     vehicle.obey(command, tick * TICK_S)
                     sent.append((vehicle, command))
@@ -269,10 +270,15 @@ class Flight:
     def _ask(self, vehicle: Vehicle, tick: int) -> Command | None:
         observation = self._observation(vehicle, tick)
         vehicle.heard.clear()
+        if type(vehicle.agent).observe is Agent.observe and not observation.awaiting_command:
+            return None  # the clock would take longer than what it is to measure
         began = time.thread_time()
         vehicle.agent.observe(observation)
+        observed = time.thread_time()
         command = vehicle.agent.decide(observation) if observation.awaiting_command else None
-        vehicle.spent_s += time.thread_time() - began
+        ended = time.thread_time()
+        vehicle.spent_s += ended - began
+        vehicle.decided_s = ended - observed
         return command
 
     def _deliver(self, sent: list[tuple[Vehicle, Command]], tick: int) -> None:
