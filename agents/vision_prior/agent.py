@@ -1,0 +1,107 @@
+"""Vision prior: what its camera sees tells where a leak is likely, and puffs traced back with the wind tell the rest.
+
+README.md beside this file has the rules, method.yaml the parameters.
+"""
+
+import math
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search import puff_tracing
+from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.beliefs import normalised_from_log
+from gslcosim.search.instruments import cameras_of
+from gslcosim.search.method import settings_of
+from gslcosim.search.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
+from gslcosim.search.vision import SeenThings, Viewpoint, prior_from_objects, seen_objects
+
+N_POSES = 100  # so many ticks a picture may be late
+
+
+class VisionPrior(Agent):
+    """Looks around, believes in what is blue, and searches as a source map does; its camera faces the way."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        settings = self.settings = settings_of(briefing, __file__)
+        puff_tracing.warm_up()
+        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
+        self.camera = cameras_of(briefing)[0]
+        self.floor_m = briefing.bounds.min_m[2]
+        self.model = PuffModel(
+            step_s=settings.wind_step_s,
+            window_s=settings.window_s,
+            initial_sigma_m=settings.initial_sigma_m,
+            spread_m_sqrt_s=settings.spread_m_sqrt_s,
+            detection_probability=settings.detection_probability,
+            sensed_m2=settings.sensed_m2,
+        )
+        self.map = SourceMap(self.search.grid, free=self.search.free, floor_frac=settings.floor_frac)
+        self.log_prior = np.zeros(self.search.grid.shape)
+        self.seen = SeenThings()
+        self.poses: dict[int, Viewpoint] = {}
+        self.last_picture_tick = -1
+        self.n_looks = 0
+
+    def observe(self, observation: Observation) -> None:
+        """Look at new pictures, and update the map by what was found."""
+        self.look(observation)
+        if (rejected_m := self.search.take_rejected()) is not None:
+            self.map.reject(rejected_m, self.settings.visit_m)
+        finding = self.search.observe(observation)
+        if finding is not None:
+            travelled_m = displacements_m(self.search.winds, self.model, finding.sensor_m, field=self.search.field)
+            puff_tracing.update(self.map, self.model, finding.sensor_m, travelled_m, is_hit=finding.is_hit)
+
+    def look(self, observation: Observation) -> None:
+        """Make a prior of what a new picture shows, from where the vehicle was when it was taken."""
+        self.poses[observation.tick] = Viewpoint(position_m=observation.position_world_m, yaw_rad=observation.yaw_rad)
+        self.poses.pop(observation.tick - N_POSES, None)
+        image = observation.reading(self.camera).image
+        if image is None or image.taken_tick <= self.last_picture_tick:
+            return
+        self.last_picture_tick = image.taken_tick
+        view = self.poses.get(image.taken_tick)
+        is_at_rest = math.hypot(*observation.velocity_world_m_s) < self.settings.still_m_s
+        if view is not None and is_at_rest:
+            seen = seen_objects(image, view, floor_m=self.floor_m, farthest_m=self.settings.farthest_m)
+            if self.seen.add(seen):
+                odds = {self.settings.likely_colour: self.settings.likely_odds}
+                prior = prior_from_objects(
+                    self.search.grid,
+                    self.seen.things,
+                    odds,
+                    spread_m=self.settings.object_m,
+                    other_odds=self.settings.other_odds,
+                )
+                self.log_prior = np.log(prior)
+
+    def decide(self, observation: Observation) -> Command:
+        """Look around first; then return the next leg, or a declaration."""
+        self.observe(observation)
+        p = normalised_from_log(self.map.log_p + self.log_prior)
+        if self.n_looks < self.settings.looks and not self.search.flights.pilot.is_busy(observation):
+            return self.turn(observation)
+        command = self.search.answer(
+            observation,
+            p,
+            self.search.drawn_together(p),
+            lambda: self.search.next_leg(observation, p, self.chance(observation)),
+        )
+        return command.model_copy(update={"faces_path": command.kind == "waypoint"})
+
+    def turn(self, observation: Observation) -> Command:
+        """Return the command to look into the next direction."""
+        yaw_rad = math.remainder(2.0 * math.pi * self.n_looks / self.settings.looks, 2.0 * math.pi)
+        self.n_looks += 1
+        return Command(tick=observation.tick, kind="hold", hold_s=self.settings.look_s, yaw_rad=yaw_rad)
+
+    def chance(self, observation: Observation) -> puff_tracing.Array:
+        """Return the chance to detect gas of a source at each offset, in the wind of late."""
+        plan_grid = self.search.plan_grid
+        travelled_m = displacements_m(self.search.winds, self.model, observation.position_world_m)
+        return footprint(self.model, travelled_m, plan_grid.cell_m, plan_grid.shape)
+
+
+if __name__ == "__main__":
+    run(VisionPrior)
