@@ -55,14 +55,14 @@ public:
 
     double number(const char* name, double usual) const { return values_.value(name, usual); }
 
+    bool flag(const char* name, bool usual) const { return values_.value(name, usual); }
     std::size_t whole(const char* name, std::size_t usual) const { return values_.value(name, usual); }
 
     // One of several words, the first where none is given.
     std::string choice(const char* name, const std::vector<std::string>& choices) const {
         const std::string given = values_.value(name, choices.front());
         if (std::find(choices.begin(), choices.end(), given) == choices.end())
-            throw std::runtime_error(std::string{"parameters."} + name + ": expected one of " + json(choices).dump() +
-                                     ", was " + given);
+            throw std::runtime_error(std::string{"parameters."} + name + ": expected " + json(choices).dump());
         return given;
     }
 

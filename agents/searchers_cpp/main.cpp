@@ -10,6 +10,7 @@
 
 #include "common.hpp"
 #include "e_coli.hpp"
+#include "infotaxis.hpp"
 #include "surge_cast.hpp"
 
 namespace {
@@ -18,6 +19,7 @@ using Maker = std::function<std::unique_ptr<Method>(const json&)>;
 
 const std::map<std::string, Maker> makers{
     {"e_coli", [](const json& briefing) { return std::make_unique<EColi>(briefing); }},
+    {"infotaxis", [](const json& briefing) { return std::make_unique<Infotaxis>(briefing); }},
     {"surge_cast", [](const json& briefing) { return std::make_unique<SurgeCast>(briefing); }},
 };
 

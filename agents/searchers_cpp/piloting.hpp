@@ -120,16 +120,11 @@ public:
           radius_m_{edge_m / 2.0},
           is_seen_(columns_m_.size() * rows_m_.size(), false) {}
 
-    // Takes note of where the vehicle is.
-    void note(const Vec2& place_m) {
+    // Takes the square around a place for seen: where the vehicle is, or one that it cannot reach.
+    void note(const Vec2& place_m, bool is_there) {
         const std::size_t i = nearest(columns_m_, place_m[0]), j = nearest(rows_m_, place_m[1]);
-        if (std::hypot(columns_m_[i] - place_m[0], rows_m_[j] - place_m[1]) < radius_m_)
-            is_seen_[i * rows_m_.size() + j] = true;
-    }
-
-    // Takes the square around a place for seen, because it cannot be reached.
-    void skip(const Vec2& place_m) {
-        is_seen_[nearest(columns_m_, place_m[0]) * rows_m_.size() + nearest(rows_m_, place_m[1])] = true;
+        const bool is_near = std::hypot(columns_m_[i] - place_m[0], rows_m_[j] - place_m[1]) < radius_m_;
+        if (is_near || !is_there) is_seen_[i * rows_m_.size() + j] = true;
     }
 
     // The centre of the next square to visit: rather beside the vehicle than up or down the wind.
@@ -160,10 +155,8 @@ private:
     }
 
     static std::size_t nearest(const std::vector<double>& places_m, double place_m) {
-        std::size_t best = 0;
-        for (std::size_t i = 1; i < places_m.size(); ++i)
-            if (std::abs(places_m[i] - place_m) < std::abs(places_m[best] - place_m)) best = i;
-        return best;
+        const auto is_nearer = [&](double a, double b) { return std::abs(a - place_m) < std::abs(b - place_m); };
+        return std::min_element(places_m.begin(), places_m.end(), is_nearer) - places_m.begin();
     }
 
     std::vector<double> columns_m_, rows_m_;

@@ -2,11 +2,12 @@
 #pragma once
 
 #include <deque>
+#include <numeric>
 #include <utility>
 
 #include "common.hpp"
 
-// The exactly rounded sum of numbers, as Python's math.fsum gives it (Shewchuk 1997).
+// The sum of numbers without what rounding loses on the way, as Python's math.fsum gives it (Shewchuk 1997).
 inline double exact_sum(const std::vector<double>& numbers) {
     std::vector<double> parts;
     for (double x : numbers) {
@@ -20,23 +21,7 @@ inline double exact_sum(const std::vector<double>& numbers) {
         parts.resize(kept);
         parts.push_back(x);
     }
-    if (parts.empty()) return 0.0;
-    double high = parts.back();
-    parts.pop_back();
-    while (!parts.empty()) {
-        const double before = high, part = parts.back();
-        parts.pop_back();
-        high = before + part;
-        const double low = part - (high - before);
-        if (low == 0.0) continue;
-        // Half a unit of the last place, and more of the same sign below it: rounded the other way.
-        if (!parts.empty() && (low < 0.0) == (parts.back() < 0.0)) {
-            const double other = high + 2.0 * low;
-            if (other - high == 2.0 * low) high = other;
-        }
-        break;
-    }
-    return high;
+    return std::accumulate(parts.begin(), parts.end(), 0.0);
 }
 
 inline double mean_of(const std::vector<double>& numbers) {
@@ -65,6 +50,9 @@ public:
         return last_s_ - first_s_ >= 2.0 && slope_per_s_ < -threshold_per_s_;
     }
 
+    // Whether the sensor recovers from gas.
+    bool is_offset() const { return last_s_ - first_s_ >= 2.0 && slope_per_s_ > threshold_per_s_; }
+
 private:
     void follow(double log_ohm, double step_s) {
         const double weight = -std::expm1(-step_s);
@@ -87,7 +75,7 @@ private:
 };
 
 struct Wind {
-    double speed_m_s, upwind_rad;
+    double x_m_s, y_m_s, upwind_rad;
 };
 
 // The first anemometer of the briefing.
@@ -108,8 +96,8 @@ public:
         const json& reading = reading_of(observation, name_);
         if (reading.value("is_warming_up", false)) return std::nullopt;
         const double first = reading.at("values").at(0), second = reading.at("values").at(1);
-        if (is_3d_) return Wind{std::hypot(first, second), std::atan2(-second, -first)};
-        return Wind{std::hypot(-first * std::cos(second), -first * std::sin(second)), second};
+        if (is_3d_) return Wind{first, second, std::atan2(-second, -first)};
+        return Wind{-first * std::cos(second), -first * std::sin(second), second};
     }
 
 private:
@@ -183,7 +171,7 @@ private:
     void trust_wind() {
         std::vector<double> speeds_m_s, sines, cosines;
         for (const Wind& wind : winds_) {
-            speeds_m_s.push_back(wind.speed_m_s);
+            speeds_m_s.push_back(std::hypot(wind.x_m_s, wind.y_m_s));
             sines.push_back(std::sin(wind.upwind_rad));
             cosines.push_back(std::cos(wind.upwind_rad));
         }

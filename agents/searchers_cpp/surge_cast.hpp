@@ -38,7 +38,7 @@ public:
 
     void observe(const json& observation) override {
         if (watch_.add(observation)) note_hit(observation.at("time_s"));
-        unseen_.note(place_of(observation));
+        unseen_.note(place_of(observation), true);
     }
 
     json decide(const json& observation) override {
@@ -70,7 +70,7 @@ private:
         std::size_t n_done = 0;
     };
 
-    double within_memory_s(double blank_s) const { return std::min(std::max(blank_s, least_memory_s_), most_memory_s_); }
+    double within_memory_s(double s) const { return std::min(std::max(s, least_memory_s_), most_memory_s_); }
 
     void note_hit(double time_s) {
         if (last_hit_s_ && time_s - *last_hit_s_ > 0.0) memory_s_ = within_memory_s(time_s - *last_hit_s_);
@@ -95,9 +95,8 @@ private:
         const Vec2 here_m = place_of(observation);
         const double step_m = is_lost_by_distance_ ? std::min(step_m_, way_left_m(observation, contact)) : step_m_;
         const double along_x = std::cos(upwind_rad_), along_y = std::sin(upwind_rad_);
-        double across_m = 0.0;
-        if (contact.gas_m)
-            across_m = ((*contact.gas_m)[1] - here_m[1]) * along_x - ((*contact.gas_m)[0] - here_m[0]) * along_y;
+        const Vec3 gas_m = contact.gas_m.value_or(Vec3{here_m[0], here_m[1], 0.0});
+        const double across_m = (gas_m[1] - here_m[1]) * along_x - (gas_m[0] - here_m[0]) * along_y;
         return fly_to(observation,
                       {here_m[0] + step_m * along_x - across_m * along_y,
                        here_m[1] + step_m * along_y + across_m * along_x},
@@ -149,7 +148,7 @@ private:
             return fly_to(observation, {here_m[0] + wander_x_m, here_m[1] + wander_y_m}, explore_hold_s_);
         }
         if (n_away_ > 0) --n_away_;
-        if (goal_m_ && pilot_.was_refused(observation)) unseen_.skip(*goal_m_);
+        if (goal_m_ && pilot_.was_refused(observation)) unseen_.note(*goal_m_, false);
         const Vec2 goal_m = unseen_.next_place_m(here_m, contact.upwind_rad);
         json command = fly_to(observation, goal_m, explore_hold_s_);
         goal_m_ = goal_m;

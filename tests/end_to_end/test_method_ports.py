@@ -22,6 +22,11 @@ NOSES = {"ohm": "tgs2600", "ppm": "pid"}
 # What the port can do of what the Python method can, by method; see the README of its folder.
 PARAMETERS = {
     "e_coli": ("{declares: false}", "{declares: false, eps: 0.0, step_m: 0.7, wall_margin_m: 0.3, hold_s: 0.2}"),
+    "infotaxis": (
+        "{declares: false}",
+        "{declares: false, cell_m: 0.7, step_m: 1.2, n_headings: 5, may_stay: true, hold_s: 1.0, stop_s: 1.5, "
+        "arrival: nothing, floor: 0.02, power: 0.6, wind_memory_s: 8, monitor_stops: 5}",
+    ),
     "surge_cast": (
         "{declares: false}",
         "{declares: false, explore: random, lost_by: last_blank, growth: doubling, n_returns: 3, cast_m: 0.4, "
