@@ -56,7 +56,7 @@ def test_without_gas_for_long_it_explores_looking_where_it_flies():
 
 def test_a_number_of_readings_alone_declares_nothing():
     """The stop rule of the original fires after some readings of any gas; this one does not."""
-    agent = made(parameters={"leash_legs": 0})
+    agent = made(parameters={"leash_legs": 0, "declares": True})
     commands = [
         agent.decide(at(40 + 20 * i, left=1.0, right=1.0, place_m=(3.0 + 0.3 * i, 5.0, 2.0))) for i in range(35)
     ]
