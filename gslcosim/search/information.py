@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -397,6 +397,3 @@ def flattened(p: Array, power: float = 0.5) -> Array:
     """Return a belief that is less sure: p^k, scaled to sum 1; cells ruled out stay so."""
     raised = p**power
     return raised / raised.sum()
-
-
-Criterion = Callable[[Foresight], Array]
