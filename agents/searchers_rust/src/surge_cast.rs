@@ -10,7 +10,6 @@ use crate::unseen::UnseenSquares;
 
 const WANDER_M: f64 = 0.5;
 const LEAST_LEG_M: f64 = 0.1;
-const ON_LINE_M: f64 = 0.001;
 #[rustfmt::skip]
 const KNOWN: [&str; 22] = [
     "step_m", "lost_by", "lost_m", "memory_s", "least_memory_s", "most_memory_s", "cast_m", "growth", "n_casts",
