@@ -326,7 +326,8 @@ def n_step_costs(p: Array, tree: MoveTree, *, depth: int, discount: float = 0.99
     Held by:
         tests/unit/search/test_information.py (numpy over all paths)
     """
-    return -np.array([_gain_of(p, logs_of(p), place, tree, depth, discount) for place in tree.start])
+    log_p = logs_of(p)
+    return -np.array([_gain_of(p, log_p, place, tree, depth, discount) for place in tree.start])
 
 
 def _gain_of(p: Array, log_p: Array, place: int, tree: MoveTree, depth: int, discount: float) -> float:

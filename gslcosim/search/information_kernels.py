@@ -74,7 +74,9 @@ def foresee_into(p, log_p, likelihood, weight, log_weight, cells_m, places_m, al
                     mean[k] += w * offset[k]
                 manhattan += w * along
                 square += w * across
-                if alpha > 0.0:
+                if alpha == 0.5:
+                    overlap += p[j] * math.sqrt(weight[i, h, j])
+                elif alpha > 0.0:
                     overlap += p[j] * math.exp(alpha * log_weight[i, h, j])
             figures[i, h, :] = 0.0
             figures[i, h, PROBABILITY] = chance
