@@ -1,6 +1,7 @@
 """Every bundled search method flies for real: one digest in one process and in many, and no fault of its own."""
 
 import math
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,6 @@ from gslcosim.methods.card import card_beside
 from gslcosim.scenario.bundled import bundled_agents
 
 ROOM = Path(__file__).parents[2] / "scenarios" / "tiny_room.yaml"
-CARDS = {name: card_beside(path) for name, path in bundled_agents().items()}
 # One of each kind for the short tests: plain, with a belief, over the radio.
 TOUR = ("e_coli", "infotaxis", "s_pso")
 SENSORS_OF_KIND = {
@@ -32,7 +32,12 @@ def named(names):
     return [pytest.param(name, marks=[pytest.mark.tour] if name in TOUR else []) for name in names]
 
 
-every_method = pytest.mark.parametrize("name", named(sorted(CARDS)))
+@cache
+def card_of(name):
+    return card_beside(bundled_agents()[name])
+
+
+every_method = pytest.mark.parametrize("name", named(sorted(bundled_agents())))
 
 
 def sensors_for(card):
@@ -47,7 +52,7 @@ def scenario_of(tmp_path):
     """Write the tiny room's scenario with a method, and with all that its card needs."""
 
     def write(name, *, time_limit_s=10):
-        card = CARDS[name]
+        card = card_of(name)
         fields = yaml.safe_load(ROOM.read_text())
         n_robots = card.robots[0] if isinstance(card.robots, tuple) else card.robots
         agent = {
@@ -86,8 +91,8 @@ def test_it_flies_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
     assert multi.result["faults"] == single.result["faults"] == []
     for agent in multi.result["agents"]:
         assert agent["outcome"] in ("success", "time_limit")
-        assert agent["knows"] == list(CARDS[name].needs.knows)
-        assert (agent["belief"] is not None) == CARDS[name].believes
+        assert agent["knows"] == list(card_of(name).needs.knows)
+        assert (agent["belief"] is not None) == card_of(name).believes
         if agent["belief"]:
             assert 0.0 <= agent["belief"]["mass_near_frac"] <= 1.0
             assert math.isfinite(agent["belief"]["expected_distance_m"])

@@ -1,6 +1,7 @@
 """Laws that every bundled method keeps: the same commands from the same seed, and none that breaks in a bad hour."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,9 +27,20 @@ SENSORS_OF_KIND = {
     "range": [("four_range_finders", "ranges")],
     "camera": [("camera", "eye")],
 }
-CARDS = {name: card_beside(path) for name, path in bundled_agents().items()}
-# Agents that fly in every test are loaded once: the framework does so, too.
-TYPES = {name: load_python_agent(path) for name, path in bundled_agents().items()}
+NAMES = sorted(bundled_agents())
+
+
+# Each when it is asked for: a method that cannot be loaded fails its own tests and no others.
+@cache
+def card_of(name):
+    return card_beside(bundled_agents()[name])
+
+
+@cache
+def type_of(name):
+    return load_python_agent(bundled_agents()[name])
+
+
 N_QUESTIONS = 12
 CALM, GAS = "calm", "gas"
 
@@ -108,9 +120,9 @@ def picture(reading_less: Observation, names) -> Observation:
 
 def fly(name, *, seed=3, mood=GAS, refuse=(), warming=0, heard=(), n_questions=N_QUESTIONS, **changes):
     """Return the commands of an agent that goes wherever it is sent, but for the refused questions."""
-    card = CARDS[name]
+    card = card_of(name)
     told = briefing_for(card, seed=seed, **changes)
-    agent: Agent = TYPES[name](told)
+    agent: Agent = type_of(name)(told)
     sensors = sensors_for(card)
     air, position_m, commands, notice, tick = Air(sensors, mood), START_M, [], None, 40
     cameras = [item[1] for item in sensors if MODELS[item[0]][0] == "picture"]
@@ -159,7 +171,7 @@ def places_of(command):
     return [*waypoints, *([command.position_world_m] if command.position_world_m else [])]
 
 
-every_method = pytest.mark.parametrize("name", sorted(CARDS))
+every_method = pytest.mark.parametrize("name", NAMES)
 
 
 @every_method
@@ -203,7 +215,7 @@ def test_a_refused_leg_is_not_commanded_again_and_again(name):
 
 @every_method
 def test_it_survives_garbage_on_the_radio(name):
-    if CARDS[name].needs.radio:
+    if card_of(name).needs.radio:
         texts = ["", "Ω\x00", "{" * 50, "nan nan nan", "1e999 2 3 4 5 6 7", "9" * 900]
         assert len(fly(name, heard=[("second", text) for text in texts])) == N_QUESTIONS
 
@@ -211,40 +223,40 @@ def test_it_survives_garbage_on_the_radio(name):
 @every_method
 def test_it_publishes_beliefs_if_and_only_if_its_card_says_so(name):
     beliefs = [command.belief for command in fly(name) if command.belief is not None]
-    assert bool(beliefs) == CARDS[name].believes
+    assert bool(beliefs) == card_of(name).believes
 
 
 @every_method
 def test_it_never_declares_where_its_card_says_that_it_does_not(name):
     declared = [command for command in fly(name, n_questions=20) if command.kind == "declare_source"]
-    assert CARDS[name].declares or not declared
+    assert card_of(name).declares or not declared
 
 
 @every_method
 def test_missing_sensors_are_told_at_the_briefing(name):
-    for kind in CARDS[name].needs.sensors:
+    for kind in card_of(name).needs.sensors:
         with pytest.raises(MethodError, match=f"of kind {kind}"):
-            TYPES[name](briefing_for(CARDS[name], sensors=[]))
+            type_of(name)(briefing_for(card_of(name), sensors=[]))
 
 
 @every_method
 def test_a_missing_grant_is_told_at_the_briefing(name):
-    for item in CARDS[name].needs.knows:
+    for item in card_of(name).needs.knows:
         grant = {"map": "known_map", "plume": "plume", "source": "known_sources"}[item]
         with pytest.raises(MethodError, match=f"{item}: true"):
-            TYPES[name](briefing_for(CARDS[name], **{grant: () if item == "source" else None}))
+            type_of(name)(briefing_for(card_of(name), **{grant: () if item == "source" else None}))
 
 
 @every_method
 def test_a_wrong_parameter_is_told_at_the_briefing(name):
     with pytest.raises(MethodError, match="no_such_parameter"):
-        TYPES[name](briefing_for(CARDS[name], parameters={"no_such_parameter": 1}))
+        type_of(name)(briefing_for(card_of(name), parameters={"no_such_parameter": 1}))
 
 
 @every_method
 def test_every_parameter_can_be_given(name):
     """Its own default is an allowed value, and each choice starts."""
-    for parameter, entry in CARDS[name].parameters.items():
+    for parameter, entry in card_of(name).parameters.items():
         values = entry.choices or ([entry.default] if entry.default is not None else [])
         for value in values:
-            TYPES[name](briefing_for(CARDS[name], parameters={parameter: value}))
+            type_of(name)(briefing_for(card_of(name), parameters={parameter: value}))
