@@ -13,7 +13,7 @@ KEYS = {"language", "door", "format", "start", "needs"}
 OPTIONAL_KEYS = {"observations", "build", "libraries", "slow_to_build", "methods"}
 LINES_AT_ONE_SITTING = 400
 # A folder with several methods is read a method at a time.
-LINES_OF_A_METHOD = 300
+LINES_OF_A_METHOD = 350
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
