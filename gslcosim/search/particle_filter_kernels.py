@@ -6,8 +6,8 @@ import math
 import numba
 import numpy as np
 
-# Beyond this exponent a puff's density is nothing beside 1.
-FARTHEST_EXPONENT = 35.0
+# Beyond this exponent, 2e-9, a puff changes no weight that matters.
+FARTHEST_EXPONENT = 20.0
 LEAST_PRODUCT = 1e-300
 
 

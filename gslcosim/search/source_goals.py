@@ -117,6 +117,9 @@ class GoalFlights:
         self.flights = flights
         self.goals: Free = flights.flyable.copy()
         self._step_m, self._radius_m = step_m, radius_m
+        # Ways are compiled, or loaded from the cache on disk, before the flight.
+        low_m, high_m = flights.pilot.room.min_m, flights.pilot.room.max_m
+        shortest_path(flights.flyable, flights.grid, low_m[:2], high_m[:2])
         self._goal_m: Point | None = None
 
     def leg(self, observation: Observation, goal_m: Point, *, hold_s: float | None = None) -> Command:
