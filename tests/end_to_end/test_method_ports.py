@@ -15,7 +15,7 @@ LONG = (
     "--set", "agents[0].vehicle.start_m=[10, 6, 0.2]",
     "--set", "agents[0].vehicle.model=holonomic",
     "--set", "gas.warm_up_s=60",
-    "--set", "referee.success={within_m: 0.02, of: source}",
+    "--set", "referee.success={within_m: 0.001, of: source}",
     "--set", "referee.stop.time_limit_s=200",
 )  # fmt: skip
 NOSES = {"ohm": "tgs2600", "ppm": "pid"}
