@@ -1,9 +1,9 @@
 """What a decision of each bundled search method costs, beside its limit and beside a plain loop of numpy.
 
 `make bench-methods` prints it. Agent objects fly through a scripted room (method_flights.py), in this process and on
-one thread; what counts is the processor time of a decision together with the observations since the one before it, so
-that other programs on the machine hardly matter. The first decisions of a flight are left out: they load what numba
-has compiled.
+one thread; what counts is the processor time of a decision together with the observations since the one before it, the
+least of three equal flights, so that other programs on the machine hardly matter. The first decisions of a flight are
+left out: they load what numba has compiled.
 
 Beside it stands what a look one move ahead takes in plain numpy: for each move and each of four counts of hits the
 posterior over all cells and its entropy, on as many cells as the belief that the method publishes, or on 75 x 75.
@@ -41,7 +41,7 @@ from gslcosim.scenario.bundled import bundled_agents  # noqa: E402
 
 COSTS = ROOT / "docs" / "studies" / "method_costs.json"
 N_WARM, N_DECISIONS = 20, 300
-N_REPEATS = 5
+N_FLIGHTS, N_REPEATS = 3, 5
 PLAN_CELLS = 75 * 75
 N_HITS = 4
 
@@ -82,22 +82,24 @@ def methods() -> dict[str, Path]:
 def cost_of(name: str, program: Path, numpy_ms: dict[tuple[int, int], float]) -> Cost:
     """Fly a method and return what its decisions took."""
     card = load_card(program.with_name(CARD_FILE))
-    flight = Flight(load_python_agent(program), card)
-    n_robots = robots_of(card)
-    times_s = list(islice(flight.decisions_s(), N_WARM * n_robots + N_DECISIONS))[N_WARM * n_robots :]
-    if not times_s:
+    agent_type, n_robots = load_python_agent(program), robots_of(card)
+    flights = [Flight(agent_type, card) for _ in range(N_FLIGHTS)]
+    n_warm = N_WARM * n_robots
+    each_s = [list(islice(flight.decisions_s(), n_warm + N_DECISIONS))[n_warm:] for flight in flights]
+    if not each_s[0]:
         raise RuntimeError("expected decisions after those that are left out, was none")
-    n_cells = max(vehicle.n_belief_cells for vehicle in flight.vehicles) or PLAN_CELLS
+    # Equal seeds decide alike: what a decision took longer in one flight than in another, others on the machine took.
+    with_observations_s, alone_s = np.min(each_s, axis=0).T
+    n_cells = max(vehicle.n_belief_cells for vehicle in flights[0].vehicles) or PLAN_CELLS
     n_moves = 5 if card.dimensions == 2 else 7
     if (n_cells, n_moves) not in numpy_ms:
         numpy_ms[n_cells, n_moves] = plain_numpy_ms(n_cells, n_moves)
-    with_observations_s, alone_s = np.array(times_s).T
     p50_ms, p95_ms = (1e3 * float(value) for value in np.percentile(with_observations_s, (50, 95)))
     return Cost(
         name=name,
         card=card,
         n_robots=n_robots,
-        n_decisions=len(times_s),
+        n_decisions=len(alone_s),
         n_cells=n_cells,
         p50_ms=p50_ms,
         p95_ms=p95_ms,
