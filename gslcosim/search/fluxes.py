@@ -49,7 +49,7 @@ def lattice_forces(positions_m: Floats, spacing_m: float, *, soft_m: float) -> F
     return np.sum(strength[..., None] * apart_m, axis=1)
 
 
-def relaxed_lattice(positions_m: Floats, spacing_m: float, *, n_steps: int = 12, step_frac: float = 0.1) -> Floats:
+def relaxed_lattice(positions_m: Floats, spacing_m: float, *, n_steps: int = 8, step_frac: float = 0.1) -> Floats:
     """Return where the robots (n, 2) come when they follow the lattice's forces for a while, without inertia.
 
     p <- p + q R F(p), n_steps times, with the soft band h = R / 4; then shifted so that the mean stays where it was
