@@ -61,6 +61,7 @@ docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python -m gslcosim.contract.reference > docs/messages.md
 	$(BIN)/python -m gslcosim.sensing.reference docs/sensors.md
 	$(BIN)/python -m gslcosim.methods.page agents docs
+	$(BIN)/python -m gslcosim.methods.blocks_page > docs/search.md
 
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract

@@ -1,0 +1,29 @@
+"""An agent made of building blocks: short legs where there is gas, long ones where there is none."""
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.search.draws import Draws
+from gslcosim.search.flying import waypoint
+from gslcosim.search.instruments import noses_of
+from gslcosim.search.legs import Room, next_leg, random_headings
+
+
+class Wanderer(Agent):
+    """Wanders at random within the room, and stays longer where it smells something."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.nose = noses_of(briefing)[0]
+        self.room = Room.of(briefing, 0.5)
+        self.draws = Draws(briefing.seed)
+        self.height_m = briefing.search_height_m
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg."""
+        length_m = 0.4 if self.nose.ppm(observation) > 1.0 else 1.5
+        here_m = observation.position_world_m
+        leg = next_leg(here_m, random_headings(self.draws), length_m, self.room, self.draws)
+        x_m, y_m = leg.end_m
+        return waypoint(observation, x_m, y_m, self.height_m)
+
+
+if __name__ == "__main__":
+    run(Wanderer)

@@ -1,0 +1,30 @@
+"""The page of building blocks says what the code says, and its example flies."""
+
+from pathlib import Path
+
+import pytest
+
+from gslcosim.cli.main import main
+from gslcosim.methods.blocks_page import EXAMPLE, SEARCH, blocks_markdown
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "search.md"
+
+
+def test_the_page_is_what_the_docstrings_say():
+    assert PAGE.read_text() == blocks_markdown(ROOT), "`make docs` rewrites it"
+
+
+def test_every_module_and_every_public_block_has_a_sentence():
+    text = PAGE.read_text()
+    for module in SEARCH.glob("*.py"):
+        if not module.stem.endswith(("_kernels", "__init__")):
+            assert f"### gslcosim.search.{module.stem}\n" in text
+    assert not [line for line in text.splitlines() if line.startswith("| `") and line.endswith("|  |")]
+
+
+@pytest.mark.slow
+def test_the_example_flies(tmp_path):
+    start = f"agents[0].start={{python: {ROOT / EXAMPLE}}}"
+    arguments = ["--set", start, "--set", "recording.enabled=false", "--in-process", "--runs-dir", str(tmp_path)]
+    assert main(["up", "tiny_room", *arguments]) in (0, 1)
