@@ -229,6 +229,7 @@ def test_on_its_own_model_the_posterior_covers_the_truth():
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(900)
 def test_on_its_own_model_nine_of_ten_posteriors_cover_the_truth():
     covered = [covers(*flown(seed, 1000, 8)[:2]) for seed in range(100)]
     assert sum(covered) >= 90
