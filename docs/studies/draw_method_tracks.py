@@ -2,8 +2,8 @@
 
 Run with `python docs/studies/draw_method_tracks.py [METHOD...]`; it needs the extra `report`. The case is the bundled
 `warehouse_empty` with the young wind, flown in this process: the same room, gas, start and seed for all, PIDs as noses
-(a MOX sensor where a method asks for ohms), and three vehicles for a swarm. Shades are the gas at the height of search
-at the end of the flight.
+(a MOX sensor where a method asks for ohms), and three vehicles for a swarm, or as many as it needs. Shades are the gas
+at the height of search at the end of the flight.
 
 A picture that is newer than all files of its method is not drawn again, so that the script goes on where it was
 stopped; `--all` draws them anew. Several may run at once with `--share 1/2` and `--share 2/2`.
@@ -39,7 +39,11 @@ HERE = Path(__file__).parent
 PICTURES = HERE.parent / "images" / "methods"
 CASE, SEED = "warehouse_empty", 7
 N_ROBOTS = 3
-STARTS_M = ((12.0, 12.0, 0.2), (12.0, 9.0, 0.2), (9.0, 12.0, 0.2))
+# Enough for the largest of the smallest swarms.
+STARTS_M = (
+    (12.0, 12.0, 0.2), (12.0, 9.0, 0.2), (9.0, 12.0, 0.2), (9.0, 9.0, 0.2), (12.0, 6.0, 0.2), (6.0, 12.0, 0.2),
+    (6.0, 9.0, 0.2),
+)  # fmt: skip
 SEPARATION_M = 1.0
 SENSORS = {
     "gas": {"model": "pid", "name": "nose"},
@@ -52,6 +56,7 @@ SENSORS = {
 # Left and right of the vehicle, where a method wants two of a kind [m].
 ASIDE_M = 0.25
 SIZE_PX, COLOURS = 420, 96
+TRACK_COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown", "tab:cyan")
 SLICE_M = 0.1
 
 
@@ -169,7 +174,7 @@ def _picture(
     _draw_gas(axis, scenario, gas)
     for i, track in enumerate(tracks.values()):
         places_m = np.array(track.places_m)
-        axis.plot(places_m[:, 0], places_m[:, 1], lw=1.2, color=("tab:red", "tab:blue", "tab:green")[i % 3])
+        axis.plot(places_m[:, 0], places_m[:, 1], lw=1.2, color=TRACK_COLOURS[i % len(TRACK_COLOURS)])
         axis.plot(*places_m[0, :2], "o", ms=5, color="black")
         if track.declared_m:
             axis.plot(*np.array(track.declared_m)[-1, :2], "o", ms=12, mfc="none", mec="tab:red", mew=1.5)

@@ -50,7 +50,7 @@ _TAGS = (
     "Where a parameter's value comes from: [C] read in public code or in a thesis; [A] in an abstract; [M] remembered, "
     "unverified; [R] computed for this project; ours: chosen here.\n\n"
     "The pictures show one and the same case, made by `docs/studies/draw_method_tracks.py`: shades are gas at the end "
-    "of the flight, at the height of the source; lines are tracks, from the dots on; the cross is the source, a ring a "
+    "of the flight, at the height of search; lines are tracks, from the dots on; the cross is the source, a ring a "
     "declaration.\n"
 )
 
