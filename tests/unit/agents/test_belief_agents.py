@@ -31,17 +31,20 @@ def test_it_follows_a_plume_to_its_source(agent_type, nose):
     assert flight.found_s < 90.0
 
 
+@pytest.mark.slow
 @every_agent
 def test_it_finds_a_plume_from_beside_it(agent_type):
     assert fly(agent_type, PLUME, start_m=(16.0, 2.0, 2.0)).found_s is not None
 
 
+@pytest.mark.slow
 @every_agent
 def test_the_same_seed_gives_the_same_commands(agent_type):
     first, same = (fly(agent_type, PLUME, start_m=(16.0, 2.0, 2.0), limit_s=40.0, seed=3).commands for _ in range(2))
     assert first == same
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("agent_type", [ParticleFilter, SourceTermEstimation])
 def test_another_seed_gives_other_commands(agent_type):
     first, other = (
@@ -63,12 +66,14 @@ def test_beliefs_are_probabilities_that_draw_near_the_source(agent_type):
     assert places_m[-1] < places_m[0]
 
 
+@pytest.mark.slow
 @every_agent
 def test_without_gas_it_declares_nothing(agent_type):
     flight = fly(agent_type, Ribbon(has_gas=False), limit_s=60.0, found_m=0.0)
     assert not [command for command in flight.commands if command.kind == "declare_source"]
 
 
+@pytest.mark.slow
 @every_agent
 def test_where_nothing_but_a_declaration_ends_the_run_it_declares(agent_type):
     flight = fly(agent_type, Ribbon(ppm=5.0, fades=True), limit_s=200.0, found_m=0.0)
