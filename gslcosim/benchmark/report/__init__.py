@@ -1,0 +1,1 @@
+"""From the rows of a suite to a page, tables and pictures."""

@@ -1,0 +1,1 @@
+"""Figures of many flights: pure functions of arrays, each with its interval where it has one."""
