@@ -269,9 +269,11 @@ def release_m3_s(source: SourceSpec, *, place: str = "release") -> float:
     [m3/s] = [1/s] [mol] / [mol/m3]
 
     Raises:
-        ScenarioError: the rate follows a schedule, which has no mean.
+        ScenarioError: the rate follows a schedule, which has no mean unless all its rates are 0.
     """
     spec = source.release
+    if spec.kind == "scheduled" and not any(rate for _, rate in spec.schedule):
+        return 0.0
     if spec.kind == "scheduled":
         raise ScenarioError(f"{place}: expected a release that goes on for ever with this model, was scheduled.")
     share = {"variable": 0.5, "intermittent": spec.on_s / (spec.on_s + spec.off_s)}.get(spec.kind, 1.0)

@@ -5,9 +5,10 @@ import re
 import typing
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from gslcosim.scenario.models import Scenario
 from gslcosim.scenario.problems import Problem, child_path, parent_of
 from gslcosim.scenario.rules import RULE
 from gslcosim.scenario.schema_walk import (
@@ -27,11 +28,16 @@ MISSING = "missing"
 _UNKNOWN_KEY = "an unknown key"
 
 
-def problems_of(error: ValidationError) -> list[Problem]:
-    """Return each problem of a validation once, at the deepest place that the models know."""
+def problems_of(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:
+    """Return each problem of a validation once, at the deepest place that the models know.
+
+    Args:
+        error: What pydantic says.
+        root: The model that was validated.
+    """
     problems: dict[str, Problem] = {}
     for details in error.errors(include_url=False):
-        problem = _problem_of(details)
+        problem = _problem_of(details, root)
         if problem is not None:
             problems.setdefault(problem.path, problem)
     suggested = {place for problem in problems.values() if (place := _suggested_path(problem))}
@@ -44,10 +50,10 @@ def _suggested_path(problem: Problem) -> str | None:
     return child_path(parent_of(problem.path), match[1]) if match and problem.found == _UNKNOWN_KEY else None
 
 
-def _problem_of(details: ErrorDetails) -> Problem | None:
+def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
     location: tuple[Segment, ...] = details["loc"]
     value = details["input"]
-    slot = slot_at(location)
+    slot = slot_at(location, root=root)
     match details["type"]:
         case rule if rule == RULE:
             context = details.get("ctx", {})
@@ -56,9 +62,9 @@ def _problem_of(details: ErrorDetails) -> Problem | None:
         case "default_factory_not_called":
             return None  # what the default depends on is wrong, and told
         case "extra_forbidden":
-            return _unknown_key(location[:-1], str(location[-1]), value)
+            return _unknown_key(location[:-1], str(location[-1]), value, root)
         case "missing" if isinstance(location[-1], int):
-            return _wrong_value(slot_at(location[:-1]), value)
+            return _wrong_value(slot_at(location[:-1], root=root), value)
         case "missing":
             return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
         case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
@@ -83,15 +89,15 @@ def _unknown_kind(slot: Slot, kind: Any) -> Problem:
     )
 
 
-def _unknown_key(location: tuple[Segment, ...], key: str, value: Any) -> Problem:
-    block = slot_at(location)
+def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type[BaseModel]) -> Problem:
+    block = slot_at(location, root=root)
     keys = keys_of(block.model) if block.model else []
     path = child_path(block.path, key)
     expected = f"one of the keys {', '.join(keys)}"
     match = nearest_key(key, keys)
-    homes = [home for home in paths_of_key(key) if home != block.path]
+    homes = [home for home in paths_of_key(key, root=root) if home != block.path]
     if match:
-        remedy = f"Did you mean {match}?{_unit_hint(key, slot_at((*location, match)), value)}"
+        remedy = f"Did you mean {match}?{_unit_hint(key, slot_at((*location, match), root=root), value)}"
     elif homes:
         remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
     else:

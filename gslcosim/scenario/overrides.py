@@ -22,7 +22,9 @@ _PATH = re.compile(r"^[A-Za-z_]\w*(\[\d+\])*(\.[A-Za-z_]\w*(\[\d+\])*)*$")
 _SEGMENT = re.compile(r"[A-Za-z_]\w*|\d+")
 
 
-def apply_overrides(tree: YamlTree, overrides: Sequence[str], *, seed: int | None = None) -> YamlTree:
+def apply_overrides(
+    tree: YamlTree, overrides: Sequence[str], *, seed: int | None = None, source: str = SET_OPTION
+) -> YamlTree:
     """Return the tree with values replaced, each marked with the option that gave it.
 
     An override that is not `path=value`, or whose path leads nowhere, becomes one of the tree's problems.
@@ -31,15 +33,16 @@ def apply_overrides(tree: YamlTree, overrides: Sequence[str], *, seed: int | Non
         tree: The file's values; they are not modified.
         overrides: Texts like `agents[0].vehicle.hold_s=1`, values in YAML; later ones win.
         seed: Replaces the scenario's seed.
+        source: What problems with them are said to stand in.
     """
     marks = Marks(tree.marks.root, dict(tree.marks.places))
     values = _copy(tree.values)
     problems = list(tree.problems)
     for text in overrides:
         try:
-            path, value = _parse(text)
-            _put(values, path, value)
-            _mark(marks, path, Place(source=SET_OPTION))
+            path, value = _parse(text, source)
+            _put(values, path, value, source)
+            _mark(marks, path, Place(source=source))
         except InvalidScenarioError as error:
             problems += error.problems
     if seed is not None and isinstance(values, dict):
@@ -48,27 +51,27 @@ def apply_overrides(tree: YamlTree, overrides: Sequence[str], *, seed: int | Non
     return YamlTree(values, marks, tuple(problems))
 
 
-def _parse(text: str) -> tuple[str, Any]:
+def _parse(text: str, source: str) -> tuple[str, Any]:
     path, equals, value_text = text.partition("=")
     path = path.strip()
     if not equals:
-        raise _refusal(text, "path=value", f"'{text}'", "For example: --set agents[0].vehicle.hold_s=1")
+        raise _refusal(source, text, "path=value", f"'{text}'", "For example: agents[0].vehicle.hold_s=1")
     if not _PATH.match(path):
         numbered = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", path)
         remedy = f"Write {numbered}." if _PATH.match(numbered) else "For example: agents[0].vehicle.hold_s"
-        raise _refusal(path, "a path of keys and [indices]", f"'{path}'", remedy)
-    value = read_yaml(value_text, source=SET_OPTION, root_path=path)
+        raise _refusal(source, path, "a path of keys and [indices]", f"'{path}'", remedy)
+    value = read_yaml(value_text, source=source, root_path=path)
     if value.problems:
-        raise InvalidScenarioError(value.problems, name=SET_OPTION)
+        raise InvalidScenarioError(value.problems, name=source)
     return path, value.values
 
 
-def _put(values: Any, path: str, value: Any) -> None:
+def _put(values: Any, path: str, value: Any, source: str) -> None:
     segments = [int(word) if word.isdigit() else word for word in _SEGMENT.findall(path)]
     holder: Any = values
     so_far = ""
     for segment, following in zip(segments, [*segments[1:], None], strict=True):
-        _check_step(holder, segment, path, so_far)
+        _check_step(holder, segment, path, so_far, source)
         so_far = child_path(so_far, segment)
         if following is None:
             holder[segment] = value
@@ -78,18 +81,18 @@ def _put(values: Any, path: str, value: Any) -> None:
         holder = cast("Any", holder)[segment]
 
 
-def _check_step(holder: Any, segment: str | int, path: str, so_far: str) -> None:
+def _check_step(holder: Any, segment: str | int, path: str, so_far: str, source: str) -> None:
     place = so_far or "the scenario"
     if isinstance(segment, int):
         n = len(cast("list[Any]", holder)) if isinstance(holder, list) else None
         if n is None:
-            raise _refusal(path, f"{place} to be a list", _kind(holder), f"Leave out [{segment}].")
+            raise _refusal(source, path, f"{place} to be a list", _kind(holder), f"Leave out [{segment}].")
         if segment >= n:
             counts = f"an index below {n}, as {place} has {n} item{'s' * (n != 1)}"
-            raise _refusal(path, counts, f"[{segment}]", "")
+            raise _refusal(source, path, counts, f"[{segment}]", "")
     elif not isinstance(holder, dict):
         remedy = f"Write {so_far}[0].{segment}." if isinstance(holder, list) else ""
-        raise _refusal(path, f"{place} to be a block with keys", _kind(holder), remedy)
+        raise _refusal(source, path, f"{place} to be a block with keys", _kind(holder), remedy)
 
 
 def _kind(value: Any) -> str:
@@ -106,9 +109,9 @@ def _mark(marks: Marks, path: str, place: Place) -> None:
     marks.places[path] = place
 
 
-def _refusal(path: str, expected: str, found: str, remedy: str) -> InvalidScenarioError:
+def _refusal(source: str, path: str, expected: str, found: str, remedy: str) -> InvalidScenarioError:
     problem = Problem(path=path, expected=expected, found=found, remedy=remedy)
-    return InvalidScenarioError([LocatedProblem(place=Place(source=SET_OPTION), problem=problem)], name=SET_OPTION)
+    return InvalidScenarioError([LocatedProblem(place=Place(source=source), problem=problem)], name=source)
 
 
 def _copy(value: Any) -> Any:

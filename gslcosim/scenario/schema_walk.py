@@ -36,9 +36,14 @@ class Slot:
         return _describe(self.annotation, self.constraints, unit_of(self.key))
 
 
-def slot_at(location: tuple[Segment, ...]) -> Slot:
-    """Return the deepest place on the way to a location that the models know; unknown keys end the way."""
-    slot = Slot(path="", key="", annotation=Scenario)
+def slot_at(location: tuple[Segment, ...], *, root: type[BaseModel] = Scenario) -> Slot:
+    """Return the deepest place on the way to a location that the models know; unknown keys end the way.
+
+    Args:
+        location: Keys and indices from the outermost block inwards.
+        root: The model of the outermost block.
+    """
+    slot = Slot(path="", key="", annotation=root)
     for segment in location:
         inner = _inner_slot(slot, segment)
         if inner is None:
@@ -52,9 +57,9 @@ def keys_of(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def paths_of_key(key: str) -> list[str]:
+def paths_of_key(key: str, *, root: type[BaseModel] = Scenario) -> list[str]:
     """Return the places of all blocks, written like `agents[].vehicle`, that have a certain key."""
-    return list(dict.fromkeys(path for path, model in _all_blocks(Scenario, "") if key in keys_of(model)))
+    return list(dict.fromkeys(path for path, model in _all_blocks(root, "") if key in keys_of(model)))
 
 
 def words_of(annotation: Any) -> list[str]:

@@ -36,7 +36,7 @@ def test_the_seed_option_replaces_the_seed(scenario_file):
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ("hold_s", "--set: hold_s: expected path=value, was 'hold_s'. For example: --set agents[0].vehicle.hold_s=1"),
+        ("hold_s", "--set: hold_s: expected path=value, was 'hold_s'. For example: agents[0].vehicle.hold_s=1"),
         ("a..b=1", "--set: a..b: expected a path of keys and [indices], was 'a..b'. For example: "
          "agents[0].vehicle.hold_s"),
         ("=1", "--set: expected a path of keys and [indices], was ''. For example: agents[0].vehicle.hold_s"),
