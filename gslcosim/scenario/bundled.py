@@ -18,6 +18,11 @@ def bundled_agents() -> dict[str, Path]:
     return {path.parent.name: path for path in sorted(_folder_of(AGENTS_PACKAGE).glob(f"*/{AGENT_FILE}"))}
 
 
+def bundled_folder(name: str) -> Path:
+    """Return a folder beside the bundled scenarios, for example of suites."""
+    return _folder_of(SCENARIOS_PACKAGE) / name
+
+
 def _folder_of(package: str) -> Path:
     spec = importlib.util.find_spec(package)
     if spec is None or not spec.submodule_search_locations:

@@ -42,7 +42,17 @@ def dump_resolved(scenario: Scenario, *, directory: Path | None = None) -> str:
     """
     if directory is not None:
         scenario = _with_absolute_paths(scenario, directory)
-    return cast("Any", yaml).dump(_plain(scenario), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+    return dump_values(plain_values(scenario))
+
+
+def dump_values(values: Any) -> str:
+    """Return plain values as YAML, quoted so that they load back equal."""
+    return cast("Any", yaml).dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+
+
+def plain_values(scenario: Scenario) -> dict[str, Any]:
+    """Return a scenario as a file would hold it, with all defaults filled in: dicts, lists and scalars."""
+    return _plain(scenario)
 
 
 # None is left out where it is the default anyway.

@@ -14,15 +14,15 @@ from gslcosim.scenario.cross_checks import problems_between_parts
 from gslcosim.scenario.dumping import dump_resolved, with_absolute_gas
 from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.models import Scenario
-from gslcosim.scenario.overrides import apply_overrides
+from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.places import values_of_places
-from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
+from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, Problem, ProblemLike, locate
 from gslcosim.scenario.random_places import Placer, put_random_places, without_consequences
 from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
 
-__all__ = ["Check", "LoadedScenario", "dump_resolved", "find_scenario", "load_scenario"]
+__all__ = ["Check", "LoadedScenario", "dump_resolved", "find_scenario", "load_scenario", "resolve_values"]
 
 Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
 
@@ -54,6 +54,7 @@ def load_scenario(
     seed: int | None = None,
     checks: Sequence[Check] = (),
     placer: Placer | None = None,
+    set_in: str = SET_OPTION,
 ) -> LoadedScenario:
     """Read, change and check a scenario.
 
@@ -64,13 +65,14 @@ def load_scenario(
         checks: Further rules, for example about places in the room. Each is given the scenario and its folder, and is
             asked even when other parts of the file have problems, as long as the places are known.
         placer: Draws the places that are `random`, for example `gslcosim.environment.random_places.draw_places`.
+        set_in: Where problems with overrides are said to stand.
 
     Raises:
         ScenarioError: there is no such scenario, or it has problems: all of them in one error.
     """
     path = find_scenario(source)
     text = _read_text(path)
-    tree = apply_overrides(read_yaml(text, source=_shown_path(source, path)), overrides, seed=seed)
+    tree = apply_overrides(read_yaml(text, source=_shown_path(source, path)), overrides, seed=seed, source=set_in)
     directory = path.parent.resolve()
     unplaced = put_random_places(tree.block, directory, placer) if tree.block is not None else []
     scenario, problems = _check(tree, directory, known=unplaced)
@@ -78,6 +80,26 @@ def load_scenario(
     if scenario is None or problems or tree.problems:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
     return LoadedScenario(scenario=scenario, path=path, directory=directory, text=text)
+
+
+def resolve_values(values: dict[str, Any], directory: Path, *, source: str, checks: Sequence[Check] = ()) -> Scenario:
+    """Return the scenario of plain values, which a program has put together.
+
+    Args:
+        values: What a scenario file would hold, nothing of it `random`.
+        directory: Where its relative paths start.
+        source: Where its problems are said to stand.
+        checks: Further rules, as in `load_scenario`.
+
+    Raises:
+        ScenarioError: it has problems: all of them in one error.
+    """
+    tree = YamlTree(values, Marks(Place(source=source)))
+    scenario, problems = _check(tree, directory, known=())
+    problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
+    if scenario is None or problems:
+        raise InvalidScenarioError(locate(problems, tree.marks), name=source)
+    return scenario
 
 
 def find_scenario(source: str | Path) -> Path:

@@ -1,0 +1,120 @@
+"""What decides a flight, as hashes: of the software, of an entry's files, of a case, and of a trial."""
+
+import hashlib
+import json
+import sys
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from gslcosim._kernel_cache import PACKAGE_DIR
+from gslcosim.benchmark.suite.equipping import program_of
+from gslcosim.benchmark.suite.models import EntrySpec
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.dumping import plain_values
+
+PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack")
+# Code that shows flights, or counts over them, decides none.
+_NO_MATTER = ("cli", "benchmark/report", "benchmark/statistics", "recording", "conformance")
+_HEAD_BYTES = 65_536
+_DIGITS = 24
+
+
+@cache
+def software_hash() -> str:
+    """Return what the package's own code and the packages that it computes with are."""
+    digest = hashlib.blake2b(digest_size=_DIGITS // 2)
+    for path in sorted(PACKAGE_DIR.rglob("*.py")):
+        relative = path.relative_to(PACKAGE_DIR).as_posix()
+        if not relative.startswith(_NO_MATTER):
+            digest.update(relative.encode())
+            digest.update(path.read_bytes())
+    python = ".".join(str(part) for part in sys.version_info[:2])
+    digest.update(json.dumps([python, *((name, version(name)) for name in PACKAGES)]).encode())
+    return digest.hexdigest()
+
+
+def agent_hash(entry: EntrySpec, directory: Path) -> str:
+    """Return what the program of an entry is: its file, and the files of Python and of cards beside it.
+
+    A command that is found on the system's path counts by its name alone.
+
+    Args:
+        entry: The entry.
+        directory: Where its relative paths start.
+    """
+    digest = hashlib.blake2b(digest_size=_DIGITS // 2)
+    program = program_of(entry, directory)
+    words = [entry.start.python or "", *(entry.start.command or ())]
+    digest.update(json.dumps([word for word in words if not (directory / word).is_file()]).encode())
+    for path in _files_of(program, entry, directory):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _files_of(program: Path | None, entry: EntrySpec, directory: Path) -> Iterable[Path]:
+    named = {(directory / word).resolve() for word in entry.start.command or () if (directory / word).is_file()}
+    if program is not None:
+        named.add(program.resolve())
+        named |= {path.resolve() for ending in ("*.py", "*.yaml", "*.npz") for path in program.parent.glob(ending)}
+    # A suite beside its agent changes without changing the agent.
+    return sorted(path for path in named if path == program or path.name != "suite.yaml")
+
+
+def case_hash(scenario: Scenario, room: str, *, is_control: bool, repetition: int) -> str:
+    """Return what decides a case and repetition apart from the entry: equal for all who meet the same."""
+    values = _without_paths(plain_values(scenario), scenario)
+    vehicle = values.pop("agents")[0]["vehicle"]
+    for other in ("recording", "channels"):
+        values.pop(other, None)
+    return _hash([values, vehicle, room, is_control, repetition])
+
+
+def trial_id(scenario: Scenario, room: str, agent: str) -> str:
+    """Return the id of a trial, the same on every machine.
+
+    Args:
+        scenario: As resolved.
+        room: The key of its environment, see `room_key`.
+        agent: The hash of the entry's program.
+    """
+    values = _without_paths(plain_values(scenario), scenario)
+    values.pop("recording", None)
+    return _hash([values, room, agent, software_hash()])
+
+
+# Paths are no content: rooms, gas and programs are told by their own hashes.
+def _without_paths(values: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
+    values.pop("name")
+    environment = values["environment"]
+    if scenario.environment.layout is None:
+        values["environment"] = sorted(environment)
+    if scenario.wind.file is not None:
+        values["wind"]["solver"] = "file"
+    if scenario.gas.playback is not None:
+        values["gas"]["playback"]["folder"] = folder_hash(Path(scenario.gas.playback.folder))
+    for agent in values["agents"]:
+        start = agent["start"]
+        start.pop("python", None)
+        start.pop("command", None)
+    return values
+
+
+@cache
+def folder_hash(folder: Path) -> str:
+    """Return what a folder or file of stored gas holds: names, sizes and the beginning of each file."""
+    digest = hashlib.blake2b(digest_size=_DIGITS // 2)
+    paths = [folder] if folder.is_file() else sorted(path for path in folder.rglob("*") if path.is_file())
+    for path in paths:
+        digest.update(f"{path.name}/{path.stat().st_size}".encode())
+        with path.open("rb") as file:
+            digest.update(file.read(_HEAD_BYTES))
+    return digest.hexdigest()
+
+
+def _hash(values: Any) -> str:
+    text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+    return hashlib.blake2b(text.encode(), digest_size=_DIGITS // 2).hexdigest()

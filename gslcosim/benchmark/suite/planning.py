@@ -1,0 +1,284 @@
+"""From a suite to the list of its trials, each with all that decides it; nothing is flown."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gslcosim.benchmark.suite.equipping import card_of, with_entry, without_gas
+from gslcosim.benchmark.suite.expanding import cases_of
+from gslcosim.benchmark.suite.identity import agent_hash, case_hash, software_hash, trial_id
+from gslcosim.benchmark.suite.loading import LoadedSuite
+from gslcosim.benchmark.suite.models import EntrySpec
+from gslcosim.benchmark.suite.seeds import seed_of
+from gslcosim.benchmark.suite.trials import Case, Dropped, Trial
+from gslcosim.environment.placement import problems_of_places
+from gslcosim.environment.random_places import draw_places
+from gslcosim.environment.sources import folder_of
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import ScenarioError
+from gslcosim.generation import recipe_hash
+from gslcosim.methods.card import MethodCard
+from gslcosim.scenario import Scenario, load_scenario
+from gslcosim.scenario.loading import resolve_values
+from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, ProblemLike, locate
+from gslcosim.sensing.method_checks import problems_of_methods
+
+Progress = Callable[[int], None]
+"""Is told how many trials have been planned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedEntry:
+    """An entry of a plan: its name, its hash, and what its card says."""
+
+    spec: EntrySpec
+    directory: Path
+    agent_hash: str
+    card: MethodCard | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All trials of a suite in order, what was left out, and what has to be prepared.
+
+    `rooms` and `tapes` give, by key, a trial that has them. `cases_hash` is equal for all who meet the same cases,
+    whatever they enter.
+    """
+
+    loaded: LoadedSuite
+    cases: tuple[Case, ...]
+    trials: tuple[Trial, ...]
+    dropped: tuple[Dropped, ...]
+    entries: tuple[PlannedEntry, ...]
+    rooms: Mapping[str, Trial]
+    tapes: Mapping[str, Trial]
+    cases_hash: str
+    software_hash: str
+
+    @property
+    def sim_s(self) -> float:
+        """Simulated time if every trial took as long as it may [s]."""
+        limits_s = {case.name: 0.0 for case in self.cases}
+        for trial in self.trials:
+            if not limits_s[trial.case]:
+                limits_s[trial.case] = trial.resolved.referee.stop.time_limit_s
+        return sum(limits_s[trial.case] for trial in self.trials)
+
+
+def plan_of(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan:
+    """Return the plan of a suite.
+
+    Args:
+        loaded: The suite.
+        progress: Is told how far it is.
+
+    Raises:
+        ScenarioError: a scenario, value or entry is wrong, with the place in the suite.
+    """
+    planner = _Planner()
+    trials: list[Trial] = []
+    cases: list[Case] = []
+    dropped: list[Dropped] = []
+    for owner, case in cases_of(loaded):
+        found = planner.trials_of(loaded, owner, case, first_index=len(trials))
+        if isinstance(found, Dropped):
+            dropped.append(found)
+            continue
+        cases.append(case)
+        trials += found
+        progress(len(trials))
+    if not trials:
+        reasons = f" The first: {dropped[0].case}: {dropped[0].reason}" if dropped else ""
+        raise ScenarioError(f"{loaded.shown_path}: expected at least one case, was none.{reasons}")
+    return Plan(
+        loaded=loaded,
+        cases=tuple(cases),
+        trials=tuple(trials),
+        dropped=tuple(dropped),
+        entries=tuple(planner.entries.values()),
+        rooms=_firsts(trials, lambda trial: trial.room),
+        tapes=_firsts(trials, lambda trial: trial.tape),
+        cases_hash=_hash_of_texts(sorted({trial.case_hash for trial in trials})),
+        software_hash=software_hash(),
+    )
+
+
+class _Planner:
+    """Plans cases one after the other and remembers rooms and entries."""
+
+    def __init__(self) -> None:
+        self.entries: dict[str, PlannedEntry] = {}
+        self._rooms: dict[str, str] = {}
+
+    def trials_of(
+        self, loaded: LoadedSuite, owner: LoadedSuite, case: Case, *, first_index: int
+    ) -> "list[Trial] | Dropped":
+        giver = loaded if loaded.suite.entries or owner is loaded else owner
+        entries = [self._entry(spec, giver) for spec in giver.suite.entries_with_anchors]
+        trials: list[Trial] = []
+        resolved: _Resolved | None = None
+        for repetition in range(case.repetitions):
+            seed = seed_of(case.suite_seed, case.name, repetition)
+            if resolved is None or resolved.has_random_places:
+                scenario, directory = _load(case, seed)
+                if problems := problems_of_places(scenario, scenario_dir=directory):
+                    if owner.suite.when == "places_are_free":
+                        return Dropped(case=case.name, reason=_text_of(problems[0]))
+                    raise InvalidScenarioError(locate(problems, Marks(Place(source=case.set_in))), name=case.set_in)
+                resolved = _Resolved(case, scenario, directory, self._room_key(scenario, directory))
+            gas_seed = seed_of(case.suite_seed, "gas", case.scenario, repetition % case.gas_seeds)
+            for is_control in (False, True) if repetition < case.n_controls else (False,):
+                shared = case_hash(
+                    _with_seeds(resolved.scenario, seed, gas_seed), resolved.room,
+                    is_control=is_control, repetition=repetition,
+                )  # fmt: skip
+                trials += [
+                    self._trial(
+                        resolved, entry, _with_seeds(resolved.flown(entry, is_control=is_control), seed, gas_seed),
+                        shared, repetition=repetition, is_control=is_control, index=first_index + len(trials) + i,
+                    )
+                    for i, entry in enumerate(entries)
+                ]  # fmt: skip
+        return trials
+
+    def _trial(
+        self,
+        resolved: "_Resolved",
+        entry: PlannedEntry,
+        flown: Scenario,
+        shared: str,
+        *,
+        repetition: int,
+        is_control: bool,
+        index: int,
+    ) -> Trial:
+        case = resolved.case
+        return Trial(
+            id=trial_id(flown, resolved.room, entry.agent_hash),
+            index=index,
+            case=case.name,
+            scenario=case.scenario,
+            family=case.family,
+            varied=json.dumps(dict(case.varied)),
+            repetition=repetition,
+            entry=entry.spec.name,
+            is_control=is_control,
+            scenario_json=flown.model_dump_json(by_alias=True),
+            directory=resolved.directory,
+            room=resolved.room,
+            tape=_tape_key(flown, resolved.room) if flown.gas.tape else None,
+            case_hash=shared,
+        )
+
+    def _entry(self, spec: EntrySpec, giver: LoadedSuite) -> PlannedEntry:
+        planned = self.entries.get(spec.name)
+        if planned is None:
+            planned = PlannedEntry(
+                spec=spec,
+                directory=giver.directory,
+                agent_hash=agent_hash(spec, giver.directory),
+                card=card_of(spec, giver.directory),
+            )
+            self.entries[spec.name] = planned
+        elif planned.spec != spec:
+            raise ScenarioError(
+                f"{giver.shown_path}: entries: expected one meaning of {spec.name} in all suites that are included, "
+                "was several. List the entries in the outer suite."
+            )
+        return planned
+
+    def _room_key(self, scenario: Scenario, directory: Path) -> str:
+        environment, wind = scenario.environment, scenario.wind
+        text = f"{directory}\n{environment.model_dump_json()}\n{wind.model_dump_json()}"
+        if text not in self._rooms:
+            self._rooms[text] = (
+                load_environment(folder_of(environment, directory)).content_hash
+                if environment.path is not None
+                else recipe_hash(environment, wind, scenario_dir=directory)
+            )
+        return self._rooms[text]
+
+
+class _Resolved:
+    """A case as resolved, and what each entry flies in it; seeds are put in afterwards."""
+
+    def __init__(self, case: Case, scenario: Scenario, directory: Path, room: str) -> None:
+        self.case = case
+        self.scenario = scenario
+        self.directory = directory
+        self.room = room
+        self.has_random_places = _has_random_places(case, scenario)
+        self._flown: dict[tuple[str, bool], Scenario] = {}
+
+    def flown(self, entry: PlannedEntry, *, is_control: bool) -> Scenario:
+        """Return what an entry flies."""
+        key = (entry.spec.name, is_control)
+        if key not in self._flown:
+            self._flown[key] = self._flown_by(entry, is_control=is_control)
+        return self._flown[key]
+
+    def _flown_by(self, entry: PlannedEntry, *, is_control: bool) -> Scenario:
+        where = f"{self.case.set_in}: entry {entry.spec.name}"
+        try:
+            values = with_entry(
+                self.scenario,
+                self.case.scenario,
+                entry.spec,
+                card=entry.card,
+                directory=entry.directory,
+                scenario_dir=self.directory,
+            )
+            if is_control:
+                without_gas(values)
+        except InvalidScenarioError:
+            raise
+        except ScenarioError as error:
+            raise ScenarioError(f"{where}: {error}") from error
+        values["recording"]["enabled"] = False
+        return resolve_values(values, self.directory, source=where, checks=(problems_of_methods,))
+
+
+def _text_of(problem: ProblemLike) -> str:
+    return f"{problem.path}: expected {problem.expected}, was {problem.found}."
+
+
+def _load(case: Case, seed: int) -> tuple[Scenario, Path]:
+    loaded = load_scenario(case.source, overrides=case.overrides, seed=seed, placer=draw_places, set_in=case.set_in)
+    return loaded.scenario, loaded.directory
+
+
+# Drawn places differ from seed to seed.
+def _has_random_places(case: Case, scenario: Scenario) -> bool:
+    return "random" in f"{case.source.read_text()}{case.overrides}" and _places(_load(case, scenario.seed ^ 1)[0]) != (
+        _places(scenario)
+    )
+
+
+def _places(scenario: Scenario) -> list[Any]:
+    return [*(s.position_m for s in scenario.gas.sources), *(agent.vehicle.start_m for agent in scenario.agents)]
+
+
+def _with_seeds(scenario: Scenario, seed: int, gas_seed: int) -> Scenario:
+    gas = scenario.gas.model_copy(update={"seed": gas_seed})
+    return scenario.model_copy(update={"seed": seed, "gas": gas})
+
+
+def _tape_key(scenario: Scenario, room: str) -> str:
+    gas = scenario.gas.model_dump_json()
+    return _hash_of_texts([room, gas, f"{scenario.tick_ms}/{scenario.referee.stop.time_limit_s}"])
+
+
+def _firsts(trials: list[Trial], key_of: Callable[[Trial], str | None]) -> dict[str, Trial]:
+    firsts: dict[str, Trial] = {}
+    for trial in trials:
+        key = key_of(trial)
+        if key is not None:
+            firsts.setdefault(key, trial)
+    return firsts
+
+
+def _hash_of_texts(texts: Sequence[str]) -> str:
+    return hashlib.blake2b("\n".join(texts).encode(), digest_size=12).hexdigest()
