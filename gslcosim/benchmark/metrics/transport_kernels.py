@@ -14,7 +14,7 @@ def cheapest_transport(supply, demand, cost):
 
     Successive shortest augmenting paths with dual prices: from each supply in turn mass goes along the path of least
     reduced cost c_ij - u_i - v_j through arcs and back through those that carry mass. Exact because no path of
-    negative reduced cost is ever left. About (n + m) n m steps; 20 x 20 cells take some hundredths of a second.
+    negative reduced cost is ever left. Two maps of 20 x 20 cells take 0.05 to 0.2 s, of 40 x 40 up to 40 s.
 
     Args:
         supply: (n,) a, >= 0 [mass].

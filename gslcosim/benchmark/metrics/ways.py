@@ -115,8 +115,8 @@ def spl(length_m: float, shortest_m: float | None, *, success: bool) -> float | 
         The figure; 1 where success needed no way and none was flown; None for a success without a shortest way.
 
     Source:
-        Anderson et al. 2018, On evaluation of embodied navigation agents, arXiv:1807.06757, section 3.2; there the
-        mean of this over flights.
+        Anderson et al. 2018, On evaluation of embodied navigation agents, arXiv:1807.06757; there the mean of
+        this over flights.
     Held by:
         tests/unit/benchmark/metrics/test_ways.py
     """
