@@ -1,0 +1,143 @@
+"""Bootstrap samples of rows: within strata, and whole clusters at a time."""
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gslcosim.benchmark.statistics.estimates import (
+    LEVEL,
+    N_DRAWS,
+    SEED,
+    UNDEFINED,
+    Estimate,
+    Seed,
+    check_same_length,
+    generator_of,
+    percentile_interval,
+)
+
+# Rows times draws held at once: 32 MB of indices.
+_CHUNK_ENTRIES = 4_000_000
+
+
+def bootstrap(
+    n: int,
+    statistic: Callable[[np.ndarray], np.ndarray],
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    level: float = LEVEL,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Estimate:
+    """Return a statistic of rows with its percentile bootstrap interval.
+
+    Args:
+        n: Rows.
+        statistic: From (d, m) indices of rows to the (d,) statistic of each of the d samples.
+        strata: (n,) labels; each stratum is drawn from apart. None: one stratum.
+        clusters: (n,) labels; rows of a cluster are drawn together. None: each row for itself.
+        level: Confidence level, 0 to 1.
+        seed: Of the draws. Calls with the same seed, strata and clusters draw the same rows.
+        n_draws: Bootstrap samples.
+    """
+    if n == 0:
+        return UNDEFINED
+    value = float(statistic(np.arange(n)[None, :])[0])
+    chunks = row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws)
+    draws = np.concatenate([np.asarray(statistic(rows), dtype=np.float64) for rows in chunks])
+    return Estimate(value, *percentile_interval(draws, level), n)
+
+
+def row_draws(
+    n: int,
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Iterator[np.ndarray]:
+    """Yield bootstrap samples of rows, many at a time.
+
+    In each stratum as many clusters are drawn with replacement as it has. Strata that share a cluster (starts that
+    met the same gas) are drawn from together, so that the cluster stays whole.
+
+    Args:
+        n: Rows.
+        strata: (n,) labels, or None.
+        clusters: (n,) labels, or None.
+        seed: Of the draws.
+        n_draws: Samples in total.
+
+    Yields:
+        (d, m) indices of rows; the d sum up to `n_draws`. m is n unless clusters differ in size.
+    """
+    rng = generator_of(seed)
+    stratum = _codes(strata, n) if strata is not None else np.zeros(n, dtype=np.intp)
+    if clusters is None:
+        yield from _single_rows(_members(stratum), rng, n_draws)
+        return
+    cluster = _codes(clusters, n)
+    stratum = _joined(stratum, cluster)
+    rows_of = _members(cluster)
+    clusters_of = [np.unique(cluster[rows]) for rows in _members(stratum)]
+    if all(len({len(rows_of[c]) for c in members}) == 1 for members in clusters_of):
+        yield from _equal_clusters(rows_of, clusters_of, rng, n_draws)
+    else:
+        yield from _unequal_clusters(rows_of, clusters_of, rng, n_draws)
+
+
+def _single_rows(rows_of: list[np.ndarray], rng: np.random.Generator, n_draws: int) -> Iterator[np.ndarray]:
+    n = sum(map(len, rows_of))
+    for d in _chunks(n, n_draws):
+        yield np.concatenate([rows[rng.integers(0, len(rows), (d, len(rows)))] for rows in rows_of], axis=1)
+
+
+def _equal_clusters(
+    rows_of: list[np.ndarray], clusters_of: list[np.ndarray], rng: np.random.Generator, n_draws: int
+) -> Iterator[np.ndarray]:
+    tables = [np.stack([rows_of[c] for c in members]) for members in clusters_of]
+    n = sum(table.size for table in tables)
+    for d in _chunks(n, n_draws):
+        picked = [table[rng.integers(0, len(table), (d, len(table)))].reshape(d, -1) for table in tables]
+        yield np.concatenate(picked, axis=1)
+
+
+def _unequal_clusters(
+    rows_of: list[np.ndarray], clusters_of: list[np.ndarray], rng: np.random.Generator, n_draws: int
+) -> Iterator[np.ndarray]:
+    for _ in range(n_draws):
+        drawn = np.concatenate([rng.choice(members, len(members)) for members in clusters_of])
+        yield np.concatenate([rows_of[c] for c in drawn])[None, :]
+
+
+def _chunks(n: int, n_draws: int) -> Iterator[int]:
+    at_once = max(1, _CHUNK_ENTRIES // n)
+    for _ in range(math.ceil(n_draws / at_once)):
+        yield min(at_once, n_draws)
+        n_draws -= at_once
+
+
+# Labels as 0, 1, 2 ... in the order of first appearance, so that draws do not depend on how labels sort.
+def _codes(labels: np.ndarray, n: int) -> np.ndarray:
+    check_same_length(rows=np.empty(n), labels=labels)
+    _, first, codes = np.unique(np.asarray(labels), return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[codes.reshape(-1)]
+
+
+def _members(codes: np.ndarray) -> list[np.ndarray]:
+    order = np.argsort(codes, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(codes))[:-1])
+
+
+# Gives strata that share a cluster the same code.
+def _joined(stratum: np.ndarray, cluster: np.ndarray) -> np.ndarray:
+    while True:
+        of_cluster = np.full(cluster.max() + 1, stratum.max() + 1)
+        np.minimum.at(of_cluster, cluster, stratum)
+        of_stratum = np.arange(stratum.max() + 1)
+        np.minimum.at(of_stratum, stratum, of_cluster[cluster])
+        if np.array_equal(of_stratum[stratum], stratum):
+            return _codes(stratum, stratum.size)
+        stratum = of_stratum[stratum]

@@ -1,0 +1,33 @@
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim.benchmark.statistics.estimates import UNDEFINED, Estimate, check_same_length, numbers, percentile_interval
+from gslcosim.errors import ShapeError
+
+
+def test_an_interval_with_zero_at_its_end_holds_zero():
+    assert Estimate(0.1, 0.0, 0.2, 9).holds_zero
+    assert not Estimate(0.1, 0.05, 0.2, 9).holds_zero
+    assert not Estimate(-0.1, -0.2, -0.05, 9).holds_zero
+    assert UNDEFINED.holds_zero
+
+
+def test_percentile_interval_of_evenly_spaced_draws():
+    assert percentile_interval(np.arange(1000.0)[::-1]) == (25.0, 974.0)
+
+
+def test_percentile_interval_takes_infinite_draws_and_leaves_out_undefined_ones():
+    draws = np.array([1.0] * 50 + [math.inf] * 50 + [math.nan] * 7)
+    assert percentile_interval(draws) == (1.0, math.inf)
+    assert all(math.isnan(end) for end in percentile_interval(np.full(3, math.nan)))
+
+
+def test_what_is_not_a_row_of_finite_numbers_is_refused():
+    with pytest.raises(ShapeError, match="x: expected finite numbers, 1 of 2"):
+        numbers(np.array([1.0, math.inf]), "x")
+    with pytest.raises(ShapeError, match="one dimension, had 2"):
+        numbers(np.zeros((2, 2)), "x")
+    with pytest.raises(ShapeError, match="a 2, b 3"):
+        check_same_length(a=np.zeros(2), b=np.zeros(3))
