@@ -31,6 +31,8 @@ from gslcosim.ticks import seconds_from_ticks
 REPORT_EVERY_TICKS = 64
 LOOK_EVERY_S = 0.1
 _Event = tuple[str, str, bytes]
+# Is told every message with its port, in the order in which they are delivered.
+Watch = Callable[[str, Message], None]
 
 
 @dataclass
@@ -42,6 +44,7 @@ class _Seat:
     door: Door
     trail: Trail = field(default_factory=Trail)
     agent: Agent | None = None
+    decisions_s: list[float] = field(default_factory=list[float])
 
     @property
     def owes_answer(self) -> bool:
@@ -62,7 +65,9 @@ class _Seat:
         try:
             self.agent.observe(observation)
             if observation.awaiting_command:
+                asked_at = time.perf_counter()
                 answer = self.agent.decide(observation)
+                self.decisions_s.append(time.perf_counter() - asked_at)
                 commands += self.door.received(codec.encode(answer))
                 commands += self._lost_answer(answer)
         except (Exception, SystemExit):  # as above
@@ -93,6 +98,7 @@ class _GuestSeat:
     guests: Guests
     door: Door
     trail: Trail = field(default_factory=Trail)
+    decisions_s: list[float] = field(default_factory=list[float])
     asked_at: float = 0.0
 
     @property
@@ -119,6 +125,8 @@ class _GuestSeat:
         if kind not in (COMMAND, REFUSED):
             return []
         self.guests.handled(self.spec.name)
+        if self.owes_answer:
+            self.decisions_s.append(time.monotonic() - self.asked_at)
         self.asked_at = time.monotonic()
         return self.door.received(payload) if kind == COMMAND else self.door.refused(payload.decode())
 
@@ -146,7 +154,9 @@ class InProcessFlight:
         seats: "list[_Seat | _GuestSeat]",
         events: "queue.SimpleQueue[_Event]",
         report: Callable[[FlightStatus], None],
+        watch: Watch | None = None,
     ) -> None:
+        self._watch = watch
         self._events = events
         self._by_agent = {seat.spec.name: seat for seat in seats}
         self._setup = setup
@@ -188,6 +198,7 @@ class InProcessFlight:
         outcome.flight_wall_s = time.perf_counter() - flying_since
         outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
         outcome.verdict = self._verdict
+        outcome.decisions_s = [taken_s for seat in self._seats.values() for taken_s in seat.decisions_s]
         outcome.agent_faults = faults_of(seat.door for seat in self._seats.values())
         outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
         if self._verdict and outcome.fault is None:
@@ -246,6 +257,8 @@ class InProcessFlight:
         self._report(FlightStatus(state="flying", sim_time_s=sim_time_s, real_time_factor=sim_time_s / wall_s))
 
     def _deliver(self, port: str, message: Message) -> None:
+        if self._watch is not None:
+            self._watch(port, message)
         for reader in self._readers.get(port, ()):
             reader.gate.deliver(port, message)
         if isinstance(message, Observation):
@@ -286,7 +299,13 @@ class InProcessFlight:
         return RunDigest(final_tick, writers, {port: trail.until(final_tick) for port, trail in trails.items()})
 
 
-def fly_in_process(setup: Setup, directory: Path, network: Network, report: Callable[[FlightStatus], None]) -> Outcome:
+def fly_in_process(
+    setup: Setup,
+    directory: Path,
+    network: Network,
+    report: Callable[[FlightStatus], None],
+    watch: Watch | None = None,
+) -> Outcome:
     """Fly a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
 
     Args:
@@ -294,6 +313,7 @@ def fly_in_process(setup: Setup, directory: Path, network: Network, report: Call
         directory: The scenario's folder, where relative paths of agents start.
         network: Where agents that attach themselves find their join data.
         report: Is told how the flight goes.
+        watch: Is told every message, for figures of the flight; it must change none.
 
     Raises:
         UsageError: an agent is neither, or cannot be loaded or started.
@@ -310,7 +330,7 @@ def fly_in_process(setup: Setup, directory: Path, network: Network, report: Call
         stack.callback(guests.close)
         guests.start(children, socket_dir)
         _await_guests(guests, seats, events, is_interrupted)
-        outcome = InProcessFlight(setup, seats, events, report).fly(is_interrupted)
+        outcome = InProcessFlight(setup, seats, events, report, watch).fly(is_interrupted)
         guests.end(codec.encode(ending_of(outcome.verdict)))
         children.wait(EXIT_LIMIT_S)
     return outcome

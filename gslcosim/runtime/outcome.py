@@ -54,6 +54,8 @@ class Outcome:
     is_interrupted: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
+    # What each decision of an agent took by the clock; only where the agents fly in this process.
+    decisions_s: list[float] = field(default_factory=list[float])
 
     @property
     def is_valid(self) -> bool:

@@ -93,11 +93,11 @@ TRIAL_COLUMNS = (
     # The machine's.
     Column("wall_decision_p50_ms", _REAL, "time of a decision, median [ms of wall clock]"),
     Column("wall_decision_p95_ms", _REAL, "time of a decision, 95th percentile [ms of wall clock]"),
-    Column("wall_preparing_s", _REAL, "loading scenario, room and tape [s of wall clock]"),
+    Column("wall_preparing_s", _REAL, "reading the scenario, loading the room [s of wall clock]"),
     Column("wall_starting_s", _REAL, "building cores and starting agents [s of wall clock]"),
     Column("wall_flying_s", _REAL, "flying [s of wall clock]"),
     Column("wall_judging_s", _REAL, "figures of this row [s of wall clock]"),
-    Column("wall_storing_s", _REAL, "handing the row over and writing it [s of wall clock]"),
+    Column("wall_storing_s", _REAL, "packing row and track for the file [s of wall clock]"),
     Column("wall_worker", _TEXT, "who flew it"),
 )
 

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import sys
-from collections.abc import Iterable
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from gslcosim._kernel_cache import PACKAGE_DIR
 from gslcosim.benchmark.suite.equipping import program_of
 from gslcosim.benchmark.suite.models import EntrySpec
+from gslcosim.methods.card import CARD_FILE
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.dumping import plain_values
 
@@ -46,22 +46,23 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
         directory: Where its relative paths start.
     """
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
-    program = program_of(entry, directory)
     words = [entry.start.python or "", *(entry.start.command or ())]
     digest.update(json.dumps([word for word in words if not (directory / word).is_file()]).encode())
-    for path in _files_of(program, entry, directory):
+    for path in files_of(entry, directory):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _files_of(program: Path | None, entry: EntrySpec, directory: Path) -> Iterable[Path]:
+def files_of(entry: EntrySpec, directory: Path) -> list[Path]:
+    """Return the files that an entry's program is made of: those it names, and what Python and cards lie beside it."""
     named = {(directory / word).resolve() for word in entry.start.command or () if (directory / word).is_file()}
+    program = program_of(entry, directory)
     if program is not None:
         named.add(program.resolve())
-        named |= {path.resolve() for ending in ("*.py", "*.yaml", "*.npz") for path in program.parent.glob(ending)}
-    # A suite beside its agent changes without changing the agent.
-    return sorted(path for path in named if path == program or path.name != "suite.yaml")
+        named |= {path.resolve() for ending in ("*.py", "*.npz") for path in program.parent.glob(ending)}
+        named |= {path.resolve() for path in program.parent.glob(CARD_FILE)}
+    return sorted(named)
 
 
 def case_hash(scenario: Scenario, room: str, *, is_control: bool, repetition: int) -> str:

@@ -44,7 +44,7 @@ class PlannedEntry:
 class Plan:
     """All trials of a suite in order, what was left out, and what has to be prepared.
 
-    `rooms` and `tapes` give, by key, a trial that has them. `cases_hash` is equal for all who meet the same cases,
+    `rooms` and `tapes` give, by key, a trial that has them. `suite_hash` is equal for all who meet the same cases,
     whatever they enter.
     """
 
@@ -55,7 +55,7 @@ class Plan:
     entries: tuple[PlannedEntry, ...]
     rooms: Mapping[str, Trial]
     tapes: Mapping[str, Trial]
-    cases_hash: str
+    suite_hash: str
     software_hash: str
 
     @property
@@ -101,7 +101,7 @@ def plan_of(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan
         entries=tuple(planner.entries.values()),
         rooms=_firsts(trials, lambda trial: trial.room),
         tapes=_firsts(trials, lambda trial: trial.tape),
-        cases_hash=_hash_of_texts(sorted({trial.case_hash for trial in trials})),
+        suite_hash=_hash_of_texts(sorted({trial.case_hash for trial in trials})),
         software_hash=software_hash(),
     )
 

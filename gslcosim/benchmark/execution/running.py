@@ -1,0 +1,422 @@
+"""A suite flown: rooms and tapes first and once, then trials, each row on the disk before the next is begun."""
+
+import json
+import os
+import platform
+import statistics
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import gslcosim
+from gslcosim.benchmark.execution.flying import Flown
+from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
+from gslcosim.benchmark.execution.judging import FLOWN, Row, row_without_result
+from gslcosim.benchmark.execution.preparing import map_keys
+from gslcosim.benchmark.execution.recordings import kept_trials
+from gslcosim.benchmark.execution.selection import Selection
+from gslcosim.benchmark.store.columns import is_of_the_machine
+from gslcosim.benchmark.store.folder import RESULTS_SCHEMA, ResultsFolder
+from gslcosim.benchmark.store.journal import Entry, Journal
+from gslcosim.benchmark.suite.identity import PACKAGES
+from gslcosim.benchmark.suite.models import LOWER_ANCHOR, UPPER_ANCHOR
+from gslcosim.benchmark.suite.planning import Plan
+from gslcosim.benchmark.suite.trials import Trial
+from gslcosim.benchmark.suite.writing import write_suite
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import SimulationFault
+
+_TRIES = 2
+_LOOK_EVERY_S = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How a run stands: what is being done, how much of it is over, and how the flights went so far."""
+
+    phase: str
+    done: int
+    total: int
+    elapsed_s: float
+    successes: dict[str, int] = field(default_factory=dict[str, int])
+    flown: dict[str, int] = field(default_factory=dict[str, int])
+    n_without_result: int = 0
+
+    @property
+    def rate_per_s(self) -> float:
+        """Trials a second since the phase began."""
+        return self.done / self.elapsed_s if self.elapsed_s > 0 else 0.0
+
+    @property
+    def left_s(self) -> float | None:
+        """Time until the phase is over at this rate [s]; nobody knows before the first is done."""
+        return (self.total - self.done) / self.rate_per_s if self.done else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """What a run of a suite did."""
+
+    folder: Path
+    n_planned: int
+    n_chosen: int
+    n_flown_before: int
+    n_flown: int
+    n_without_result: int
+    is_interrupted: bool
+    put_aside: Path | None
+    wall: dict[str, Any]
+
+
+class Run:
+    """One call of `bench run`: goes on where an earlier one stopped."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        folder: ResultsFolder,
+        start_pool: Callable[[], Pool],
+        *,
+        selection: Selection,
+        flies_failures_again: bool = False,
+        report: Callable[[Progress], None] = lambda _: None,
+    ) -> None:
+        """Prepare to run.
+
+        Args:
+            plan: What to fly.
+            folder: Where results go.
+            start_pool: Starts the workers; not called when there is nothing to fly.
+            selection: Which of the plan's trials.
+            flies_failures_again: Whether trials without result are flown again.
+            report: Is told how it goes.
+        """
+        self._plan = plan
+        self._folder = folder
+        self._start_pool = start_pool
+        self._chosen = [trial for trial in plan.trials if selection.takes(trial)]
+        self._flies_failures_again = flies_failures_again
+        self._report = report
+        self._entries: dict[str, Entry] = {}
+        self._environments: dict[str, Path] = {}
+        self._hashes: dict[str, str] = {}
+        self._is_interrupted = False
+
+    def fly(self) -> RunSummary:
+        """Fly what is missing, write the tables, and return what was done.
+
+        An interruption ends the workers and leaves whole tables of what was flown.
+
+        Raises:
+            GslCosimError: the folder cannot be used or written, or a room or tape cannot be made.
+        """
+        began, started_at = time.perf_counter(), datetime.now(UTC)
+        with self._folder.locked():
+            aside = self._take_over()
+            todo = [trial for trial in self._chosen if trial.id not in self._entries]
+            n_before = len(self._chosen) - len(todo)
+            write_suite(self._plan.loaded, self._folder.path)
+            wall: dict[str, Any] = {}
+            if todo or self._missing_recordings():
+                wall = self._fly_with_pool(todo)
+            wall = {
+                "started_at": started_at.isoformat(timespec="seconds"),
+                "total_s": time.perf_counter() - began,
+                **wall,
+            }
+            self._write(wall)
+        new = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
+        return RunSummary(
+            folder=self._folder.path,
+            n_planned=len(self._plan.trials),
+            n_chosen=len(self._chosen),
+            n_flown_before=n_before,
+            n_flown=len(new),
+            n_without_result=sum(row["status"] != FLOWN for row in new),
+            is_interrupted=self._is_interrupted,
+            put_aside=aside,
+            wall=wall,
+        )
+
+    # Rows of another version of the software or the suite are never mixed in; they are kept beside.
+    def _take_over(self) -> Path | None:
+        found = self._folder.entries()
+        ids = {trial.id for trial in self._plan.trials}
+        valid = {key: entry for key, entry in found.items() if key in ids}
+        aside = self._folder.put_aside() if len(valid) < len(found) else None
+        if aside is not None:
+            with Journal(self._folder.journal) as journal:
+                for entry in valid.values():
+                    journal.append(entry)
+        if self._flies_failures_again:
+            valid = {key: entry for key, entry in valid.items() if entry.row["status"] == FLOWN}
+        self._entries = valid
+        return aside
+
+    def _fly_with_pool(self, todo: Sequence[Trial]) -> dict[str, Any]:
+        pool = self._start_pool()
+        wall: dict[str, Any] = {"jobs": pool.n_workers}
+        try:
+            clock = time.perf_counter()
+            self._prepare(pool, todo)
+            wall["preparing_s"] = time.perf_counter() - clock
+            clock = time.perf_counter()
+            busy_s, flying_s = self._fly_all(pool, todo)
+            taken_s = time.perf_counter() - clock
+            wall["flying_s"] = taken_s
+            wall["busy_share"] = busy_s / (taken_s * pool.n_workers) if todo else None
+            wall["flying_share"] = flying_s / (taken_s * pool.n_workers) if todo else None
+            wall["n_trials"] = len(todo)
+            if not self._is_interrupted:
+                self._record(pool)
+        except KeyboardInterrupt:
+            self._is_interrupted = True
+        finally:
+            pool.close()
+        wall["peak_worker_mb"] = pool.peak_mb
+        if pool.reference_loops_s:
+            wall["reference_loop_s"] = statistics.median(pool.reference_loops_s)
+        return wall
+
+    def _prepare(self, pool: Pool, todo: Sequence[Trial]) -> None:
+        rooms = _firsts(todo, lambda trial: trial.room)
+        jobs = [Job(key=room, kind="room", trial=trial) for room, trial in rooms.items()]
+        for ended in self._all_done(pool, jobs, "rooms"):
+            self._environments[ended.job.key] = ended.result
+        for room, folder in self._environments.items():
+            self._hashes[room] = load_environment(folder).content_hash
+        tapes = _firsts(todo, lambda trial: trial.tape)
+        # One of each plume first, for the maps need them too.
+        jobs = [
+            Job(key=tape, kind="tape", trial=trial, environment_dir=self._environments[trial.room])
+            for tape, trial in tapes.items()
+        ]
+        list(self._all_done(pool, jobs, "plumes"))
+        self._draw_maps(pool, todo)
+
+    def _draw_maps(self, pool: Pool, todo: Sequence[Trial]) -> None:
+        known = {_key_of_map(each): each for each in self._folder.read_json(self._folder.maps).get("maps", [])}
+        wanted = [
+            Job(
+                key=f"map {trial.id}", kind="map", trial=trial,
+                environment_dir=self._environments[trial.room], varied=varied,
+            )
+            for trial, varied in map_keys(list(todo))
+            if (trial.scenario, varied, self._hashes[trial.room]) not in known
+        ]  # fmt: skip
+        for ended in self._all_done(pool, wanted, "maps"):
+            known[_key_of_map(ended.result)] = ended.result
+        if wanted:
+            self._folder.write_json(self._folder.maps, {"schema": "gslcosim/maps/1", "maps": list(known.values())})
+
+    def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[Ended]:
+        began = time.perf_counter()
+        for job in jobs:
+            pool.submit(job)
+        n_done = 0
+        while n_done < len(jobs):
+            self._report(Progress(phase=phase, done=n_done, total=len(jobs), elapsed_s=time.perf_counter() - began))
+            for ended in pool.wait(_LOOK_EVERY_S):
+                n_done += 1
+                if ended.failure is not None:
+                    raise SimulationFault(
+                        f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
+                    )
+                yield ended
+
+    def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> tuple[float, float]:
+        began = time.perf_counter()
+        tries = Counter[str]()
+        by_room = sorted(todo, key=lambda trial: list(self._environments).index(trial.room))
+        for trial in by_room:
+            self._submit(pool, trial)
+        left, busy_s, flying_s = len(todo), 0.0, 0.0
+        with Journal(self._folder.journal) as journal:
+            while left:
+                self._tell(len(todo) - left, len(todo), began)
+                for ended in pool.wait(_LOOK_EVERY_S):
+                    trial = ended.job.trial
+                    tries[trial.id] += 1
+                    busy_s += ended.taken_s
+                    entry = self._entry_of(ended)
+                    if entry.row["status"] != FLOWN and tries[trial.id] < _TRIES:
+                        self._submit(pool, trial)
+                        continue
+                    journal.append(entry)
+                    self._entries[trial.id] = entry
+                    flying_s += entry.row["wall_flying_s"] or 0.0
+                    left -= 1
+            self._tell(len(todo), len(todo), began)
+        return busy_s, flying_s
+
+    def _submit(self, pool: Pool, trial: Trial) -> None:
+        pool.submit(Job(key=trial.id, kind="fly", trial=trial, environment_dir=self._environments[trial.room]))
+
+    def _entry_of(self, ended: Ended) -> Entry:
+        trial = ended.job.trial
+        if ended.failure is None:
+            flown: Flown = ended.result
+            return Entry(flown.row | {"wall_worker": ended.worker}, flown.tracks)
+        row = row_without_result(trial, self._hashes[trial.room], status=ended.failure, fault=ended.text)
+        return Entry(row | {"wall_worker": ended.worker}, None)
+
+    def _tell(self, done: int, total: int, began: float) -> None:
+        rows = [entry.row for entry in self._entries.values()]
+        flown = Counter(row["entry"] for row in rows if not row["is_control"])
+        successes = Counter(row["entry"] for row in rows if row["success"] and not row["is_control"])
+        self._report(
+            Progress(
+                phase="trials",
+                done=done,
+                total=total,
+                elapsed_s=time.perf_counter() - began,
+                successes=dict(successes),
+                flown=dict(flown),
+                n_without_result=sum(row["status"] != FLOWN for row in rows),
+            )
+        )
+
+    def _kept(self) -> list[Trial]:
+        keep = self._plan.loaded.suite.record.keep
+        if not keep or any(trial.id not in self._entries for trial in self._chosen):
+            return []
+        return kept_trials(self._chosen, {key: entry.row for key, entry in self._entries.items()}, keep)
+
+    def _missing_recordings(self) -> list[Trial]:
+        return [trial for trial in self._kept() if not (self._folder.recordings / trial.id).is_dir()]
+
+    def _record(self, pool: Pool) -> None:
+        for trial in (missing := self._missing_recordings()):
+            if trial.room not in self._environments:
+                job = Job(key=trial.room, kind="room", trial=trial)
+                self._environments[trial.room] = next(iter(self._all_done(pool, [job], "rooms"))).result
+        jobs = [
+            Job(
+                key=f"record {trial.id}", kind="record", trial=trial,
+                environment_dir=self._environments[trial.room], runs_dir=self._folder.recordings,
+            )
+            for trial in missing
+        ]  # fmt: skip
+        for ended in self._all_done(pool, jobs, "recordings"):
+            digest = ended.result.result.get("digest")
+            expected = self._entries[ended.job.trial.id].row["digest"]
+            if digest != expected:
+                raise SimulationFault(
+                    f"{ended.job.trial.case}, {ended.job.trial.entry}: expected the digest {expected} when flown again "
+                    f"with a recording, was {digest}. Trial: {ended.job.trial.id}"
+                )
+            ended.result.run_dir.rename(self._folder.recordings / ended.job.trial.id)
+
+    def _write(self, wall: dict[str, Any]) -> None:
+        trials = [trial for trial in self._plan.trials if trial.id in self._entries]
+        if self._folder.journal.is_file() or not self._folder.trials.is_file():
+            self._folder.write_tables([self._entries[trial.id] for trial in trials])
+            self._folder.journal.unlink(missing_ok=True)
+        before = self._folder.read_json(self._folder.manifest)
+        sessions = [*before.get("sessions", []), *([wall] if wall.get("n_trials") else [])]
+        self._folder.write_json(self._folder.manifest, self._manifest(sessions, before))
+
+    def _manifest(self, sessions: list[dict[str, Any]], before: dict[str, Any]) -> dict[str, Any]:
+        plan, suite = self._plan, self._plan.loaded.suite
+        names = {entry.spec.name for entry in plan.entries}
+        anchors = {"lower": LOWER_ANCHOR, "upper": UPPER_ANCHOR}
+        titles = {trial.scenario: trial.family for trial in plan.trials}
+        recordings = self._folder.recordings
+        return {
+            "schema": RESULTS_SCHEMA,
+            "suite": suite.name,
+            "title": suite.title,
+            "question": suite.question,
+            "seed": suite.seed,
+            "suite_hash": plan.suite_hash,
+            "software_hash": plan.software_hash,
+            "versions": {
+                "gslcosim": gslcosim.__version__,
+                "python": sys.version.split()[0],
+                **{name: version(name) for name in PACKAGES},
+            },
+            "machine": _machine(sessions),
+            "entries": [
+                {
+                    "name": entry.spec.name,
+                    "title": entry.card.title if entry.card else entry.spec.name,
+                    "family": entry.card.family if entry.card else "",
+                    "agent_hash": entry.agent_hash,
+                    "language": "python" if entry.spec.start.python else "command",
+                    "parameters": json.loads(entry.spec.model_dump_json())["parameters"],
+                    "robots": entry.spec.robots,
+                }
+                for entry in plan.entries
+            ],
+            "scenarios": [{"name": name, "family": family, "title": name} for name, family in titles.items()],
+            "n_planned": len(plan.trials),
+            "n_dropped": len(plan.dropped),
+            "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
+            "anchors": {side: name for side, name in anchors.items() if name in names},
+            "wall": _totals(sessions),
+            "sessions": sessions,
+            "recordings": {
+                path.name: f"recordings/{path.name}" for path in sorted(recordings.glob("*")) if len(path.name) == 24
+            },
+            "verified": before.get("verified") if before.get("software_hash") == plan.software_hash else None,
+        }
+
+
+def _firsts(trials: Iterable[Trial], key_of: Callable[[Trial], str | None]) -> dict[str, Trial]:
+    firsts: dict[str, Trial] = {}
+    for trial in trials:
+        key = key_of(trial)
+        if key is not None:
+            firsts.setdefault(key, trial)
+    return firsts
+
+
+def _key_of_map(each: dict[str, Any]) -> tuple[str, str, str]:
+    return each["scenario"], each["varied"], each["environment_hash"]
+
+
+def _machine(sessions: list[dict[str, Any]]) -> dict[str, Any]:
+    loops_s = [each["reference_loop_s"] for each in sessions if each.get("reference_loop_s")]
+    return {
+        "cpu": _cpu_name(),
+        "cores": os.cpu_count(),
+        "platform": platform.platform(),
+        "reference_loop_s": statistics.median(loops_s) if loops_s else None,
+    }
+
+
+def _totals(sessions: list[dict[str, Any]]) -> dict[str, Any]:
+    if not sessions:
+        return {}
+    totals: dict[str, Any] = {
+        key: sum(each.get(key) or 0.0 for each in sessions)
+        for key in ("total_s", "preparing_s", "flying_s", "n_trials")
+    }
+    for key in ("busy_share", "flying_share"):
+        weighted = sum((each.get(key) or 0.0) * (each.get("flying_s") or 0.0) for each in sessions)
+        totals[key] = weighted / totals["flying_s"] if totals["flying_s"] else None
+    return {
+        "started_at": sessions[0]["started_at"],
+        **totals,
+        "jobs": sessions[-1]["jobs"],
+        "peak_worker_mb": max(each.get("peak_worker_mb") or 0.0 for each in sessions),
+    }
+
+
+def _cpu_name() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
+
+
+def same_but_for_the_machine(a: Row, b: Row) -> list[str]:
+    """Return the columns in which two rows of one trial differ, those of the machine's clock apart."""
+    return [name for name in a if not is_of_the_machine(name) and a[name] != b.get(name)]

@@ -1,0 +1,183 @@
+"""A folder of results: its files, its lock, and its tables, which are always whole."""
+
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, cast
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from gslcosim.benchmark.store.columns import TRACKS, TRIALS
+from gslcosim.benchmark.store.journal import Entry, read_journal
+from gslcosim.benchmark.store.tracks import SERIES, packed, unpacked
+from gslcosim.errors import UsageError
+
+RESULTS_SCHEMA = "gslcosim/results/1"
+
+
+class ResultsFolder:
+    """Paths of a results folder, and how its files are read and written."""
+
+    def __init__(self, path: Path) -> None:
+        """Take a folder, which need not be there."""
+        self.path = path
+        self.suite = path / "suite.yaml"
+        self.trials = path / "trials.parquet"
+        self.tracks = path / "tracks.parquet"
+        self.manifest = path / "manifest.json"
+        self.maps = path / "maps.json"
+        self.journal = path / "rows.jsonl"
+        self.recordings = path / "recordings"
+
+    def check(self) -> None:
+        """Refuse a folder without results.
+
+        Raises:
+            UsageError: it has none.
+        """
+        if not self.manifest.is_file() or not (self.trials.is_file() or self.journal.is_file()):
+            raise UsageError(
+                f"{self.path}: expected a folder of results (manifest.json, trials.parquet), found none. "
+                "Fly a suite first: gslcosim bench run SUITE."
+            )
+
+    @contextmanager
+    def locked(self) -> Generator[None]:
+        """Hold the folder against a second run.
+
+        Raises:
+            UsageError: another run holds it, or it cannot be written.
+        """
+        path = self.path / ".lock"
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = path.open("a+")
+        except OSError as error:
+            raise UsageError(
+                f"{self.path}: expected a folder that can be written, was one that cannot ({error.strerror})."
+            ) from error
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                holder = path.read_text(encoding="utf-8").strip() or "?"
+                raise UsageError(
+                    f"{self.path}: expected a folder that no other bench run works in, was one in use by process "
+                    f"{holder}. Wait for it, or name another folder with --results."
+                ) from error
+            lock.truncate(0)
+            lock.write(f"{os.getpid()}\n")
+            lock.flush()
+            yield
+
+    def entries(self) -> dict[str, Entry]:
+        """Return all rows that there are by trial: those of the tables, then those of the journal."""
+        found: dict[str, Entry] = {}
+        if self.trials.is_file():
+            tracks = _tracks_by_trial(self.tracks)
+            for row in _rows(self.trials, TRIALS):
+                found[row["trial"]] = Entry(row, tracks.get(row["trial"]))
+        for entry in read_journal(self.journal):
+            found[entry.row["trial"]] = entry
+        return found
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return all rows that there are, as dicts by column: those of the table, then those of the journal."""
+        rows = {row["trial"]: row for row in (_rows(self.trials, TRIALS) if self.trials.is_file() else ())}
+        rows |= {entry.row["trial"]: entry.row for entry in read_journal(self.journal)}
+        return list(rows.values())
+
+    def write_tables(self, entries: Sequence[Entry]) -> None:
+        """Write both tables from rows in the order of the suite; what stood there before is replaced in one go."""
+        trials = pa.Table.from_pylist([entry.row for entry in entries], schema=TRIALS)
+        tracks = pa.Table.from_pylist(
+            [
+                {"trial": entry.row["trial"], "agent": agent, **{key: series[key] for key in SERIES}}
+                for entry in entries
+                if entry.tracks is not None
+                for agent, series in unpacked(entry.tracks).items()
+            ],
+            schema=TRACKS,
+        )
+        _replace(self.tracks, lambda path: pq.write_table(tracks, path, compression="zstd"))
+        _replace(self.trials, lambda path: pq.write_table(trials, path, compression="zstd"))
+
+    def write_json(self, path: Path, content: Mapping[str, Any]) -> None:
+        """Write a JSON file of the folder in one go."""
+        text = json.dumps(content, indent=None if path == self.maps else 2, ensure_ascii=False) + "\n"
+        _replace(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+
+    def read_json(self, path: Path) -> dict[str, Any]:
+        """Return a JSON file of the folder; empty where there is none.
+
+        Raises:
+            UsageError: it is damaged.
+        """
+        if not path.is_file():
+            return {}
+        try:
+            return cast("dict[str, Any]", json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{path}: expected a JSON file, was a damaged one. Take it from a copy.") from error
+
+    def put_aside(self) -> Path:
+        """Move what is here into a folder of its own, `earlier-1` or the next that is free; return it."""
+        number = 1
+        while (aside := self.path / f"earlier-{number}").exists():
+            number += 1
+        aside.mkdir()
+        for path in self.path.iterdir():
+            if not path.name.startswith(("earlier-", ".lock")):
+                shutil.move(str(path), aside / path.name)
+        return aside
+
+
+def _rows(path: Path, schema: pa.Schema) -> list[dict[str, Any]]:
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise UsageError(
+            f"{path}: expected a table of results, was a file that cannot be read ({error}). Take it from a copy."
+        ) from error
+    if table.schema.names != schema.names:
+        missing = sorted(set(schema.names) - set(table.schema.names))
+        raise UsageError(
+            f"{path}: expected the columns of this version, was a table "
+            f"{f'without {missing[0]}' if missing else 'with others'}. Fly the suite again, or use the version that "
+            "wrote it (manifest.json has it)."
+        )
+    return cast("list[dict[str, Any]]", table.to_pylist())
+
+
+def _tracks_by_trial(path: Path) -> dict[str, bytes]:
+    if not path.is_file():
+        return {}
+    import numpy as np
+
+    tracks: dict[str, Any] = {}
+    for row in _rows(path, TRACKS):
+        tracks.setdefault(row["trial"], {})[row["agent"]] = {
+            key: np.asarray([np.nan if v is None else v for v in row[key]], dtype=np.float32) for key in SERIES
+        }
+    return {trial: packed(agents) for trial, agents in tracks.items()}
+
+
+def _replace(path: Path, write: Any) -> None:
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write(beside)
+        with beside.open("rb") as file:
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        raise UsageError(
+            f"{path.name}: expected a file that can be written, was one that cannot ({error.strerror}). Make room on "
+            f"the disk and give the same command again: what was flown is kept.\nFile: {path}"
+        ) from error
+    finally:
+        beside.unlink(missing_ok=True)
