@@ -1,7 +1,7 @@
 """Two entries that met the same cases: paired tests, paired differences, and corrections for many of them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from gslcosim.benchmark.statistics.estimates import (
     generator_of,
     numbers,
 )
-from gslcosim.benchmark.statistics.resampling import bootstrap
+from gslcosim.benchmark.statistics.resampling import bootstrap, codes_of
 from gslcosim.benchmark.statistics.special import chi_square_tail, normal_tail
 from gslcosim.errors import ShapeError
 
@@ -24,7 +24,10 @@ from gslcosim.errors import ShapeError
 _EXACT_SIGNS = 14
 # Up to here the signed-rank test is exact.
 _EXACT_RANKS = 50
-_FLIPS = 10_000
+_TOSSES_AT_ONCE = 2_000_000
+
+N_FLIPS = 10_000
+"""Patterns of signs that a permutation test draws: p has a standard error of 0.002 at 0.05."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ def sign_flip(
     *,
     clusters: np.ndarray | None = None,
     seed: Seed = SEED,
-    n_flips: int = _FLIPS,
+    n_flips: int = N_FLIPS,
 ) -> float:
     """Return the p value of the paired permutation test that the mean difference is zero.
 
@@ -137,20 +140,44 @@ def sign_flip(
         doi:10.2202/1544-6115.1585.
     """
     difference = _differences(a, b)
-    if difference.size == 0:
-        return math.nan
-    if clusters is not None:
-        check_same_length(pairs=difference, clusters=clusters)
-        _, code = np.unique(np.asarray(clusters), return_inverse=True)
-        difference = np.bincount(code.reshape(-1), weights=difference)
-    difference = difference[difference != 0.0]
+    return float(sign_flips(difference[:, None], clusters=clusters, seed=seed, n_flips=n_flips)[0])
+
+
+def sign_flips(
+    differences: np.ndarray, *, clusters: np.ndarray | None = None, seed: Seed = SEED, n_flips: int = N_FLIPS
+) -> np.ndarray:
+    """Return the p value of `sign_flip` for many columns of differences, with the same tosses for all of them.
+
+    Args:
+        differences: (n, m) differences of n pairs, m times; nan where there is no pair.
+        clusters: (n,) labels of pairs whose signs are tossed as one.
+        seed: Of the tosses.
+        n_flips: Drawn patterns.
+
+    Returns:
+        (m,) two-sided p.
+    """
+    has_pairs = ~np.isnan(differences).all(axis=0)
+    sums = np.nan_to_num(differences)
+    if clusters is not None and len(sums):
+        check_same_length(pairs=sums, clusters=clusters)
+        code = codes_of(clusters)
+        by_cluster = np.zeros((code.max() + 1, sums.shape[1]))
+        np.add.at(by_cluster, code, sums)
+        sums = by_cluster
     # Sums that are equal but for rounding are ties.
-    reached = abs(difference.sum()) - 1e-9 * np.abs(difference).sum()
-    if difference.size <= _EXACT_SIGNS:
-        patterns = np.arange(2**difference.size)[:, None] >> np.arange(difference.size) & 1
-        return float(np.mean(np.abs((1 - 2 * patterns) @ difference) >= reached))
-    hits = int(np.sum(np.abs(_tossed_sums(difference, n_flips, generator_of(seed))) >= reached))
-    return (1 + hits) / (1 + n_flips)
+    reached = np.abs(sums.sum(axis=0)) - 1e-9 * np.abs(sums).sum(axis=0)
+    is_few = np.count_nonzero(sums, axis=0) <= _EXACT_SIGNS
+    p = np.full(sums.shape[1], math.nan)
+    for column in np.flatnonzero(is_few & has_pairs):
+        p[column] = np.mean(_all_sums(sums[:, column]) >= reached[column])
+    many = np.flatnonzero(~is_few)
+    if many.size:
+        hits = sum(
+            np.sum(np.abs(drawn) >= reached[many], axis=0) for drawn in _tossed_sums(sums[:, many], n_flips, seed)
+        )
+        p[many] = (1 + hits) / (1 + n_flips)
+    return p
 
 
 def wilcoxon_signed_rank(a: np.ndarray, b: np.ndarray) -> float:
@@ -306,14 +333,20 @@ def _half_binomial_cdf(k: int, n: int) -> float:
     return patterns / 2**n
 
 
-# Sums of the differences with tossed signs, a bit for each.
-def _tossed_sums(difference: np.ndarray, n_flips: int, rng: np.random.Generator) -> np.ndarray:
-    at_once = max(1, 2_000_000 // difference.size)
-    sums = []
+# Sizes of the sums of differences with each pattern of signs.
+def _all_sums(difference: np.ndarray) -> np.ndarray:
+    difference = difference[difference != 0.0]
+    patterns = np.arange(2**difference.size)[:, None] >> np.arange(difference.size) & 1
+    return np.abs((1 - 2 * patterns) @ difference)
+
+
+# Sums of each column with tossed signs, many tosses at a time.
+def _tossed_sums(differences: np.ndarray, n_flips: int, seed: Seed) -> Iterator[np.ndarray]:
+    rng, n = generator_of(seed), len(differences)
+    at_once = max(1, _TOSSES_AT_ONCE // n)
     for start in range(0, n_flips, at_once):
-        tosses = rng.integers(0, 2, (min(at_once, n_flips - start), difference.size), dtype=np.int8)
-        sums.append(difference.sum() - 2.0 * (tosses @ difference))
-    return np.concatenate(sums)
+        tosses = rng.integers(0, 2, (min(at_once, n_flips - start), n), dtype=np.int8)
+        yield (1.0 - 2.0 * tosses) @ differences
 
 
 # Two-sided p of a rank sum; doubled ranks are whole numbers also with ties.

@@ -88,6 +88,26 @@ def row_draws(
         yield from _unequal_clusters(rows_of, clusters_of, rng, n_draws)
 
 
+def draw_counts(
+    n: int,
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Iterator[np.ndarray]:
+    """Yield how often each row was drawn, (d, n), for the samples of `row_draws`: weights that serve many columns."""
+    for rows in row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws):
+        slot = rows + n * np.arange(len(rows))[:, None]
+        yield np.bincount(slot.ravel(), minlength=n * len(rows)).reshape(len(rows), n).astype(np.float64)
+
+
+def codes_of(labels: np.ndarray) -> np.ndarray:
+    """Return labels as 0, 1, 2 … in the order of first appearance, so that draws do not depend on how they sort."""
+    _, first, codes = np.unique(np.asarray(labels), return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[codes.reshape(-1)]
+
+
 def _single_rows(rows_of: list[np.ndarray], rng: np.random.Generator, n_draws: int) -> Iterator[np.ndarray]:
     n = sum(map(len, rows_of))
     for d in _chunks(n, n_draws):
@@ -119,11 +139,9 @@ def _chunks(n: int, n_draws: int) -> Iterator[int]:
         n_draws -= at_once
 
 
-# Labels as 0, 1, 2 ... in the order of first appearance, so that draws do not depend on how labels sort.
 def _codes(labels: np.ndarray, n: int) -> np.ndarray:
     check_same_length(rows=np.empty(n), labels=labels)
-    _, first, codes = np.unique(np.asarray(labels), return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[codes.reshape(-1)]
+    return codes_of(labels)
 
 
 def _members(codes: np.ndarray) -> list[np.ndarray]:
@@ -139,5 +157,5 @@ def _joined(stratum: np.ndarray, cluster: np.ndarray) -> np.ndarray:
         of_stratum = np.arange(stratum.max() + 1)
         np.minimum.at(of_stratum, stratum, of_cluster[cluster])
         if np.array_equal(of_stratum[stratum], stratum):
-            return _codes(stratum, stratum.size)
+            return codes_of(stratum)
         stratum = of_stratum[stratum]
