@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.benchmark.statistics.estimates import check_same_length, numbers
+from gslcosim.benchmark.statistics.pairs import mean_ranks
 from gslcosim.errors import ModelError, ShapeError
 
 EASY, MEDIUM, HARD = "easy", "medium", "hard"
@@ -103,20 +104,18 @@ def _slopes(
 
 
 def grades(difficulty: np.ndarray) -> list[str]:
-    """Return "easy", "medium" or "hard" for each cell: the lowest, the middle and the highest third.
+    """Return "easy", "medium" or "hard" for each cell: the lowest, the middle and the highest third of ranks.
 
-    Equal difficulties get equal grades; all are medium if all are equal.
+    Equal difficulties share their mean rank, and so their grade; all are medium if all are equal.
 
     Args:
         difficulty: (n,) difficulties, any unit; higher is harder.
     """
     difficulty = numbers(difficulty, "difficulty")
-    if difficulty.size == 0:
-        return []
-    low, high = np.quantile(difficulty, [1 / 3, 2 / 3])
-    is_easy = (difficulty < low) | ((difficulty == low) & (low < high))
-    is_hard = (difficulty > high) | ((difficulty == high) & (low < high))
-    return [EASY if easy else HARD if hard else MEDIUM for easy, hard in zip(is_easy, is_hard)]
+    # (rank - 1/2) / n against 1/3 and 2/3, in whole numbers: ranks may be halves.
+    sixths = 3.0 * (2.0 * mean_ranks(difficulty) - 1.0)
+    n = difficulty.size
+    return [EASY if place < 2 * n else HARD if place > 4 * n else MEDIUM for place in sixths]
 
 
 def geometric_difficulty(blind_success_frac: float) -> float:
