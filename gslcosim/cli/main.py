@@ -5,7 +5,21 @@ import sys
 from collections.abc import Sequence
 
 from gslcosim import __version__
-from gslcosim.cli import agent, compare, doctor, export, generate, import_, listing, sample, schema, up, validate, view
+from gslcosim.cli import (
+    agent,
+    bench,
+    compare,
+    doctor,
+    export,
+    generate,
+    import_,
+    listing,
+    sample,
+    schema,
+    up,
+    validate,
+    view,
+)
 from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import write_note
 from gslcosim.errors import (
@@ -20,6 +34,7 @@ from gslcosim.errors import (
 
 COMMANDS = (
     up.COMMAND,
+    bench.COMMAND,
     validate.COMMAND,
     listing.COMMAND,
     generate.COMMAND,

@@ -21,6 +21,7 @@ _AHEAD = 2
 _LOOK_EVERY_S = 0.25
 _LAST_WORDS_BYTES = 8192
 _LAST_WORDS_LINES = 12
+_LAST_WORDS_S = 1.0
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 _MOST_FAILED_STARTS = 3
 _WORKER = "gslcosim.benchmark.execution.worker"
@@ -38,6 +39,7 @@ class _Worker:
     words: bytearray = field(default_factory=bytearray)
     peak_mb: float = 0.0
     is_up: bool = False
+    listener: threading.Thread | None = None
 
     def last_words(self) -> str:
         """Return the last lines that the process has written."""
@@ -98,7 +100,7 @@ class LocalPool:
         name = f"worker_{self._n_started + 1}"
         self._n_started += 1
         process = subprocess.Popen(
-            [sys.executable, "-m", _WORKER, str(theirs.fileno())],
+            [sys.executable, "-u", "-m", _WORKER, str(theirs.fileno())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -108,7 +110,8 @@ class LocalPool:
         )
         theirs.close()
         worker = _Worker(name, process, ours)
-        threading.Thread(target=_listen, args=(worker,), daemon=True).start()
+        worker.listener = threading.Thread(target=_listen, args=(worker,), daemon=True)
+        worker.listener.start()
         return worker
 
     def _hand_out(self) -> None:
@@ -132,6 +135,7 @@ class LocalPool:
         if kind == "started":
             worker.started_at = time.monotonic()
             worker.is_up = True
+            worker.words.clear()
             self._n_failed_starts = 0
         elif kind == "reference":
             self.reference_loops_s.append(content)
@@ -170,6 +174,8 @@ class LocalPool:
             return
         taken_s = time.monotonic() - worker.started_at if worker.started_at is not None else 0.0
         _kill(worker)
+        if worker.listener is not None:
+            worker.listener.join(timeout=_LAST_WORDS_S)
         words = worker.last_words()
         told = f"{text}. Its last words: {words}" if words else f"{text}."
         if not worker.is_up:

@@ -18,6 +18,7 @@ import gslcosim
 from gslcosim.benchmark.execution.flying import Flown
 from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
 from gslcosim.benchmark.execution.judging import FLOWN, Row, row_without_result
+from gslcosim.benchmark.execution.pace import keep_pace
 from gslcosim.benchmark.execution.preparing import map_keys
 from gslcosim.benchmark.execution.recordings import kept_trials
 from gslcosim.benchmark.execution.selection import Selection
@@ -179,6 +180,8 @@ class Run:
             self._is_interrupted = True
         finally:
             pool.close()
+        sim_s = sum(self._entries[trial.id].row["end_s"] or 0.0 for trial in todo if trial.id in self._entries)
+        keep_pace(sim_s=sim_s, busy_s=(wall.get("busy_share") or 0.0) * wall.get("flying_s", 0.0) * pool.n_workers)
         wall["peak_worker_mb"] = pool.peak_mb
         if pool.reference_loops_s:
             wall["reference_loop_s"] = statistics.median(pool.reference_loops_s)

@@ -47,7 +47,8 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
     """
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
     words = [entry.start.python or "", *(entry.start.command or ())]
-    digest.update(json.dumps([word for word in words if not (directory / word).is_file()]).encode())
+    names = [Path(word).name if (directory / word).is_file() else word for word in words]
+    digest.update(json.dumps(names).encode())
     for path in files_of(entry, directory):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
@@ -74,17 +75,18 @@ def case_hash(scenario: Scenario, room: str, *, is_control: bool, repetition: in
     return _hash([values, vehicle, room, is_control, repetition])
 
 
-def trial_id(scenario: Scenario, room: str, agent: str) -> str:
+def trial_id(scenario: Scenario, room: str, entry: str, agent: str) -> str:
     """Return the id of a trial, the same on every machine.
 
     Args:
         scenario: As resolved.
         room: The key of its environment, see `room_key`.
-        agent: The hash of the entry's program.
+        entry: The entry's name.
+        agent: The hash of its program.
     """
     values = _without_paths(plain_values(scenario), scenario)
     values.pop("recording", None)
-    return _hash([values, room, agent, software_hash()])
+    return _hash([values, room, entry, agent, software_hash()])
 
 
 # Paths are no content: rooms, gas and programs are told by their own hashes.

@@ -157,7 +157,7 @@ class _Planner:
     ) -> Trial:
         case = resolved.case
         return Trial(
-            id=trial_id(flown, resolved.room, entry.agent_hash),
+            id=trial_id(flown, resolved.room, entry.spec.name, entry.agent_hash),
             index=index,
             case=case.name,
             scenario=case.scenario,

@@ -1,0 +1,156 @@
+"""Flights of a results folder flown again: one to look at it, or a sample to see whether they come out the same."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
+from gslcosim.benchmark.execution.judging import Row
+from gslcosim.benchmark.execution.running import same_but_for_the_machine
+from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.suite.loading import load_suite
+from gslcosim.benchmark.suite.planning import Plan, plan_of
+from gslcosim.benchmark.suite.trials import Trial
+from gslcosim.errors import UsageError
+from gslcosim.rng import stream
+
+_LOOK_EVERY_S = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """A flight that came out differently: the columns, with what was in the row and what came now."""
+
+    trial: str
+    case: str
+    entry: str
+    columns: dict[str, tuple[Any, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """What came of flying a sample again."""
+
+    n_sampled: int
+    differences: tuple[Difference, ...]
+
+
+class Again:
+    """A results folder whose flights can be flown again: its suite planned anew, its rows by trial."""
+
+    def __init__(self, folder: ResultsFolder) -> None:
+        """Read the folder.
+
+        Raises:
+            UsageError: there are no results, or they were made with another version of the software.
+        """
+        folder.check()
+        self.folder = folder
+        self.rows: dict[str, Row] = {row["trial"]: row for row in folder.rows()}
+        self.plan: Plan = plan_of(load_suite(folder.suite))
+        self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
+        told = folder.read_json(folder.manifest)
+        if len(self.trials) < len(self.rows):
+            version = told.get("versions", {}).get("gslcosim", "?")
+            same = told.get("software_hash") == self.plan.software_hash
+            cause = "the programs of its agents have changed" if same else f"they were made by gslcosim {version}"
+            raise UsageError(
+                f"{folder.path}: expected flights that this version can repeat, {len(self.rows) - len(self.trials)} of "
+                f"{len(self.rows)} are others ({cause}). Install that version, or fly the suite again with bench run."
+            )
+
+    def trial(self, beginning: str) -> Trial:
+        """Return the one trial whose id begins like this.
+
+        Raises:
+            UsageError: there is none, or there are several.
+        """
+        found = [trial for key, trial in self.trials.items() if key.startswith(beginning)]
+        if len(found) != 1:
+            raise UsageError(
+                f"--trial: expected the beginning of one trial's id in {self.folder.path}, {beginning!r} begins "
+                f"{len(found)}. The report and trials.parquet have the ids."
+            )
+        return found[0]
+
+    def sample(self, n: int, *, seed: int) -> list[Trial]:
+        """Return n of the flights with a result, drawn by lot, in the order of the suite."""
+        flown = [trial for trial in self.trials.values() if self.rows[trial.id]["status"] == "flown"]
+        chosen = stream(seed, "benchmark.verify").permutation(len(flown))[:n]
+        return [flown[i] for i in sorted(chosen)]
+
+
+def verify(
+    again: Again, trials: Sequence[Trial], pool: Pool, report: Callable[[int, int], None] = lambda _done, _total: None
+) -> Verification:
+    """Fly trials again, compare all columns but those of the clock, and note the result in the manifest.
+
+    Args:
+        again: The folder.
+        trials: Which of its flights.
+        pool: Who flies.
+        report: Is told how many of how many are done.
+    """
+    rooms = _rooms(trials, pool)
+    differences: list[Difference] = []
+    jobs = [Job(key=trial.id, kind="fly", trial=trial, environment_dir=rooms[trial.room]) for trial in trials]
+    for i, ended in enumerate(_done(jobs, pool)):
+        report(i + 1, len(jobs))
+        trial, before = ended.job.trial, again.rows[ended.job.trial.id]
+        if ended.failure is not None:
+            columns: dict[str, tuple[Any, Any]] = {"status": (before["status"], f"{ended.failure}: {ended.text}")}
+        else:
+            now = ended.result.row
+            columns = {name: (before[name], now[name]) for name in same_but_for_the_machine(now, before)}
+        if columns:
+            differences.append(Difference(trial=trial.id, case=trial.case, entry=trial.entry, columns=columns))
+    manifest = again.folder.read_json(again.folder.manifest)
+    manifest["verified"] = {
+        "sample": len(trials),
+        "same": len(trials) - len(differences),
+        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    again.folder.write_json(again.folder.manifest, manifest)
+    return Verification(n_sampled=len(trials), differences=tuple(differences))
+
+
+def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
+    """Fly a trial again with a recording, unless there is one; return its run directory and its digest.
+
+    Raises:
+        UsageError: it came to nothing again; the text has the last words.
+    """
+    place = again.folder.recordings / trial.id
+    if (place / "recording.rrd").is_file():
+        return place, again.rows[trial.id]["digest"]
+    rooms = _rooms([trial], pool)
+    job = Job(
+        key="record", kind="record", trial=trial, environment_dir=rooms[trial.room], runs_dir=again.folder.recordings
+    )
+    (ended,) = _done([job], pool)
+    if ended.failure is not None:
+        raise UsageError(f"{trial.case}, {trial.entry}: {ended.failure} again: {ended.text}")
+    ended.result.run_dir.rename(place)
+    return place, ended.result.result["digest"]
+
+
+def _rooms(trials: Sequence[Trial], pool: Pool) -> dict[str, Path]:
+    firsts = {trial.room: trial for trial in reversed(trials)}
+    rooms: dict[str, Path] = {}
+    for ended in _done([Job(key=room, kind="room", trial=trial) for room, trial in firsts.items()], pool):
+        if ended.failure is not None:
+            raise UsageError(f"{ended.job.trial.case}: its room cannot be made: {ended.text}")
+        rooms[ended.job.key] = ended.result
+    return rooms
+
+
+def _done(jobs: Sequence[Job], pool: Pool) -> Iterator[Ended]:
+    for job in jobs:
+        pool.submit(job)
+    left = len(jobs)
+    while left:
+        for ended in pool.wait(_LOOK_EVERY_S):
+            left -= 1
+            yield ended

@@ -1,0 +1,327 @@
+"""`gslcosim bench`: suites of flights, from the plan to the report."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.run_dirs import RECORDING
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+from gslcosim.errors import UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.benchmark.execution.jobs import Pool
+    from gslcosim.benchmark.suite import LoadedSuite, Plan
+    from gslcosim.benchmark.suite.models import LimitsSpec
+
+EXAMPLES = """  gslcosim bench list
+  gslcosim bench plan gsl_bench_2023
+  gslcosim bench run smoke
+  gslcosim bench run methods --only entry=surge_cast,infotaxis --jobs 2
+  gslcosim bench report results/smoke
+  gslcosim bench verify results/smoke --sample 5"""
+
+EXIT_WITHOUT_RESULT, EXIT_DIFFERENT, EXIT_INTERRUPTED = 1, 5, 130
+RESULTS_DIR = Path("results")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
+
+    def action(name: str, summary: str, examples: str, act: Any) -> argparse.ArgumentParser:
+        one = actions.add_parser(
+            name,
+            help=summary,
+            description=f"{summary[:1].upper()}{summary[1:]}.",
+            epilog=f"examples:\n{examples}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        one.set_defaults(act=act)
+        add_json_option(one)
+        return one
+
+    action("list", "list the bundled suites", "  gslcosim bench list", _list)
+    plan = action(
+        "plan",
+        "say what a suite would fly, and how long that would take, without flying",
+        "  gslcosim bench plan gsl_bench_2023\n  gslcosim bench plan my_suite.yaml --json",
+        _plan,
+    )
+    run = action(
+        "run",
+        "fly a suite; the same command goes on where it stopped",
+        "  gslcosim bench run smoke\n  gslcosim bench run my_suite.yaml --jobs 4 --results results/mine\n"
+        "  gslcosim bench run methods --only entry=surge_cast --filter meander\n"
+        "  gslcosim bench run gsl_bench_2023 --ray auto",
+        _run_suite,
+    )
+    for one in (plan, run):
+        _add_suite(one)
+        _add_selection(one)
+    _add_workers(run)
+    run.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: results/NAME)")
+    run.add_argument("--retry", action="store_true", help="fly trials without a result again")
+    run.add_argument("--no-report", action="store_true", help="make no report at the end")
+    _add_report(action)
+    _add_trust(action)
+
+
+def _add_report(action: Any) -> None:
+    report = action(
+        "report",
+        "make report, tables and leaderboard of results",
+        "  gslcosim bench report results/smoke\n  gslcosim bench report results/smoke --figures",
+        _report,
+    )
+    _add_results(report)
+    report.add_argument("--figures", action="store_true", help="write figures as SVG and PDF too, for papers")
+    show = action(
+        "show",
+        "fly a trial again, check that it comes out the same, and open its recording",
+        "  gslcosim bench show results/smoke --trial b89dbc2f",
+        _show,
+    )
+    _add_results(show)
+    show.add_argument("--trial", required=True, metavar="ID", help="the trial's id, or the beginning of it")
+    show.add_argument("--no-view", action="store_true", help="do not open the recording")
+
+
+def _add_trust(action: Any) -> None:
+    verify = action(
+        "verify",
+        "fly a sample of the trials again and compare all figures with the rows",
+        "  gslcosim bench verify results/smoke --sample 5\n  gslcosim bench verify submissions/delft --seed 7",
+        _verify,
+    )
+    _add_results(verify)
+    verify.add_argument("--sample", type=_at_least_one, default=20, metavar="N", help="how many (default: 20)")
+    verify.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of the lot (default: 0)")
+    _add_workers(verify)
+    rank = action(
+        "rank",
+        "merge the results of several authors into one table",
+        "  gslcosim bench rank results/mine submissions/delft\n"
+        "  gslcosim bench rank submissions/* --out results/merged",
+        _rank,
+    )
+    rank.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="folders of results of one suite")
+    rank.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
+
+
+def _add_suite(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
+    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the suite's seed")
+
+
+def _add_selection(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="KEY=PATTERN",
+        help="only trials whose entry, scenario, family, case, repetition, control (yes, no) or trial is like this, "
+        "for example entry=e_coli,surge_*; as often as needed",
+    )
+    parser.add_argument(
+        "--filter", metavar="TEXT", help="only cases with this text in their name, or like this pattern"
+    )
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--jobs", type=_at_least_one, metavar="N", help="how many workers on this machine (default: one for each core)"
+    )
+    where.add_argument(
+        "--ray", metavar="ADDRESS", help="fly on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
+    )
+
+
+def _add_results(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("results", type=Path, metavar="RESULTS", help="a folder of results, for example results/smoke")
+
+
+def _at_least_one(text: str) -> int:
+    number = whole_number(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, was '{text}'")
+    return number
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    return int(arguments.act(arguments))
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.suite import bundled_suites, load_suite
+
+    suites = {name: load_suite(path).suite for name, path in bundled_suites().items()}
+    if arguments.json:
+        write_json([{"name": name, "title": s.title, "question": s.question} for name, s in suites.items()])
+    else:
+        write(table(("SUITE", "QUESTION"), [(name, s.question) for name, s in suites.items()]))
+    return 0
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.execution.selection import Selection
+    from gslcosim.cli.bench_text import plan_fields, plan_text
+
+    _, plan = _planned(arguments, is_quiet=arguments.json)
+    selection = Selection.of(arguments.only, arguments.filter)
+    fields = plan_fields(plan, selection, n_workers=_usual_jobs())
+    if arguments.json:
+        write_json(fields)
+    else:
+        write(plan_text(plan, fields))
+    return 0
+
+
+def _run_suite(arguments: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from gslcosim.benchmark.execution.running import Run
+    from gslcosim.benchmark.execution.selection import Selection
+    from gslcosim.benchmark.store.folder import ResultsFolder
+    from gslcosim.cli.bench_text import summary_text, watched_run
+
+    selection = Selection.of(arguments.only, arguments.filter)
+    loaded, plan = _planned(arguments, is_quiet=arguments.json)
+    folder = ResultsFolder(arguments.results or RESULTS_DIR / loaded.suite.name)
+    with watched_run(loaded.suite.name, is_quiet=arguments.json) as report:
+        run = Run(
+            plan,
+            folder,
+            lambda: _pool(arguments, loaded.suite.limits, folder.path),
+            selection=selection,
+            flies_failures_again=arguments.retry,
+            report=report,
+        )
+        summary = run.fly()
+    page = None
+    if not summary.is_interrupted and not arguments.no_report:
+        from gslcosim.benchmark.report.writing import write_report
+
+        page = write_report(folder.path)
+    if arguments.json:
+        write_json({key: str(v) if isinstance(v, Path) else v for key, v in asdict(summary).items()})
+    else:
+        write(summary_text(summary, page))
+    if summary.is_interrupted:
+        return EXIT_INTERRUPTED
+    return EXIT_WITHOUT_RESULT if summary.n_without_result else 0
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.report.writing import write_report
+
+    page = write_report(arguments.results, figures=arguments.figures)
+    if arguments.json:
+        write_json({"report": str(page)})
+    else:
+        write(f"Report: {page}")
+    return 0
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.execution.pool import LocalPool
+    from gslcosim.benchmark.execution.verifying import Again, record
+    from gslcosim.benchmark.store.folder import ResultsFolder
+
+    again = Again(ResultsFolder(arguments.results))
+    trial = again.trial(arguments.trial)
+    expected = again.rows[trial.id]["digest"]
+    pool = LocalPool(1, again.plan.loaded.suite.limits)
+    try:
+        place, digest = record(again, trial, pool)
+    finally:
+        pool.close()
+    is_same = digest == expected
+    if arguments.json:
+        write_json({"trial": trial.id, "run": str(place), "digest": digest, "expected": expected, "equal": is_same})
+    else:
+        equal = f"the same as in the row, digest {digest}" if is_same else f"digest {digest}, the row has {expected}"
+        write(f"{trial.case}, {trial.entry}, repetition {trial.repetition}: {equal}.\nRun: {place}")
+    if not is_same:
+        return EXIT_DIFFERENT
+    if not arguments.no_view and not arguments.json:
+        from gslcosim.recording.viewer import open_viewer
+
+        open_viewer(place / RECORDING)
+    return 0
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.execution.verifying import Again, verify
+    from gslcosim.benchmark.store.folder import ResultsFolder
+    from gslcosim.cli.bench_text import verification_fields, verification_text, watched_count
+
+    again = Again(ResultsFolder(arguments.results))
+    trials = again.sample(arguments.sample, seed=arguments.seed)
+    if not trials:
+        raise UsageError(f"{arguments.results}: expected flights with a result, found none.")
+    pool = _pool(arguments, again.plan.loaded.suite.limits, again.folder.path)
+    try:
+        with watched_count("verifying", is_quiet=arguments.json) as report:
+            verification = verify(again, trials, pool, report)
+    finally:
+        pool.close()
+    if arguments.json:
+        write_json(verification_fields(verification))
+    else:
+        write(verification_text(verification))
+    return EXIT_DIFFERENT if verification.differences else 0
+
+
+def _rank(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.merging import merged
+    from gslcosim.cli.bench_text import ranking_text
+
+    ranking = merged(arguments.results, arguments.out)
+    if arguments.json:
+        write_json(ranking.leaderboard)
+    else:
+        write(ranking_text(ranking))
+    return 0
+
+
+def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
+    from gslcosim.benchmark.suite import load_suite, plan_of
+    from gslcosim.cli.bench_text import watched_count
+
+    loaded = load_suite(arguments.suite, seed=arguments.seed)
+    with watched_count("planning", is_quiet=is_quiet) as report:
+        plan = plan_of(loaded, progress=lambda n: report(n, 0))
+    return loaded, plan
+
+
+def _pool(arguments: argparse.Namespace, limits: "LimitsSpec", results_dir: Path) -> "Pool":
+    if arguments.ray is not None:
+        try:
+            from gslcosim.benchmark.execution.ray_pool import RayPool
+        except ModuleNotFoundError as error:
+            raise UsageError(
+                "--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'"
+            ) from error
+        return RayPool(arguments.ray, limits, results_dir)
+    from gslcosim.benchmark.execution.pool import LocalPool
+
+    n_jobs = arguments.jobs or _usual_jobs()
+    if n_jobs > 4 * _usual_jobs():
+        write_note(f"--jobs: {n_jobs} workers on {_usual_jobs()} cores take turns.")
+    return LocalPool(n_jobs, limits)
+
+
+def _usual_jobs() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+COMMAND = Command(
+    name="bench",
+    summary="fly suites of many trials, with statistics and a report that says how sure it is",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

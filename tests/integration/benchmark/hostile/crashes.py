@@ -1,0 +1,18 @@
+"""An agent that takes its process with it."""
+
+import os
+
+from gslcosim.agent_kit import Agent
+from gslcosim.contract.messages import Briefing, Command, Observation
+
+
+class Crashes(Agent):
+    """An agent that takes its process with it."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        self.briefing = briefing
+
+    def decide(self, observation: Observation) -> Command:
+        """Answer badly."""
+        print("these are my last words", flush=True)
+        os._exit(7)

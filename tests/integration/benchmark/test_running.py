@@ -1,0 +1,182 @@
+"""A suite flown by real workers: the same whatever happens to them, and nothing lost."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pyarrow.parquet as pq
+import pytest
+
+HOSTILE = Path(__file__).parent / "hostile"
+HOSTILE_SUITE = """
+schema: gslcosim/suite/1
+name: hostile
+scenarios: [tiny_room]
+anchors: [oracle]
+entries:
+  - {name: hangs, start: {python: hangs.py}}
+  - {name: crashes, start: {python: crashes.py}}
+  - {name: eats, start: {python: eats.py}}
+  - {name: floods, start: {python: floods.py}}
+  - {name: raises, start: {python: raises.py}}
+  - {name: leaves, start: {command: [sh, -c, "echo bye >&2; exit 3"], door: stdio}}
+limits: {wall_s: 5, memory_mb: 500}
+"""
+
+
+def bench(*words: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(_command(*words), cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+
+
+def _command(*words: str) -> list[str]:
+    return [sys.executable, "-m", "gslcosim", "bench", *words]
+
+
+def rows_of(folder: Path) -> list[dict[str, Any]]:
+    table = pq.read_table(folder / "trials.parquet")
+    names = [name for name in table.schema.names if not name.startswith("wall_")]
+    return table.select(names).to_pylist()
+
+
+@pytest.fixture(scope="module")
+def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of the bundled suite `smoke` by one worker."""
+    folder = tmp_path_factory.mktemp("smoke")
+    ended = bench("run", "smoke", "--jobs", "1", "--no-report", cwd=folder)
+    assert ended.returncode == 0, ended.stderr
+    return folder / "results" / "smoke"
+
+
+@pytest.mark.end_to_end
+def test_two_workers_bring_the_same_rows_and_tracks_as_one(smoke: Path, tmp_path: Path) -> None:
+    ended = bench("run", "smoke", "--jobs", "2", "--no-report", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    other = tmp_path / "results" / "smoke"
+    assert rows_of(other) == rows_of(smoke)
+    assert (other / "tracks.parquet").read_bytes() == (smoke / "tracks.parquet").read_bytes()
+    assert len(rows_of(smoke)) == 12
+    assert {row["status"] for row in rows_of(smoke)} == {"flown"}
+
+
+@pytest.mark.end_to_end
+def test_a_run_that_was_killed_goes_on_and_ends_the_same(smoke: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results" / "smoke"
+    run = subprocess.Popen(_command("run", "smoke", "--jobs", "2", "--no-report"), cwd=tmp_path, start_new_session=True)
+    workers = _kill_after_first_row(run, folder / "rows.jsonl")
+    psutil.wait_procs(workers, timeout=20)
+    assert not any(worker.is_running() for worker in workers)
+    n_kept = len((folder / "rows.jsonl").read_bytes().splitlines())
+    assert 0 < n_kept < 12
+    ended = bench("run", "smoke", "--json", "--no-report", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    told = json.loads(ended.stdout)
+    assert told["n_flown_before"] >= n_kept - 1
+    assert told["n_flown"] + told["n_flown_before"] == 12
+    assert rows_of(folder) == rows_of(smoke)
+
+
+def _kill_after_first_row(run: "subprocess.Popen[bytes]", journal: Path) -> list[psutil.Process]:
+    deadline = time.monotonic() + 120
+    while not (journal.is_file() and journal.stat().st_size > 0):
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        os.sched_yield()
+    workers = psutil.Process(run.pid).children(recursive=True)
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    return workers
+
+
+@pytest.mark.end_to_end
+def test_ctrl_c_leaves_whole_tables_and_no_worker(smoke: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results" / "smoke"
+    run = subprocess.Popen(
+        _command("run", "smoke", "--jobs", "1", "--no-report"), cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
+    journal = folder / "rows.jsonl"
+    deadline = time.monotonic() + 120
+    while not (journal.is_file() and journal.stat().st_size > 0):
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        os.sched_yield()
+    workers = psutil.Process(run.pid).children(recursive=True)
+    run.send_signal(signal.SIGINT)
+    text, _ = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "The same command goes on." in text
+    psutil.wait_procs(workers, timeout=20)
+    assert not any(worker.is_running() for worker in workers)
+    kept = rows_of(folder)
+    assert 0 < len(kept) < 12
+    assert all(row in rows_of(smoke) for row in kept)
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+def test_each_hostile_agent_ends_in_a_row_that_says_so(tmp_path: Path) -> None:
+    for file in HOSTILE.glob("*.py"):
+        shutil.copy(file, tmp_path)
+    (tmp_path / "suite.yaml").write_text(HOSTILE_SUITE)
+    ended = bench("run", "suite.yaml", "--jobs", "2", "--no-report", cwd=tmp_path)
+    assert ended.returncode == 1, ended.stderr
+    rows = {row["entry"]: row for row in rows_of(tmp_path / "results" / "hostile")}
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "hangs": "hung", "crashes": "crashed", "eats": "out_of_memory", "floods": "flown", "raises": "flown",
+        "leaves": "flown", "oracle": "flown",
+    }  # fmt: skip
+    assert "code 7" in rows["crashes"]["fault"]
+    assert "these are my last words" in rows["crashes"]["fault"]
+    assert "5 s by the clock" in rows["hangs"]["fault"]
+    assert "500 MB" in rows["eats"]["fault"]
+    assert rows["raises"]["outcome"] == rows["leaves"]["outcome"] == "agent_failed"
+    assert "no idea" in rows["raises"]["agent_faults"]
+    assert "bye" in rows["leaves"]["agent_faults"]
+    assert rows["oracle"]["success"]
+
+
+@pytest.mark.end_to_end
+def test_a_second_run_in_the_folder_is_refused(smoke: Path, tmp_path: Path) -> None:
+    from gslcosim.benchmark.store.folder import ResultsFolder
+
+    with ResultsFolder(tmp_path / "results" / "smoke").locked():
+        ended = bench("run", "smoke", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert f"in use by process {os.getpid()}" in ended.stderr
+
+
+@pytest.mark.end_to_end
+def test_a_full_disk_is_told_and_costs_nothing_that_was_flown(smoke: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results" / "smoke"
+    shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))
+    (folder / "rows.jsonl").symlink_to("/dev/full")
+    ended = bench("run", "smoke", "--jobs", "1", "--no-report", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "No space left on device" in ended.stderr
+    assert "the same command again" in ended.stderr
+    (folder / "rows.jsonl").unlink()
+    assert bench("run", "smoke", "--no-report", cwd=tmp_path).returncode == 0
+    assert rows_of(folder) == rows_of(smoke)
+
+
+@pytest.mark.end_to_end
+def test_verify_finds_a_row_that_was_changed(smoke: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "changed"
+    shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings"))
+    told = bench("verify", str(folder), "--sample", "3", "--json", cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    assert json.loads(told.stdout)["same"] == 3
+    assert json.loads((folder / "manifest.json").read_text())["verified"]["same"] == 3
+    table = pq.read_table(folder / "trials.parquet")
+    i = table.schema.get_field_index("time_s")
+    flattered = table.set_column(i, table.schema.field(i), [[1.0] * table.num_rows])
+    pq.write_table(flattered, folder / "trials.parquet")
+    told = bench("verify", str(folder), "--sample", "3", cwd=tmp_path)
+    assert told.returncode == 5
+    assert "time_s was 1.0, is" in told.stdout
