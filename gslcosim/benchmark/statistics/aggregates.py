@@ -4,6 +4,7 @@ A statistic here takes values in its last axis, so that it works on one sample a
 from (..., m) to (...). `mean`, `interquartile_mean` and `optimality_gap` are such statistics.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -203,6 +204,8 @@ def probability_of_improvement(
         counts_a = np.concatenate(list(draw_counts(here_a.size, seed=generator, n_draws=n_draws)))
         counts_b = np.concatenate(list(draw_counts(here_b.size, seed=generator, n_draws=n_draws)))
         draws += _win_share(here_a, here_b, counts_a, counts_b)
+    if n == 2 * common.size:
+        return Estimate(value / common.size, math.nan, math.nan, n)
     low, high = percentile_interval(draws / common.size, level)
     return Estimate(value / common.size, low, high, n)
 
@@ -214,4 +217,4 @@ def _win_share(a: np.ndarray, b: np.ndarray, counts_a: np.ndarray, counts_b: np.
     np.cumsum(counts_b[:, order], axis=1, out=below[:, 1:])
     left, right = (np.searchsorted(b[order], a, side=side) for side in ("left", "right"))
     wins = 0.5 * (below[:, left] + below[:, right])
-    return (counts_a * wins).sum(axis=1) / (a.size * b.size)
+    return (counts_a * wins).sum(axis=1) / (counts_a.sum(axis=1) * counts_b.sum(axis=1))

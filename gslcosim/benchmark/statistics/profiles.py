@@ -6,7 +6,7 @@ import numpy as np
 
 from gslcosim.benchmark.statistics.estimates import LEVEL, N_DRAWS, SEED, Seed, check_same_length, numbers
 from gslcosim.benchmark.statistics.rates import wilson
-from gslcosim.benchmark.statistics.resampling import draw_counts
+from gslcosim.benchmark.statistics.resampling import draw_counts, shows_spread
 from gslcosim.benchmark.statistics.times import Curve
 from gslcosim.errors import ShapeError
 
@@ -105,6 +105,9 @@ def runtime_distribution(
         unknown = np.full(at_s.shape, np.nan)
         return Curve(at_s, unknown, unknown, unknown, 0)
     met = (times_s[:, :, None] <= at_s).mean(axis=1)
+    if not shows_spread(n, clusters=clusters):
+        unknown = np.full(at_s.shape, np.nan)
+        return Curve(at_s, met.mean(axis=0), unknown, unknown, n)
     draws = np.concatenate(
         [
             counts @ met / counts.sum(axis=1, keepdims=True)

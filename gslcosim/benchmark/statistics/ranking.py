@@ -17,7 +17,7 @@ from gslcosim.benchmark.statistics.estimates import (
     percentile_interval,
 )
 from gslcosim.benchmark.statistics.pairs import N_FLIPS, holm, sign_flips
-from gslcosim.benchmark.statistics.resampling import draw_counts
+from gslcosim.benchmark.statistics.resampling import draw_counts, shows_spread
 from gslcosim.errors import ShapeError
 
 
@@ -210,6 +210,8 @@ def _means(
             draws.append(counts @ filled / weight)
         values = filled.sum(axis=0) / n_known
     drawn = np.concatenate(draws)
+    if not shows_spread(n, strata=strata, clusters=clusters):
+        drawn[:] = np.nan
     return [
         Estimate(float(value), *percentile_interval(drawn[:, i], level), int(n_known[i]))
         for i, value in enumerate(values)

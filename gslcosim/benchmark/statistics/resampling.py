@@ -1,7 +1,7 @@
 """Bootstrap samples of rows: within strata, and whole clusters at a time."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sized
 
 import numpy as np
 
@@ -41,10 +41,15 @@ def bootstrap(
         level: Confidence level, 0 to 1.
         seed: Of the draws. Calls with the same seed, strata and clusters draw the same rows.
         n_draws: Bootstrap samples.
+
+    Returns:
+        The estimate; without interval where no stratum has two clusters (or rows).
     """
     if n == 0:
         return UNDEFINED
     value = float(statistic(np.arange(n)[None, :])[0])
+    if not shows_spread(n, strata=strata, clusters=clusters):
+        return Estimate(value, math.nan, math.nan, n)
     chunks = row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws)
     draws = np.concatenate([np.asarray(statistic(rows), dtype=np.float64) for rows in chunks])
     return Estimate(value, *percentile_interval(draws, level), n)
@@ -60,8 +65,10 @@ def row_draws(
 ) -> Iterator[np.ndarray]:
     """Yield bootstrap samples of rows, many at a time.
 
-    In each stratum as many clusters are drawn with replacement as it has. Strata that share a cluster (starts that
-    met the same gas) are drawn from together, so that the cluster stays whole.
+    From a stratum of k clusters (or rows) k - 1 are drawn with replacement, so that the variance of a mean over draws
+    is s^2 / k without bias. Drawing k would shrink it by (k - 1) / k: by half for two repetitions of each case.
+    A stratum of one shows no spread and adds none. Strata that share a cluster (starts that met the same gas) are drawn
+    from together, so that the cluster stays whole.
 
     Args:
         n: Rows.
@@ -71,21 +78,22 @@ def row_draws(
         n_draws: Samples in total.
 
     Yields:
-        (d, m) indices of rows; the d sum up to `n_draws`. m is n unless clusters differ in size.
+        (d, m) indices of rows; the d sum up to `n_draws`.
+
+    Source:
+        McCarthy and Snowden 1985, The Bootstrap and Finite Population Sampling (k - 1 of k in each stratum).
     """
     rng = generator_of(seed)
-    stratum = _codes(strata, n) if strata is not None else np.zeros(n, dtype=np.intp)
-    if clusters is None:
-        yield from _single_rows(_members(stratum), rng, n_draws)
-        return
-    cluster = _codes(clusters, n)
-    stratum = _joined(stratum, cluster)
-    rows_of = _members(cluster)
-    clusters_of = [np.unique(cluster[rows]) for rows in _members(stratum)]
-    if all(len({len(rows_of[c]) for c in members}) == 1 for members in clusters_of):
-        yield from _equal_clusters(rows_of, clusters_of, rng, n_draws)
+    groups = _groups(n, strata, clusters)
+    if all(len({len(rows) for rows in group}) == 1 for group in groups):
+        yield from _equal_clusters(groups, rng, n_draws)
     else:
-        yield from _unequal_clusters(rows_of, clusters_of, rng, n_draws)
+        yield from _unequal_clusters(groups, rng, n_draws)
+
+
+def shows_spread(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> bool:
+    """Return whether any stratum has two clusters (or rows) or more: else there is no interval."""
+    return any(len(group) > 1 for group in _groups(n, strata, clusters))
 
 
 def draw_counts(
@@ -108,28 +116,38 @@ def codes_of(labels: np.ndarray) -> np.ndarray:
     return np.argsort(np.argsort(first))[codes.reshape(-1)]
 
 
-def _single_rows(rows_of: list[np.ndarray], rng: np.random.Generator, n_draws: int) -> Iterator[np.ndarray]:
-    n = sum(map(len, rows_of))
-    for d in _chunks(n, n_draws):
-        yield np.concatenate([rows[rng.integers(0, len(rows), (d, len(rows)))] for rows in rows_of], axis=1)
+# For each stratum its clusters, for each cluster its rows.
+def _groups(
+    n: int, strata: np.ndarray | None, clusters: np.ndarray | None
+) -> list[np.ndarray] | list[list[np.ndarray]]:
+    stratum = np.zeros(n, dtype=np.intp) if strata is None else _codes(strata, n)
+    if clusters is None:
+        return [rows[:, None] for rows in _members(stratum)]
+    cluster = _codes(clusters, n)
+    stratum = _joined(stratum, cluster)
+    rows_of = _members(cluster)
+    return [[rows_of[c] for c in np.unique(cluster[rows])] for rows in _members(stratum)]
 
 
 def _equal_clusters(
-    rows_of: list[np.ndarray], clusters_of: list[np.ndarray], rng: np.random.Generator, n_draws: int
+    groups: list[np.ndarray] | list[list[np.ndarray]], rng: np.random.Generator, n_draws: int
 ) -> Iterator[np.ndarray]:
-    tables = [np.stack([rows_of[c] for c in members]) for members in clusters_of]
-    n = sum(table.size for table in tables)
-    for d in _chunks(n, n_draws):
-        picked = [table[rng.integers(0, len(table), (d, len(table)))].reshape(d, -1) for table in tables]
+    tables = [np.asarray(group) for group in groups]
+    for d in _chunks(sum(table.size for table in tables), n_draws):
+        picked = [table[rng.integers(0, len(table), (d, _n_drawn(table)))].reshape(d, -1) for table in tables]
         yield np.concatenate(picked, axis=1)
 
 
 def _unequal_clusters(
-    rows_of: list[np.ndarray], clusters_of: list[np.ndarray], rng: np.random.Generator, n_draws: int
+    groups: list[np.ndarray] | list[list[np.ndarray]], rng: np.random.Generator, n_draws: int
 ) -> Iterator[np.ndarray]:
     for _ in range(n_draws):
-        drawn = np.concatenate([rng.choice(members, len(members)) for members in clusters_of])
-        yield np.concatenate([rows_of[c] for c in drawn])[None, :]
+        drawn = [group[i] for group in groups for i in rng.integers(0, len(group), _n_drawn(group))]
+        yield np.concatenate(drawn)[None, :]
+
+
+def _n_drawn(group: Sized) -> int:
+    return max(1, len(group) - 1)
 
 
 def _chunks(n: int, n_draws: int) -> Iterator[int]:

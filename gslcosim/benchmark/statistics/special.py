@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from statistics import NormalDist
 
 _SMALLEST = 1e-300
@@ -70,6 +71,7 @@ def beta_quantile(probability: float, a: float, b: float) -> float:
     return _root(lambda x: beta_cdf(x, a, b) - probability, 0.0, 1.0)
 
 
+@lru_cache(maxsize=1024)
 def student_quantile(probability: float, freedom: float) -> float:
     """Return the point below which Student's t has this probability, 0 < probability < 1.
 

@@ -8,11 +8,11 @@ def drawn(n, **kwargs):
     return np.concatenate(list(row_draws(n, n_draws=300, **kwargs)))
 
 
-def test_every_stratum_keeps_its_number_of_rows():
+def test_of_every_stratum_all_but_one_row_are_drawn():
     strata = np.array(["b"] * 3 + ["a"] * 5 + ["b"] * 2)
     rows = drawn(10, strata=strata)
-    assert rows.shape == (300, 10)
-    assert np.all(np.sum(strata[rows] == "a", axis=1) == 5)
+    assert rows.shape == (300, 8)
+    assert np.all(np.sum(strata[rows] == "a", axis=1) == 4)
     assert set(np.unique(rows)) == set(range(10))
 
 
@@ -21,7 +21,7 @@ def test_rows_of_a_cluster_come_together():
     for rows in drawn(6, clusters=clusters):
         counts = np.bincount(rows, minlength=6)
         assert np.array_equal(counts[:3], counts[3:])
-        assert counts.sum() == 6
+        assert counts.sum() == 4
 
 
 def test_clusters_of_different_size_come_together():
@@ -29,7 +29,7 @@ def test_clusters_of_different_size_come_together():
     for rows in row_draws(5, clusters=clusters, n_draws=50):
         counts = np.bincount(rows[0], minlength=5)
         assert counts[0] == counts[1] == counts[2]
-        assert counts[0] + counts[3] + counts[4] == 3
+        assert counts[0] + counts[3] + counts[4] == 2
 
 
 def test_strata_that_share_clusters_are_drawn_together():
@@ -38,7 +38,7 @@ def test_strata_that_share_clusters_are_drawn_together():
     for rows in drawn(12, strata=strata, clusters=clusters):
         counts = np.bincount(rows, minlength=12).reshape(3, 4)
         assert np.all(counts == counts[0])
-        assert counts[0].sum() == 4
+        assert counts[0].sum() == 3
 
 
 def test_the_same_seed_draws_the_same_rows_and_labels_do_not_matter():
@@ -56,3 +56,22 @@ def test_a_cluster_bootstrap_of_copies_is_as_wide_as_that_of_single_rows():
     ten = bootstrap(400, lambda rows: copies[rows].mean(axis=1), clusters=np.repeat(np.arange(40), 10))
     assert (ten.low, ten.high) == pytest.approx((one.low, one.high), abs=0.03)
     assert ten.value == pytest.approx(one.value)
+
+
+@pytest.mark.parametrize("repetitions", [2, 3, 10])
+def test_the_variance_of_a_mean_is_without_bias(repetitions):
+    """sum_h s_h^2 / k_h over the squared number of cells, to the error of 20,000 draws."""
+    strata = np.repeat(np.arange(8), repetitions)
+    values = np.random.default_rng(repetitions).normal(size=strata.size)
+    draws = np.concatenate(
+        [values[rows].mean(axis=1) for rows in row_draws(values.size, strata=strata, n_draws=20_000)]
+    )
+    expected = values.reshape(8, repetitions).var(axis=1, ddof=1).sum() / repetitions / 8**2
+    assert draws.var() == pytest.approx(expected, rel=0.05)
+
+
+def test_one_row_of_each_stratum_gives_no_interval():
+    ours = bootstrap(3, lambda rows: rows.mean(axis=1), strata=np.arange(3))
+    assert (ours.value, ours.n) == (1.0, 3)
+    assert np.isnan([ours.low, ours.high]).all()
+    assert np.isnan(bootstrap(6, lambda rows: rows.mean(axis=1), clusters=np.zeros(6)).low)
