@@ -1,0 +1,194 @@
+"""From rows to everything that the report tells: the figures of each view, rooms, cases and failures."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.benchmark.report.cases import CaseGrade, FailureGroup, case_grades, failure_groups
+from gslcosim.benchmark.report.curves import (
+    BeliefTracks,
+    Declared,
+    Line,
+    Times,
+    belief_tracks,
+    beliefs,
+    declarations,
+    flights,
+    profiles,
+    runtimes,
+    success_curves,
+    times,
+)
+from gslcosim.benchmark.report.reading import Flags, Material
+from gslcosim.benchmark.report.rooms import Room, Start, Track, rooms_of, starts_of, tracks_of
+from gslcosim.benchmark.report.standings import Standing, clusters_of, matrix_of, standings_of
+from gslcosim.benchmark.statistics.estimates import Estimate
+from gslcosim.benchmark.statistics.ranking import PairsMatrix, pairs_matrix
+
+SIGNIFICANT = 0.05
+"""Corrected p below which one entry is said to beat another."""
+
+_MOST_VIEWS = 24
+_MANY_PAIRS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """One entry against another over their pairs.
+
+    Attributes:
+        a: The one.
+        b: The other.
+        verdict: 1 where a beats b, -1 where b beats a, 0 where they are not told apart.
+        score: Mean difference of the score.
+        success: Difference of the rates.
+        a_better: Share of pairs in which a's score is higher, ties half.
+        p_holm: Of the score, corrected for all pairs of the view; nan where no test is possible.
+    """
+
+    a: int
+    b: int
+    verdict: int
+    score: Estimate
+    success: Estimate
+    a_better: Estimate
+    p_holm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """All figures over some of the cases: all of them, those of a family, or those of a scenario."""
+
+    key: str
+    label: str
+    kind: str
+    scenarios: tuple[str, ...]
+    n_trials: int
+    n_controls: int
+    standings: tuple[Standing, ...]
+    curves: tuple[Line, ...]
+    times: tuple[Times, ...]
+    profiles: tuple[Line, ...]
+    runtimes: Mapping[str, tuple[Line, ...]]
+    pairs: tuple[Compared, ...]
+    declarations: tuple[Declared, ...]
+    beliefs: Mapping[str, tuple[Line, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysis:
+    """All that the report tells. `draws_plumes` says whether intervals draw whole plumes or single flights."""
+
+    material: Material
+    views: tuple[View, ...]
+    rooms: tuple[Room, ...]
+    starts: tuple[Start, ...]
+    tracks: tuple[Track, ...]
+    grades: tuple[CaseGrade, ...]
+    failures: tuple[FailureGroup, ...]
+    draws_plumes: bool
+
+    @property
+    def everything(self) -> View:
+        """The view of all cases."""
+        return self.views[0]
+
+
+def analyse(material: Material) -> Analysis:
+    """Return everything that the report tells about what was flown."""
+    tracks = belief_tracks(material)
+    rooms = rooms_of(material)
+    return Analysis(
+        material=material,
+        views=tuple(
+            _view(material, within, key=key, label=label, kind=kind, tracks=tracks)
+            for key, label, kind, within in _parts(material)
+        ),
+        rooms=rooms,
+        starts=starts_of(material, rooms),
+        tracks=tracks_of(material, rooms),
+        grades=case_grades(material),
+        failures=failure_groups(material),
+        draws_plumes=clusters_of(material.rows, np.flatnonzero(~material.rows.is_control)) is not None,
+    )
+
+
+# Key, label, kind and rows of each view.
+def _parts(material: Material) -> list[tuple[str, str, str, Flags]]:
+    rows = material.rows
+    parts = [("all", "all cases", "all", np.ones(len(rows), dtype=bool))]
+    for kind in ("family", "scenario"):
+        names = list(dict.fromkeys(rows[kind].tolist()))
+        if 1 < len(names) <= _MOST_VIEWS - len(parts):
+            parts += [(f"{kind}:{name}", name, kind, rows[kind] == name) for name in names]
+    known: set[bytes] = set()
+    # A family of one scenario is told once.
+    return [part for part in parts if not ((mark := part[3].tobytes()) in known or known.add(mark))]
+
+
+def _view(
+    material: Material, within: Flags, *, key: str, label: str, kind: str, tracks: BeliefTracks | None
+) -> View:
+    rows = material.rows
+    standings = standings_of(material, within)
+    return View(
+        key=key,
+        label=label,
+        kind=kind,
+        scenarios=tuple(dict.fromkeys(rows["scenario"][within].tolist())),
+        n_trials=int(within.sum()),
+        n_controls=int((within & rows.is_control).sum()),
+        standings=standings,
+        curves=success_curves(material, within),
+        times=times(material, within),
+        profiles=profiles(material, within),
+        runtimes=runtimes(material, within),
+        pairs=_compared(material, within, [row.entry for row in standings]),
+        declarations=declarations(material, within),
+        beliefs=beliefs(material, within, tracks) if tracks is not None else {},
+    )
+
+
+def _compared(material: Material, within: Flags, entries: list[int]) -> tuple[Compared, ...]:
+    if len(entries) < 2:
+        return ()
+    rows = material.rows
+    scores, success = (
+        _matrix(material, within, entries, rows.score),
+        _matrix(material, within, entries, rows["success"].astype(np.float64)),
+    )
+    index = {entry.name: i for i, entry in enumerate(material.entries)}
+    return tuple(
+        Compared(
+            a=index[s.a], b=index[s.b], verdict=_verdict(s.difference, s.p_holm), score=s.difference,
+            success=r.difference, a_better=s.a_better, p_holm=s.p_holm,
+        )
+        for s, r in zip(scores.pairs, success.pairs, strict=True)
+        if s.difference.n
+    )  # fmt: skip
+
+
+def _matrix(material: Material, within: Flags, entries: list[int], values: np.ndarray) -> PairsMatrix:
+    rows = material.rows
+    matrix, some = matrix_of(rows, within, entries, values)
+    many = len(entries) * (len(entries) - 1) // 2 > _MANY_PAIRS
+    return pairs_matrix(
+        matrix,
+        [material.entries[i].name for i in entries],
+        lower_is_better=False,
+        clusters=clusters_of(rows, some),
+        strata=rows.cells[some],
+        n_draws=500 if many else 2000,
+    )
+
+
+def _verdict(difference: Estimate, p: float) -> int:
+    return int(np.sign(difference.value)) if not math.isnan(p) and p < SIGNIFICANT else 0
+
+
+def n_flown(material: Material) -> tuple[int, int]:
+    """Return the numbers of flights with gas and without."""
+    n = sum(len(some) for _, some in flights(material, np.ones(len(material.rows), dtype=bool)))
+    return n, len(material.rows) - n

@@ -1,0 +1,463 @@
+"use strict";
+// Draws the page's plots from the JSON that is embedded in it. An estimate is [value, low, high, n]; null is undefined.
+(() => {
+  const D = JSON.parse(document.getElementById("data").textContent);
+  const SVG = "http://www.w3.org/2000/svg";
+  const DASHES = ["", "7 3", "2 3", "9 3 2 3"];
+  const one = (selector, root = document) => root.querySelector(selector);
+  const all = (selector, root = document) => [...root.querySelectorAll(selector)];
+  const state = { view: 0, on: new Set(D.entries.map((entry, i) => (entry.on ? i : -1)).filter((i) => i >= 0)), focus: null };
+
+  // ---------------------------------------------------------------- small pieces
+  function make(space, name, attributes, children) {
+    const node = space ? document.createElementNS(SVG, name) : document.createElement(name);
+    for (const [key, value] of Object.entries(attributes || {})) if (value !== null && value !== undefined) node.setAttribute(key, value);
+    for (const child of children) if (child !== null && child !== undefined) node.append(child);
+    return node;
+  }
+  const s = (name, attributes, ...children) => make(true, name, attributes, children);
+  const h = (name, attributes, ...children) => make(false, name, attributes, children);
+  const color = (e) => { const c = D.entries[e].c; return c === -1 ? "var(--lower)" : c === -2 ? "var(--upper)" : `var(--e${c})`; };
+  const dash = (e) => DASHES[D.entries[e].d] || null;
+  const name = (e) => D.entries[e].title;
+  const short = (text, n) => (text.length > n ? text.slice(0, n - 1) + "…" : text);
+  const view = () => D.views[state.view];
+  const shown = (items) => items.filter((item) => state.on.has(item.e));
+
+  const percent = (v) => (v === null ? "–" : `${(100 * v).toFixed(Math.abs(v) < 0.0995 && v !== 0 ? 1 : 0)} %`);
+  const plain = (v) => (v === null ? "–" : Math.abs(v) >= 100 ? v.toFixed(0) : Math.abs(v) >= 10 ? v.toFixed(1) : v.toFixed(2));
+  const seconds = (v) => (v === null ? "–" : `${plain(v)} s`);
+  const signed = (v) => (v === null ? "–" : (v > 0 ? "+" : v < 0 ? "−" : "±") + Math.abs(100 * v).toFixed(0));
+  const FORMATS = { percent, plain, seconds, metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
+  const interval = (v, l, u, f) => (v === null ? "–" : l === null || u === null ? f(v) : `${f(v)} (${f(l)} – ${f(u)})`);
+  const estimate = (x, f) => (x ? interval(x[0], x[1], x[2], f) : "–");
+
+  function ticks(min, max, count) {
+    const raw = (max - min) / count, power = 10 ** Math.floor(Math.log10(raw)), unit = raw / power;
+    const step = (unit < 1.5 ? 1 : unit < 3.5 ? 2 : unit < 7.5 ? 5 : 10) * power, found = [];
+    for (let value = Math.ceil(min / step - 1e-9) * step; value <= max + 1e-9 * step; value += step) found.push(Math.abs(value) < step * 1e-9 ? 0 : value);
+    return found;
+  }
+  function logTicks(min, max) {
+    return [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500].filter((value) => value >= min * 0.999 && value <= max * 1.001);
+  }
+  const r1 = (value) => Math.round(value * 10) / 10;
+
+  // ---------------------------------------------------------------- hover
+  const tip = h("div", { id: "tip", hidden: "" });
+  const spoken = h("div", { class: "hidden-text", "aria-live": "polite" });
+  document.body.append(tip, spoken);
+  function showTip(content, x, y) {
+    tip.replaceChildren(...(Array.isArray(content) ? content : [content]));
+    tip.hidden = false;
+    const box = tip.getBoundingClientRect();
+    const left = x + 16 + box.width > innerWidth ? x - box.width - 12 : x + 16;
+    tip.style.left = `${Math.max(6, left)}px`;
+    tip.style.top = `${Math.max(6, Math.min(y + 12, innerHeight - box.height - 6))}px`;
+  }
+  const hideTip = () => { tip.hidden = true; };
+  function hover(node, content) {
+    node.addEventListener("pointermove", (event) => showTip(content(), event.clientX, event.clientY));
+    node.addEventListener("pointerleave", hideTip);
+    return node;
+  }
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape") hideTip(); });
+  addEventListener("scroll", hideTip, { passive: true });
+
+  function swatch(e, width = 18) {
+    const svg = s("svg", { width, height: 10, "aria-hidden": "true" });
+    svg.append(s("line", { x1: 1, x2: width - 1, y1: 5, y2: 5, "stroke-width": 3, stroke: color(e), "stroke-dasharray": dash(e) }));
+    return svg;
+  }
+
+  // ---------------------------------------------------------------- a table of a plot's figures
+  function figuresTable(figure, heads, rows) {
+    let box = one("details.figures", figure.parentNode === null ? figure : figure);
+    if (!box) {
+      box = h("details", { class: "figures" }, h("summary", {}, "Figures"), h("div", { class: "scroll" }));
+      figure.append(box);
+      box.addEventListener("toggle", () => { if (box.open) box.fill(); });
+    }
+    box.fill = () => {
+      const body = h("tbody");
+      for (const row of rows()) body.append(h("tr", {}, ...row.map((cell, i) => h(i ? "td" : "th", i ? {} : { scope: "row" }, cell))));
+      const head = h("tr", {}, ...heads.map((text, i) => h("th", { scope: "col", class: i ? null : "left" }, text)));
+      one(".scroll", box).replaceChildren(h("table", {}, h("thead", {}, head), body));
+    };
+    if (box.open) box.fill();
+  }
+
+  // ---------------------------------------------------------------- lines with bands
+  // spec: {x: {min, max, label, log, format}, y: {min, max, label, format}, lines: [{e, x, v, l, h, n, note}], diagonal, step}
+  function lineChart(figure, spec) {
+    const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
+    const width = Math.max(280, host.clientWidth || figure.clientWidth || 600);
+    const lines = spec.lines, direct = width > 560 && lines.length <= 12 && !spec.plainEnds;
+    const height = spec.height || Math.round(Math.min(360, Math.max(210, width * 0.5)));
+    const m = { left: 48, right: direct ? 132 : 14, top: 10, bottom: 40 };
+    const W = width - m.left - m.right, H = height - m.top - m.bottom;
+    const { x, y } = spec;
+    const X = x.log ? (v) => m.left + (W * Math.log(v / x.min)) / Math.log(x.max / x.min) : (v) => m.left + (W * (v - x.min)) / (x.max - x.min || 1);
+    const Y = (v) => m.top + H - (H * (v - y.min)) / (y.max - y.min || 1);
+    const fx = FORMATS[x.format] || plain, fy = FORMATS[y.format] || plain;
+    const svg = s("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", tabindex: 0, "aria-label": `${spec.title}. Left and right arrows read the figures.` });
+    for (const v of ticks(y.min, y.max, 5)) {
+      svg.append(s("line", { class: "gridline", x1: m.left, x2: m.left + W, y1: Y(v), y2: Y(v) }),
+        s("text", { x: m.left - 7, y: Y(v) + 4, "text-anchor": "end" }, y.format === "percent" ? (100 * v).toFixed(0) : plain(v).replace(/\.0+$/, "")));
+    }
+    for (const v of x.log ? logTicks(x.min, x.max) : ticks(x.min, x.max, Math.max(3, Math.min(8, W / 70)))) {
+      svg.append(s("line", { class: "axis", x1: X(v), x2: X(v), y1: m.top + H, y2: m.top + H + 4 }),
+        s("text", { x: X(v), y: m.top + H + 17, "text-anchor": "middle" }, String(+v.toFixed(6))));
+    }
+    svg.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: m.top + H, y2: m.top + H }),
+      s("text", { x: m.left + W / 2, y: height - 5, "text-anchor": "middle" }, x.label),
+      s("text", { x: -(m.top + H / 2), y: 12, transform: "rotate(-90)", "text-anchor": "middle" }, y.label));
+    if (spec.diagonal) svg.append(s("line", { class: "cross", x1: X(0), y1: Y(0), x2: X(1), y2: Y(1) }));
+    const path = (xs, ys) => {
+      let d = "", pen = false;
+      for (let i = 0; i < xs.length; i++) {
+        if (ys[i] === null || (x.log && xs[i] <= 0)) { pen = false; continue; }
+        d += !pen ? `M${r1(X(xs[i]))} ${r1(Y(ys[i]))}` : spec.step ? `H${r1(X(xs[i]))}V${r1(Y(ys[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(ys[i]))}`;
+        pen = true;
+      }
+      return d;
+    };
+    const opacity = lines.length > 8 ? 0.05 : 0.13;
+    for (const line of lines) if (line.l) {
+      const xs = [], low = [], high = [];
+      line.x.forEach((v, i) => { if (line.l[i] !== null && line.h[i] !== null) { xs.push(v); low.push(line.l[i]); high.push(line.h[i]); } });
+      if (!xs.length) continue;
+      let d = path(xs, high), back = "";
+      for (let i = xs.length - 1; i >= 0; i--) back += spec.step && i < xs.length - 1 ? `V${r1(Y(low[i]))}H${r1(X(xs[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(low[i]))}`;
+      svg.append(s("path", { class: "band", "data-e": line.e, d: d + back + "Z", fill: color(line.e), "fill-opacity": opacity }));
+    }
+    for (const line of lines) svg.append(s("path", { class: "line", "data-e": line.e, d: path(line.x, line.v), stroke: color(line.e), "stroke-dasharray": dash(line.e) }));
+    if (direct) endLabels(svg, lines, (v) => Y(v), m.left + W + 8, m.top, m.top + H);
+    const cross = s("line", { class: "cross", y1: m.top, y2: m.top + H, visibility: "hidden" });
+    svg.append(cross);
+
+    const grid = [...new Set(lines.flatMap((line) => line.x))].sort((a, b) => a - b);
+    const at = (line, v) => { let i = -1; while (i + 1 < line.x.length && line.x[i + 1] <= v + 1e-9) i++; return i; };
+    const read = (v) => lines.map((line) => [line, at(line, v)]).filter(([line, i]) => i >= 0 && line.v[i] !== null).sort((a, b) => b[0].v[b[1]] - a[0].v[a[1]]);
+    const text = (line, i) => interval(line.v[i], line.l ? line.l[i] : null, line.h ? line.h[i] : null, fy);
+    const number = (line, i) => (Array.isArray(line.n) ? line.n[i] : line.n);
+    const tipAt = (v) => {
+      const body = h("tbody");
+      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, short(name(line.e), 26)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
+      return [h("b", {}, `${x.name || x.label}: ${fx(v)}`), h("table", {}, body)];
+    };
+    const nearest = (pixel) => grid.reduce((best, v) => (Math.abs(X(v) - pixel) < Math.abs(X(best) - pixel) ? v : best), grid[0]);
+    const point = (v) => { cross.setAttribute("x1", X(v)); cross.setAttribute("x2", X(v)); cross.setAttribute("visibility", "visible"); };
+    const leave = () => { cross.setAttribute("visibility", "hidden"); hideTip(); };
+    if (grid.length) {
+      svg.addEventListener("pointermove", (event) => {
+        const box = svg.getBoundingClientRect(), v = nearest(((event.clientX - box.left) * width) / box.width);
+        point(v); showTip(tipAt(v), event.clientX, event.clientY);
+      });
+      svg.addEventListener("pointerleave", leave);
+      svg.addEventListener("blur", leave);
+      let place = -1;
+      svg.addEventListener("keydown", (event) => {
+        if (event.key !== "ArrowRight" && event.key !== "ArrowLeft") return;
+        event.preventDefault();
+        const jump = Math.max(1, Math.round(grid.length / 25));
+        place = Math.max(0, Math.min(grid.length - 1, place + (event.key === "ArrowRight" ? jump : -jump)));
+        const v = grid[place], box = svg.getBoundingClientRect();
+        point(v); showTip(tipAt(v), box.left + (X(v) * box.width) / width, box.top + 30);
+        spoken.textContent = `${x.name || x.label} ${fx(v)}: ` + read(v).map(([line, i]) => `${name(line.e)} ${text(line, i)}`).join("; ");
+      });
+    }
+    host.replaceChildren(svg);
+    if (spec.table !== false) figuresTable(figure, ["entry", "n", ...sample(grid, 7).map(fx)], () => lines.map((line) =>
+      [name(line.e), String(Array.isArray(line.n) ? Math.max(...line.n) : line.n), ...sample(grid, 7).map((v) => { const i = at(line, v); return i < 0 ? "–" : text(line, i); })]));
+  }
+  const sample = (list, n) => (list.length <= n ? list : Array.from({ length: n }, (_, i) => list[Math.round((i * (list.length - 1)) / (n - 1))]));
+
+  function endLabels(svg, lines, Y, x, top, bottom) {
+    const labels = lines.map((line) => { let i = line.v.length - 1; while (i > 0 && line.v[i] === null) i--; return { line, y: Y(line.v[i] ?? 0) }; }).sort((a, b) => a.y - b.y);
+    const gap = 13;
+    labels.forEach((label, i) => { if (i && label.y < labels[i - 1].y + gap) label.y = labels[i - 1].y + gap; });
+    for (let i = labels.length - 1; i >= 0; i--) {
+      const limit = i === labels.length - 1 ? bottom : labels[i + 1].y - gap;
+      if (labels[i].y > limit) labels[i].y = Math.max(top - 6, limit);
+    }
+    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.e, x, y: y + 4, style: `fill:${color(line.e)}` }, short(name(line.e), 18)));
+  }
+
+  // ---------------------------------------------------------------- plots by name
+  const withX = (lines, x) => shown(lines).map((line) => ({ ...line, x: line.x || x }));
+  const PLOTS = {
+    curves(figure) {
+      const c = view().curves;
+      lineChart(figure, { title: "Share of trials that have found the source, over time", step: true, x: { min: 0, max: D.limit, label: "time [s]", name: "by", format: "seconds" }, y: { min: 0, max: 1, label: "found the source [%]", format: "percent" }, lines: withX(c.lines, c.t) });
+    },
+    times(figure) { timesChart(figure, view().times); },
+    profile(figure) {
+      const p = view().profile;
+      lineChart(figure, { title: "Share of trials within a multiple of the oracle's time", step: true, x: { min: p.x[0], max: p.x[p.x.length - 1], log: true, label: "multiple of the oracle's time", name: "within", format: "times" }, y: { min: 0, max: 1, label: "of all cases [%]", format: "percent" }, lines: withX(p.lines, p.x) });
+    },
+    runtime(figure) {
+      const radius = +figure.dataset.index, part = view().runtime[radius];
+      lineChart(figure, { title: part.label, height: 230, plainEnds: radius > 0, step: true, x: { min: 0, max: D.limit, label: "time [s]", name: "by", format: "seconds" }, y: { min: 0, max: 1, label: "reached [%]", format: "percent" }, lines: withX(part.lines, part.x) });
+    },
+    roc(figure) {
+      const part = view().roc[figure.dataset.kind];
+      lineChart(figure, { title: figure.dataset.title, diagonal: figure.dataset.kind === "roc", plainEnds: true, height: 320, x: { min: 0, max: 1, label: "false alarms: share of flights without gas", name: "false alarms", format: "percent" }, y: { min: 0, max: 1, label: figure.dataset.kind === "roc" ? "declared, gas present [%]" : "declared within the radius [%]", format: "percent" }, lines: shown(part), table: false });
+    },
+    beliefs(figure) {
+      const part = view().beliefs[figure.dataset.kind], metres = figure.dataset.kind === "distance";
+      const top = metres ? Math.max(1, ...part.lines.flatMap((line) => line.h.filter((v) => v !== null))) : 1;
+      lineChart(figure, { title: figure.dataset.title, plainEnds: true, height: 290, x: { min: 0, max: D.limit, label: "time [s]", name: "at", format: "seconds" }, y: { min: 0, max: top, label: figure.dataset.axis, format: metres ? "metres" : "percent" }, lines: withX(part.lines, part.x) });
+    },
+    pairs(figure) { pairsChart(figure, view().pairs); },
+    starts(figure) { roomPanels(figure, startPanel); },
+    tracks(figure) { roomPanels(figure, trackPanel); },
+  };
+  FORMATS.times = (v) => `${plain(v)} ×`;
+
+  function timesChart(figure, rows) {
+    const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
+    const width = Math.max(300, host.clientWidth || 600), narrow = width < 560, items = shown(rows);
+    const rowHeight = narrow ? 54 : 42, m = { left: narrow ? 8 : 150, right: narrow ? 62 : 84, top: 6, bottom: 38 };
+    const height = m.top + m.bottom + rowHeight * items.length, W = width - m.left - m.right;
+    const X = (v) => m.left + (W * v) / D.limit;
+    const svg = s("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": "Distribution of times to the source by entry; figures in the table below." });
+    for (const v of ticks(0, D.limit, Math.max(3, Math.min(7, W / 80)))) svg.append(s("line", { class: "gridline", x1: X(v), x2: X(v), y1: m.top, y2: height - m.bottom }), s("text", { x: X(v), y: height - m.bottom + 16, "text-anchor": "middle" }, String(v)));
+    svg.append(s("text", { x: m.left + W / 2, y: height - 5, "text-anchor": "middle" }, "time to the source [s]"));
+    svg.append(s("text", { x: width - 2, y: height - m.bottom + 16, "text-anchor": "end" }, "not found"));
+    const most = Math.max(1, ...items.map((item) => Math.max(...item.bins) / Math.max(1, item.n)));
+    items.forEach((item, k) => {
+      const base = m.top + rowHeight * (k + 1) - 9, room = narrow ? 24 : 28, group = s("g");
+      const scale = Math.max(...items.map((other) => Math.max(...other.bins) / Math.max(1, other.n))) || 1;
+      group.append(s("text", narrow ? { x: m.left, y: base - room - 4, class: "label ink" } : { x: m.left - 12, y: base - 4, class: "label ink", "text-anchor": "end" }, short(name(item.e), narrow ? 34 : 21)));
+      const binWidth = W / item.bins.length;
+      item.bins.forEach((count, i) => { if (count) { const tall = (room * count) / Math.max(1, item.n) / scale; group.append(s("rect", { x: r1(m.left + i * binWidth + 0.5), width: r1(binWidth - 1), y: r1(base - tall), height: r1(tall), fill: color(item.e), "fill-opacity": 0.42 })); } });
+      group.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: base, y2: base }));
+      const mean = item.rmst;
+      if (mean && mean[0] !== null) group.append(s("line", { x1: X(mean[1] ?? mean[0]), x2: X(mean[2] ?? mean[0]), y1: base + 4, y2: base + 4, stroke: color(item.e), "stroke-width": 3 }), s("circle", { cx: X(mean[0]), cy: base + 4, r: 3.6, fill: color(item.e) }));
+      const median = item.median;
+      if (median && median[0] !== null) group.append(s("path", { d: `M${X(median[0])} ${base - room}V${base}`, stroke: "var(--ink)", "stroke-width": 1.4 }));
+      const share = item.n ? item.missed / item.n : 0;
+      group.append(s("rect", { x: width - m.right + 14, y: base - room * share, width: 12, height: room * share, fill: "var(--solid)" }), s("rect", { x: width - m.right + 14, y: base - room, width: 12, height: room, fill: "none", stroke: "var(--line)" }), s("text", { x: width - 2, y: base - 4, "text-anchor": "end" }, percent(share)));
+      group.append(s("rect", { x: 0, y: base - rowHeight + 9, width, height: rowHeight, fill: "transparent" }));
+      hover(group, () => [h("b", {}, name(item.e)), h("div", {}, `restricted mean ${estimate(item.rmst, seconds)}`), h("div", {}, item.median && item.median[0] !== null ? `median ${interval(item.median[0], item.median[1], item.median[2], (v) => (v === null ? "never" : seconds(v)))}` : "median: fewer than half found it"), h("div", {}, `mean of the successes alone ${estimate(item.found, seconds)}`), h("div", {}, `not found in ${item.missed} of ${item.n}`)]);
+      svg.append(group);
+    });
+    host.replaceChildren(svg);
+    figuresTable(figure, ["entry", "n", "restricted mean", "median", "expected with restarts", "mean of successes alone", "not found"], () => items.map((item) => [name(item.e), String(item.n), estimate(item.rmst, seconds), item.median && item.median[0] !== null ? estimate(item.median, seconds) : "not reached", item.ert && item.ert[0] !== null ? estimate(item.ert, seconds) : "infinite", item.found ? `${estimate(item.found, seconds)}, n ${item.found[3]}` : "–", `${item.missed} of ${item.n}`]));
+  }
+
+  function pairsChart(figure, pairs) {
+    const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
+    const order = pairs.order.filter((e) => state.on.has(e)), k = order.length;
+    const width = Math.max(280, host.clientWidth || 600), left = Math.min(170, width * 0.32);
+    const size = Math.max(9, Math.min(62, (width - left - 8) / Math.max(1, k))), text = size >= 34;
+    const high = Math.min(110, 14 + 6.2 * Math.max(0, ...order.map((e) => Math.min(18, name(e).length))));
+    const total = left + size * k + 50, height = high + size * k + 4;
+    const svg = s("svg", { viewBox: `0 0 ${Math.max(width, total)} ${height}`, role: "img", "aria-label": "Matrix of pairs: the entry of the row against the entry of the column. Figures in the table below." });
+    const cells = new Map(pairs.cells.map((cell) => [cell[0] * 1000 + cell[1], cell]));
+    const cellOf = (a, b) => { const c = cells.get(a * 1000 + b); if (c) return { won: c[2], score: c[3], success: c[4], better: c[5], p: c[6] }; const d = cells.get(b * 1000 + a); if (!d) return null; const turn = (x, f) => (x ? [f(x[0]), x[2] === null ? null : f(x[2]), x[1] === null ? null : f(x[1]), x[3]] : null); return { won: -d[2], score: turn(d[3], (v) => -v), success: turn(d[4], (v) => -v), better: turn(d[5], (v) => 1 - v), p: d[6] }; };
+    order.forEach((e, i) => {
+      svg.append(s("text", { class: "label ink", x: left - 8, y: high + size * (i + 0.5) + 4, "text-anchor": "end" }, short(name(e), Math.floor(left / 7.4))));
+      const x = left + size * (i + 0.5);
+      svg.append(s("text", { class: "label ink", transform: `translate(${x + 4} ${high - 6}) rotate(-42)` }, short(name(e), 16)));
+    });
+    order.forEach((a, i) => order.forEach((b, j) => {
+      const x = left + size * j, y = high + size * i, pad = size > 20 ? 1 : 0.5;
+      if (a === b) { svg.append(s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, fill: "var(--sunk)" })); return; }
+      const c = cellOf(a, b);
+      if (!c) return;
+      const strength = c.won > 0 ? 0.25 + 0.75 * Math.min(1, Math.max(0, 2 * ((c.better && c.better[0]) || 0.5) - 1)) : 0;
+      const group = s("g", {}, s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, rx: size > 20 ? 3 : 0, fill: c.won > 0 ? "var(--accent)" : "var(--panel)", "fill-opacity": c.won > 0 ? strength : 1, stroke: c.won > 0 ? "none" : "var(--line)" }));
+      if (text && c.success) group.append(s("text", { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", style: c.won > 0 ? `fill:${strength > 0.6 ? "var(--on-accent)" : "var(--ink)"};font-weight:600` : c.won < 0 ? "fill:var(--faint)" : "fill:var(--soft)" }, signed(c.success[0])));
+      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : "no difference shown"), h("div", {}, `score ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)} after Holm`)]);
+      svg.append(group);
+    }));
+    const wrap = h("div", { class: "scroll" }, svg);
+    if (total > width) svg.style.minWidth = `${total}px`;
+    host.replaceChildren(wrap);
+    figuresTable(figure, ["pair", "n", "score, difference", "success, points", "better in", "p (Holm)", ""], () => order.flatMap((a, i) => order.slice(i + 1).map((b) => { const c = cellOf(a, b); return !c ? [`${name(a)} – ${name(b)}`, "0"] : [`${name(a)} – ${name(b)}`, String(c.score ? c.score[3] : 0), c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–", c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–", estimate(c.better, percent), c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3), c.won > 0 ? "first is better" : c.won < 0 ? "second is better" : "tie"]; })));
+  }
+
+  // ---------------------------------------------------------------- rooms: success by start, tracks
+  const images = new Map();
+  function imageOf(room) {
+    if (images.has(room) || !room.cells) return images.get(room) || null;
+    const [nx, ny] = room.shape, bytes = Uint8Array.from(atob(room.cells), (c) => c.charCodeAt(0));
+    const canvas = h("canvas", { width: nx, height: ny }), context = canvas.getContext("2d"), pixels = context.createImageData(nx, ny);
+    for (let i = 0; i < nx; i++) for (let j = 0; j < ny; j++) {
+      const level = bytes[i * ny + j], at = 4 * ((ny - 1 - j) * nx + i);
+      const [r, g, b, a] = level === 255 ? [128, 129, 126, 205] : [205, 155, 35, Math.round(level * 0.82)];
+      pixels.data.set([r, g, b, a], at);
+    }
+    context.putImageData(pixels, 0, 0);
+    images.set(room, canvas.toDataURL());
+    return images.get(room);
+  }
+  function roomSvg(room, label) {
+    const [x0, y0, x1, y1] = room.box, w = x1 - x0, t = y1 - y0;
+    const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label });
+    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
+    const image = imageOf(room);
+    if (image) svg.append(s("image", { href: image, x: room.origin[0], y: y1 - room.origin[1] - room.extent[1], width: room.extent[0], height: room.extent[1], preserveAspectRatio: "none", style: "image-rendering:auto" }));
+    return { svg, Y: (y) => y1 - y, unit: Math.max(w, t) / 100 };
+  }
+  function sourceMark(svg, room, Y, u) {
+    for (const [x, y] of room.sources) {
+      const a = 2.6 * u;
+      svg.append(s("circle", { cx: x, cy: Y(y), r: 3.1 * u, fill: "var(--paper)", "fill-opacity": 0.85 }), s("path", { d: `M${x - a} ${Y(y)}H${x + a}M${x} ${Y(y) - a}V${Y(y) + a}M${x - a * 0.7} ${Y(y) - a * 0.7}L${x + a * 0.7} ${Y(y) + a * 0.7}M${x - a * 0.7} ${Y(y) + a * 0.7}L${x + a * 0.7} ${Y(y) - a * 0.7}`, stroke: "var(--ink)", "stroke-width": 0.75 * u, fill: "none" }));
+    }
+  }
+  function roomPanels(figure, draw) {
+    const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
+    const rooms = D.rooms.map((room, i) => [room, i]).filter(([room]) => view().scenarios.includes(room.scenario));
+    let pick = figure.pick;
+    if (pick === undefined || !rooms.some(([, i]) => i === pick)) pick = rooms.length ? rooms[0][1] : -1;
+    figure.pick = pick;
+    const nodes = [];
+    if (rooms.length > 1) {
+      const select = h("select", { "aria-label": "room" });
+      for (const [room, i] of rooms) { const option = h("option", { value: i }, room.label); option.selected = i === pick; select.append(option); }
+      select.addEventListener("change", () => { figure.pick = +select.value; roomPanels(figure, draw); one("select", host).focus(); });
+      nodes.push(h("div", { class: "pick" }, h("label", {}, "Room ", select), h("span", {}, `${rooms.length} rooms`)));
+    }
+    const grid = h("div", { class: "panels" });
+    const order = D.order.filter((e) => state.on.has(e));
+    const rows = [];
+    if (pick >= 0) for (const e of order) { const panel = draw(D.rooms[pick], pick, e, rows); if (panel) grid.append(panel); }
+    nodes.push(grid);
+    host.replaceChildren(...nodes);
+    if (draw === startPanel) figuresTable(figure, ["start", "entry", "success", "n"], () => rows);
+  }
+  function startPanel(room, index, e, rows) {
+    const starts = D.starts.filter((item) => item[0] === index && item[1] === e);
+    if (!starts.length) return null;
+    const { svg, Y, unit } = roomSvg(room, `Success of ${name(e)} by start in ${room.label}; figures in the table below.`);
+    let near = Infinity;
+    starts.forEach((a, i) => starts.forEach((b, j) => { if (i < j) near = Math.min(near, Math.max(Math.abs(a[2] - b[2]), Math.abs(a[3] - b[3])) || Infinity); }));
+    const size = Math.min(22 * unit, Math.max(5 * unit, Math.min(near, 25 * unit) * 0.84));
+    sourceMark(svg, room, Y, unit);
+    for (const [, , x, y, p] of starts) {
+      rows.push([`${plain(x)}, ${plain(y)} m`, name(e), estimate(p, percent), String(p[3])]);
+      const group = s("g", {}, s("rect", { x: x - size / 2, y: Y(y) - size / 2, width: size, height: size, rx: unit, fill: "var(--paper)", "fill-opacity": 0.8 }), s("rect", { x: x - size / 2, y: Y(y) - size / 2, width: size, height: size, rx: unit, fill: "var(--accent)", "fill-opacity": 0.04 + 0.92 * p[0], stroke: "var(--accent)", "stroke-opacity": 0.5, "stroke-width": 0.3 * unit }));
+      if (size > 7 * unit) group.append(s("text", { x, y: Y(y) + 2.1 * unit, "text-anchor": "middle", style: `font-size:${Math.min(6.2 * unit, size * 0.4)}px;fill:${p[0] > 0.52 ? "var(--on-accent)" : "var(--ink)"}` }, (100 * p[0]).toFixed(0)));
+      hover(group, () => [h("b", {}, `${name(e)} from ${plain(x)}, ${plain(y)} m`), h("div", {}, `success ${estimate(p, percent)}, n ${p[3]}`)]);
+      svg.append(group);
+    }
+    sourceMark(svg, room, Y, unit);
+    return h("div", { class: "panel" }, heading(e), svg);
+  }
+  function heading(e, note) { return h("h4", {}, swatch(e), short(name(e), 28), note ? h("small", {}, note) : null); }
+  function trackPanel(room, index, e) {
+    const tracks = D.tracks.filter((track) => track.r === index && track.e === e);
+    if (!tracks.length) return null;
+    const found = tracks.filter((track) => track.s).length;
+    const { svg, Y, unit } = roomSvg(room, `${tracks.length} tracks of ${name(e)} in ${room.label}, ${found} found the source.`);
+    for (const track of [...tracks].sort((a, b) => a.s - b.s)) {
+      let x = 0, y = 0, d = "";
+      for (let i = 0; i < track.p.length; i += 2) { x += track.p[i]; y += track.p[i + 1]; d += `${i ? "L" : "M"}${(x * D.quantum).toFixed(2)} ${Y(y * D.quantum).toFixed(2)}`; }
+      const line = s("path", { d, fill: "none", stroke: track.s ? color(e) : "var(--faint)", "stroke-width": (track.s ? 0.75 : 0.5) * unit, "stroke-opacity": track.s ? 0.75 : 0.55, "stroke-linejoin": "round" });
+      const wide = s("path", { d, fill: "none", stroke: "transparent", "stroke-width": 3 * unit, style: "cursor:pointer" });
+      const end = track.s ? null : s("circle", { cx: x * D.quantum, cy: Y(y * D.quantum), r: 1 * unit, fill: "var(--faint)" });
+      const first = s("circle", { cx: track.p[0] * D.quantum, cy: Y(track.p[1] * D.quantum), r: 1.25 * unit, fill: "var(--paper)", stroke: "var(--ink)", "stroke-width": 0.45 * unit });
+      const group = s("g", {}, line, wide, end, first);
+      group.addEventListener("pointerenter", () => { line.setAttribute("stroke-width", 1.5 * unit); line.setAttribute("stroke-opacity", 1); });
+      group.addEventListener("pointerleave", () => { line.setAttribute("stroke-width", (track.s ? 0.75 : 0.5) * unit); line.setAttribute("stroke-opacity", track.s ? 0.75 : 0.55); });
+      wide.addEventListener("click", () => { copy(D.command + track.id); spoken.textContent = "command copied"; });
+      hover(group, () => [h("b", {}, `${name(e)}: ${track.o}`), h("div", {}, track.c), h("div", {}, `${seconds(track.t)}; a click copies the command that flies it again`), h("code", {}, track.id)]);
+      svg.append(group);
+    }
+    sourceMark(svg, room, Y, unit);
+    return h("div", { class: "panel" }, heading(e, `${found} of ${tracks.length} shown`), svg);
+  }
+
+  // ---------------------------------------------------------------- copy, filter, legend, sort
+  function copy(text) {
+    if (navigator.clipboard && isSecureContext) { navigator.clipboard.writeText(text).catch(() => {}); return; }
+    const area = h("textarea", { style: "position:fixed;opacity:0" });
+    area.value = text; document.body.append(area); area.select();
+    try { document.execCommand("copy"); } finally { area.remove(); }
+  }
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest("button.copy");
+    if (!button) return;
+    copy(button.dataset.text);
+    button.textContent = "copied";
+    setTimeout(() => { button.textContent = "copy"; }, 1500);
+  });
+
+  const figures = all("figure[data-plot]"), visible = new Set(), stale = new Set(figures);
+  function draw(figure) {
+    if (!stale.has(figure)) return;
+    stale.delete(figure);
+    const host = figure.closest("[data-needs]");
+    const there = !host || view()[host.dataset.needs];
+    if (host) { host.hidden = !there; const note = host.nextElementSibling; if (note && note.matches(".absent")) note.hidden = Boolean(there); }
+    if (there) PLOTS[figure.dataset.plot](figure);
+  }
+  function refresh() { figures.forEach((figure) => stale.add(figure)); for (const figure of visible) draw(figure); }
+  const watcher = new IntersectionObserver((items) => {
+    for (const item of items) { if (item.isIntersecting) { visible.add(item.target); draw(item.target); } else visible.delete(item.target); }
+  }, { rootMargin: "500px 0px" });
+  figures.forEach((figure) => watcher.observe(figure));
+  addEventListener("beforeprint", () => figures.forEach(draw));
+  let before = innerWidth, waiting = null;
+  addEventListener("resize", () => { if (innerWidth === before) return; before = innerWidth; clearTimeout(waiting); waiting = setTimeout(refresh, 120); });
+
+  const legend = one("#legend");
+  if (legend) {
+    const chips = D.order.map((e) => {
+      const chip = h("button", { type: "button", class: "chip", "aria-pressed": String(state.on.has(e)), title: D.entries[e].name }, swatch(e), short(name(e), 26));
+      chip.addEventListener("click", () => { state.on.has(e) ? state.on.delete(e) : state.on.add(e); mark(); refresh(); });
+      const light = (strong) => all(".plot [data-e]").forEach((node) => node.classList.toggle("dim", strong && +node.dataset.e !== e));
+      chip.addEventListener("pointerenter", () => light(state.on.has(e)));
+      chip.addEventListener("pointerleave", () => light(false));
+      return [e, chip];
+    });
+    const mark = () => chips.forEach(([e, chip]) => chip.setAttribute("aria-pressed", String(state.on.has(e))));
+    legend.append(...chips.map(([, chip]) => chip));
+    if (chips.length > 2) {
+      const everyone = h("button", { type: "button", class: "quiet" }, "all"), nobody = h("button", { type: "button", class: "quiet" }, "none");
+      everyone.addEventListener("click", () => { D.order.forEach((e) => state.on.add(e)); mark(); refresh(); });
+      nobody.addEventListener("click", () => { state.on.clear(); mark(); refresh(); });
+      legend.append(everyone, nobody);
+    }
+  }
+  const filter = one("#filter");
+  if (filter) filter.addEventListener("change", () => {
+    state.view = +filter.value;
+    all("[data-view]").forEach((node) => { node.hidden = +node.dataset.view !== state.view; });
+    spoken.textContent = `showing ${view().label}`;
+    refresh();
+  });
+
+  const board = one("table.board");
+  if (board) {
+    const heads = all("thead th", board);
+    heads.forEach((head, column) => {
+      const button = one("button", head);
+      if (!button) return;
+      button.addEventListener("click", () => {
+        const first = head.dataset.first || "descending";
+        const now = head.getAttribute("aria-sort");
+        const next = now === null ? first : now === "ascending" ? "descending" : "ascending";
+        heads.forEach((other) => other.removeAttribute("aria-sort"));
+        head.setAttribute("aria-sort", next);
+        const sign = next === "ascending" ? 1 : -1;
+        const key = (row) => { const value = row.cells[column].dataset.v; return value === undefined || value === "" ? null : isNaN(value) ? value : +value; };
+        for (const body of all("tbody", board)) {
+          const rows = [...body.rows].map((row) => [key(row), row]);
+          rows.sort(([a], [b]) => (a === null ? (b === null ? 0 : 1) : b === null ? -1 : typeof a === "string" || typeof b === "string" ? sign * String(a).localeCompare(String(b)) : sign * (a - b)));
+          body.append(...rows.map(([, row]) => row));
+        }
+        spoken.textContent = `sorted by ${button.textContent}, ${next}`;
+      });
+    });
+  }
+
+  const links = new Map(all("nav.contents a").map((link) => [link.hash.slice(1), link]));
+  const reader = new IntersectionObserver((items) => {
+    for (const item of items) if (item.isIntersecting) { links.forEach((link) => link.removeAttribute("aria-current")); const link = links.get(item.target.id); if (link) link.setAttribute("aria-current", "true"); }
+  }, { rootMargin: "-20% 0px -70% 0px" });
+  all("main section[id]").forEach((section) => reader.observe(section));
+})();

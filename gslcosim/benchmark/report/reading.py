@@ -1,0 +1,261 @@
+"""What a folder of results holds, as arrays: the only place of the report that reads files."""
+
+import base64
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+from numpy.typing import NDArray
+
+from gslcosim.benchmark.store.columns import TRIALS
+from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.errors import UsageError
+from gslcosim.yaml_core import CoreLoader
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A method under a name; `anchor` is `lower` (the oracle), `upper` (the walker) or empty."""
+
+    name: str
+    title: str
+    family: str
+    language: str
+    knows: str
+    parameters: Mapping[str, Any]
+    agent_hash: str
+    anchor: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomMap:
+    """A room's plan at one height, and the gas that was there on average.
+
+    Attributes:
+        occupied: (nx, ny) whether something solid is there.
+        mean_gas_ppm: (nx, ny) mean of the gas [ppm]; None without gas.
+        origin_m: Corner of the first cell, world frame, x and y [m].
+        sources_m: World frame, xyz [m].
+    """
+
+    scenario: str
+    varied: str
+    height_m: float
+    origin_m: tuple[float, float]
+    cell_m: float
+    occupied: Flags
+    mean_gas_ppm: Floats | None
+    intermittency: Floats | None
+    sources_m: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """The rows of `trials.parquet` as arrays: nan, "" and False where a value is absent.
+
+    Attributes:
+        columns: Array of each column, (n,).
+        entry: (n,) index of the entry.
+        unit: (n,) index of case, repetition and control: rows of one unit are a pair.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    entry: Ints
+    unit: Ints
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """Return a column."""
+        return self.columns[column]
+
+    def __len__(self) -> int:
+        """Return the number of trials."""
+        return len(self.entry)
+
+    @cached_property
+    def is_control(self) -> Flags:
+        """(n,) whether no source gave off gas."""
+        return self.columns["is_control"]
+
+    @cached_property
+    def score(self) -> Floats:
+        """(n,) the score; 0 where there is no result."""
+        return np.nan_to_num(self.columns["score"], nan=0.0)
+
+    @cached_property
+    def time_s(self) -> Floats:
+        """(n,) time as it is counted [s]; the limit where there is no result."""
+        times_s = self.columns["time_s"]
+        return np.where(np.isfinite(times_s), times_s, self.columns["time_limit_s"])
+
+    @cached_property
+    def cells(self) -> Ints:
+        """(n,) index of the case, the stratum of bootstrap samples."""
+        return _codes(self.columns["case"])
+
+    @cached_property
+    def clusters(self) -> Ints:
+        """(n,) index of room and gas: rows that share one met the same plume."""
+        rooms = _codes(self.columns["environment_hash"])
+        return _codes_of_pairs(rooms, _codes(self.columns["gas_seed"]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """All that a report is made of."""
+
+    name: str
+    manifest: Mapping[str, Any]
+    suite: Mapping[str, Any]
+    entries: tuple[Entry, ...]
+    rows: Rows
+    maps: tuple[RoomMap, ...]
+    tracks: pa.Table | None
+
+    def index_of_anchor(self, which: str) -> int | None:
+        """Return the entry that bounds from below (`lower`) or above (`upper`); None where it has not flown."""
+        return next((i for i, entry in enumerate(self.entries) if entry.anchor == which), None)
+
+
+def read_material(results_dir: Path) -> Material:
+    """Read a folder of results.
+
+    Raises:
+        UsageError: it is none, or a file of it is damaged.
+    """
+    folder = ResultsFolder(results_dir)
+    folder.check()
+    manifest = folder.read_json(folder.manifest)
+    table = pa.Table.from_pylist(folder.rows(), schema=TRIALS)
+    entries = _entries(manifest, table)
+    return Material(
+        name=str(manifest.get("suite") or results_dir.resolve().name),
+        manifest=manifest,
+        suite=_suite(folder.suite),
+        entries=entries,
+        rows=_rows(table, entries),
+        maps=_maps(folder.read_json(folder.maps), folder.maps),
+        tracks=_tracks(folder.tracks),
+    )
+
+
+def _suite(path: Path) -> Mapping[str, Any]:
+    if not path.is_file():
+        return {}
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise UsageError(f"{path}: expected the suite as YAML, was a damaged file. Take it from a copy.") from error
+    return content if isinstance(content, dict) else {}
+
+
+def _tracks(path: Path) -> pa.Table | None:
+    if not path.is_file():
+        return None
+    try:
+        return pq.read_table(path, columns=["trial", "agent", "t_s", "x_m", "y_m", "belief_distance_m",
+                                            "belief_mass_near"])  # fmt: skip
+    except (OSError, pa.ArrowException) as error:
+        raise UsageError(f"{path}: expected a table of tracks, was a damaged file. Take it from a copy.") from error
+
+
+def _entries(manifest: Mapping[str, Any], table: pa.Table) -> tuple[Entry, ...]:
+    told = {str(entry.get("name")): entry for entry in manifest.get("entries") or ()}
+    flown = dict.fromkeys(table.column("entry").to_pylist())
+    anchors = {name: which for which, name in (manifest.get("anchors") or {}).items() if name}
+    names = [*(name for name in told if name in flown), *(name for name in flown if name not in told)]
+    return tuple(_entry(name, told.get(name) or {}, anchors.get(name, "")) for name in names)
+
+
+def _entry(name: str, told: Mapping[str, Any], anchor: str) -> Entry:
+    return Entry(
+        name=name,
+        title=str(told.get("title") or name),
+        family=str(told.get("family") or ""),
+        language=str(told.get("language") or ""),
+        knows=_text(told.get("knows")),
+        parameters=told.get("parameters") or {},
+        agent_hash=str(told.get("agent_hash") or ""),
+        anchor=anchor,
+    )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str) or value is None:
+        return value or ""
+    return "+".join(map(str, value)) if isinstance(value, Sequence) else json.dumps(value)
+
+
+def _rows(table: pa.Table, entries: Sequence[Entry]) -> Rows:
+    columns = {name: _array(table.column(name)) for name in table.schema.names}
+    index = {entry.name: i for i, entry in enumerate(entries)}
+    keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
+    units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    return Rows(
+        columns=columns,
+        entry=np.array([index[name] for name in columns["entry"]], dtype=np.int64),
+        unit=np.array([units[key] for key in keys], dtype=np.int64),
+    )
+
+
+def _array(column: pa.ChunkedArray) -> NDArray[Any]:
+    values, kind = column.to_pylist(), column.type
+    if pa.types.is_string(kind):
+        return np.array([value or "" for value in values], dtype=object)
+    if pa.types.is_boolean(kind):
+        return np.array([bool(value) for value in values], dtype=np.bool_)
+    # A seed is a whole number of 64 bits: as a float it would lose its last digits.
+    if pa.types.is_integer(kind) and None not in values:
+        return np.array(values, dtype=np.int64)
+    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _codes(values: NDArray[Any]) -> Ints:
+    index: dict[Any, int] = {}
+    return np.array([index.setdefault(value, len(index)) for value in values.tolist()], dtype=np.int64)
+
+
+def _codes_of_pairs(a: Ints, b: Ints) -> Ints:
+    return _codes(a * (int(b.max(initial=0)) + 1) + b)
+
+
+def _maps(content: Mapping[str, Any], path: Path) -> tuple[RoomMap, ...]:
+    try:
+        return tuple(_map(told) for told in content.get("maps") or ())
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"{path}: expected maps of the rooms, was a damaged file. Take it from a copy.") from error
+
+
+def _map(told: Mapping[str, Any]) -> RoomMap:
+    nx, ny = (int(n) for n in told["shape"])
+    x_m, y_m = told["origin_m"][:2]
+    return RoomMap(
+        scenario=str(told["scenario"]),
+        varied=str(told.get("varied") or "{}"),
+        height_m=float(told["height_m"]),
+        origin_m=(float(x_m), float(y_m)),
+        cell_m=float(told["cell_m"]),
+        occupied=_grid(told["occupied"], np.dtype("u1"), (nx, ny)) > 0,
+        mean_gas_ppm=_optional_grid(told.get("mean_gas_ppm"), (nx, ny)),
+        intermittency=_optional_grid(told.get("intermittency"), (nx, ny)),
+        sources_m=tuple((float(x), float(y), float(z)) for x, y, z in told.get("sources_m") or ()),
+    )
+
+
+def _optional_grid(text: str | None, shape: tuple[int, int]) -> Floats | None:
+    return None if text is None else _grid(text, np.dtype("<f4"), shape).astype(np.float64)
+
+
+def _grid(text: str, dtype: np.dtype[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    return np.frombuffer(base64.b64decode(text, validate=True), dtype=dtype).reshape(shape)

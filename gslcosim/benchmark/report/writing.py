@@ -1,0 +1,37 @@
+"""The report of a folder of results: a page, tables, a leaderboard for machines, a summary, and pictures for papers."""
+
+import shlex
+from pathlib import Path
+
+from gslcosim.benchmark.report.analysis import analyse
+from gslcosim.benchmark.report.page import page_of
+from gslcosim.benchmark.report.reading import read_material
+from gslcosim.errors import UsageError
+
+PAGE = "report.html"
+
+
+def write_report(results_dir: Path, *, figures: bool = False) -> Path:
+    """Write the report of a folder of results into it, and return the page.
+
+    It writes `report.html`, `tables/*.csv`, `leaderboard.json` and `summary.md`; what stood there before is replaced.
+
+    Args:
+        results_dir: Folder with `manifest.json` and `trials.parquet`; `suite.yaml`, `maps.json` and `tracks.parquet`
+            add to the report where they are there.
+        figures: Whether to write `figures/*.svg` and `*.pdf` too, by matplotlib.
+
+    Raises:
+        UsageError: the folder holds no results, a file is damaged or cannot be written, or matplotlib is missing.
+    """
+    analysis = analyse(read_material(results_dir))
+    command = f"gslcosim bench show {shlex.quote(str(results_dir))} --trial "
+    page = results_dir / PAGE
+    try:
+        page.write_text(page_of(analysis, command), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"{results_dir}: expected a folder that can be written, was one that cannot ({error.strerror}). "
+            "Make room on the disk, or change its permissions."
+        ) from error
+    return page
