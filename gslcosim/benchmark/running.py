@@ -1,0 +1,49 @@
+"""A suite flown from Python, as `gslcosim bench run` does."""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from gslcosim.benchmark.execution.pool import LocalPool
+from gslcosim.benchmark.execution.running import Progress, Run
+from gslcosim.benchmark.execution.selection import Selection
+from gslcosim.benchmark.results import Results
+from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.suite.loading import LoadedSuite, load_suite
+from gslcosim.benchmark.suite.planning import plan_of
+
+
+def run(
+    suite: str | Path | LoadedSuite,
+    folder: str | Path,
+    *,
+    jobs: int | None = None,
+    only: Sequence[str] = (),
+    report: Callable[[Progress], None] = lambda _: None,
+) -> Results:
+    """Fly what is missing of a suite, and return all rows that there are.
+
+    Args:
+        suite: A file, the name of a bundled suite, or what `load_suite` returns.
+        folder: Where results go; the same call goes on where it stopped.
+        jobs: How many worker processes; one for each core if absent.
+        only: Which trials, as `--only` has it: `["entry=surge_*", "scenario=gsl_bench_3"]`.
+        report: Is told how it goes.
+
+    Raises:
+        ScenarioError: the suite is wrong.
+        UsageError: the folder cannot be used or written.
+        KeyboardInterrupt: it was interrupted; what was flown is kept.
+    """
+    loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite)
+    n_workers = jobs or os.cpu_count() or 1
+    summary = Run(
+        plan_of(loaded),
+        ResultsFolder(Path(folder)),
+        lambda: LocalPool(n_workers, loaded.suite.limits),
+        selection=Selection.of(only),
+        report=report,
+    ).fly()
+    if summary.is_interrupted:
+        raise KeyboardInterrupt
+    return Results.load(folder)
