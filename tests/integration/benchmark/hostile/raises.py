@@ -1,6 +1,5 @@
 """An agent that raises an error."""
 
-
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Briefing, Command, Observation
 
