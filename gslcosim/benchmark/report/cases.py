@@ -68,7 +68,9 @@ def case_grades(material: Material) -> tuple[CaseGrade, ...]:
         return ()
     successes, trials = _counts(material, cells, entries)
     fit = fit_rasch(successes, trials)
-    graded = grades(fit.difficulty) if np.ptp(fit.difficulty) > 0 else [""] * cells.size
+    # Equal cases differ in the last digits of the fit.
+    rounded = np.round(fit.difficulty, 6)
+    graded = grades(rounded) if np.ptp(rounded) > 0 else [""] * cells.size
     half = two_sided_z(0.95) * fit.difficulty_error
     found: list[CaseGrade] = []
     for k, cell in enumerate(cells.tolist()):

@@ -38,7 +38,7 @@ def one_digit(value: float) -> str:
 
 
 def told(estimate: Estimate, form: Format, *, unit: str = "") -> str:
-    """Return a figure with its interval: 67 (58 – 75) %."""
+    """Return a figure with its interval: 67 (58–75) %."""
     if math.isnan(estimate.value):
         return NONE
     return f"{value_of(estimate, form)}{interval_of(estimate, form, ' ({})')}{unit and ' ' + unit}"
@@ -53,7 +53,8 @@ def interval_of(estimate: Estimate, form: Format, frame: str = "{}") -> str:
     """Return the ends of its interval in a frame; empty where there is none."""
     if math.isnan(estimate.low) or math.isnan(estimate.high):
         return ""
-    return frame.format(" – ".join("∞" if math.isinf(end) else form(end) for end in (estimate.low, estimate.high)))
+    between = " to " if estimate.low < 0.0 else "–"
+    return frame.format(between.join("∞" if math.isinf(end) else form(end) for end in (estimate.low, estimate.high)))
 
 
 def duration(seconds: float) -> str:
@@ -66,5 +67,6 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
+# A true minus; none before zero.
 def _signed(text: str) -> str:
-    return text.replace("-", "−")
+    return text.replace("-", "−") if any(digit in text for digit in "123456789") else text.lstrip("+-")

@@ -112,10 +112,10 @@ def _figure(estimate: Estimate, form: formats.Format, n: int | None = None) -> M
 def _range(estimate: Estimate, look: Look) -> Markup:
     if math.isnan(estimate.value):
         return Markup("")
-    at = [2 + 86 * min(1.0, max(0.0, x)) for x in (estimate.low, estimate.value, estimate.high)]
+    at = [4 + 60 * min(1.0, max(0.0, x)) for x in (estimate.low, estimate.value, estimate.high)]
     low, value, high = (f"{x:.1f}" for x in (at if not math.isnan(at[0]) else [at[1]] * 3))
     return Markup(
-        '<svg width="90" height="14" viewBox="0 0 90 14" aria-hidden="true"><path class="axis" d="M2 12.5H88"/>'
+        '<svg width="68" height="14" viewBox="0 0 68 14" aria-hidden="true"><path class="axis" d="M4 12.5H64"/>'
         '<path d="M{}  6H{}" stroke="{}" stroke-width="3"/><circle cx="{}" cy="6" r="4" fill="{}"/></svg>'
     ).format(low, high, look.css, value, look.css)
 
@@ -216,6 +216,7 @@ def _room(room: Room) -> dict[str, Any]:
     return {
         "scenario": room.scenario, "label": room.label, "origin": room.origin_m, "extent": room.extent_m,
         "box": room.box_m, "sources": room.sources_m, "ppm": _number(room.greatest_ppm),
+        "height": None if room.height_m is None else _number(room.height_m),
         "shape": None if room.cells is None else room.cells.shape,
         "cells": None if room.cells is None else base64_of(room.cells),
     }  # fmt: skip

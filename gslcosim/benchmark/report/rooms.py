@@ -39,6 +39,7 @@ class Room:
     box_m: tuple[float, float, float, float]
     cells: NDArray[np.uint8] | None
     greatest_ppm: float
+    height_m: float | None
     sources_m: tuple[tuple[float, float], ...]
     rows: Ints
 
@@ -99,7 +100,7 @@ def _mapped(label: str, room: RoomMap, some: Ints) -> Room:
     return Room(
         scenario=room.scenario, label=label, origin_m=room.origin_m, extent_m=(nx * cell_m, ny * cell_m),
         box_m=(x0, y0, x0 + room.occupied.shape[0] * room.cell_m, y0 + room.occupied.shape[1] * room.cell_m),
-        cells=cells, greatest_ppm=greatest, sources_m=tuple((x, y) for x, y, _ in room.sources_m), rows=some,
+        cells=cells, greatest_ppm=greatest, height_m=room.height_m, sources_m=tuple((x, y) for x, y, _ in room.sources_m), rows=some,
     )  # fmt: skip
 
 
@@ -114,7 +115,7 @@ def _bare(material: Material, label: str, some: Ints) -> Room:
         scenario=str(rows["scenario"][some[0]]), label=label, origin_m=(float(low[0]), float(low[1])),
         extent_m=(float(high[0] - low[0]), float(high[1] - low[1])),
         box_m=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
-        cells=None, greatest_ppm=0.0, sources_m=tuple(sorted(sources)), rows=some,
+        cells=None, greatest_ppm=0.0, height_m=None, sources_m=tuple(sorted(sources)), rows=some,
     )  # fmt: skip
 
 

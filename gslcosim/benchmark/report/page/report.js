@@ -29,7 +29,7 @@
   const seconds = (v) => (v === null ? "–" : `${plain(v)} s`);
   const signed = (v) => (v === null ? "–" : (v > 0 ? "+" : v < 0 ? "−" : "±") + Math.abs(100 * v).toFixed(0));
   const FORMATS = { percent, plain, seconds, metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
-  const interval = (v, l, u, f) => (v === null ? "–" : l === null || u === null ? f(v) : `${f(v)} (${f(l)} – ${f(u)})`);
+  const interval = (v, l, u, f) => (v === null ? "–" : l === null || u === null ? f(v) : `${f(v)} (${f(l)} ${l < 0 || u < 0 ? "to" : "–"} ${f(u)})`);
   const estimate = (x, f) => (x ? interval(x[0], x[1], x[2], f) : "–");
 
   function ticks(min, max, count) {
@@ -72,7 +72,7 @@
 
   // ---------------------------------------------------------------- a table of a plot's figures
   function figuresTable(figure, heads, rows) {
-    let box = one("details.figures", figure.parentNode === null ? figure : figure);
+    let box = one("details.figures", figure);
     if (!box) {
       box = h("details", { class: "figures" }, h("summary", {}, "Figures"), h("div", { class: "scroll" }));
       figure.append(box);
@@ -217,7 +217,7 @@
 
   function timesChart(figure, rows) {
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
-    const width = Math.max(300, host.clientWidth || 600), narrow = width < 560, items = shown(rows);
+    const width = Math.max(300, host.clientWidth || 600), narrow = width < 560, items = D.order.filter((e) => state.on.has(e)).map((e) => rows.find((row) => row.e === e)).filter(Boolean);
     const rowHeight = narrow ? 54 : 42, m = { left: narrow ? 8 : 150, right: narrow ? 62 : 84, top: 6, bottom: 38 };
     const height = m.top + m.bottom + rowHeight * items.length, W = width - m.left - m.right;
     const X = (v) => m.left + (W * v) / D.limit;
@@ -225,13 +225,14 @@
     for (const v of ticks(0, D.limit, Math.max(3, Math.min(7, W / 80)))) svg.append(s("line", { class: "gridline", x1: X(v), x2: X(v), y1: m.top, y2: height - m.bottom }), s("text", { x: X(v), y: height - m.bottom + 16, "text-anchor": "middle" }, String(v)));
     svg.append(s("text", { x: m.left + W / 2, y: height - 5, "text-anchor": "middle" }, "time to the source [s]"));
     svg.append(s("text", { x: width - 2, y: height - m.bottom + 16, "text-anchor": "end" }, "not found"));
-    const most = Math.max(1, ...items.map((item) => Math.max(...item.bins) / Math.max(1, item.n)));
+    // The oracle's times lie so close together that beside it all others would be flat.
+    const tallest = (some) => Math.max(0, ...some.map((item) => Math.max(...item.bins) / Math.max(1, item.n)));
+    const scale = tallest(items.filter((item) => D.entries[item.e].c !== -1)) || tallest(items) || 1;
     items.forEach((item, k) => {
       const base = m.top + rowHeight * (k + 1) - 9, room = narrow ? 24 : 28, group = s("g");
-      const scale = Math.max(...items.map((other) => Math.max(...other.bins) / Math.max(1, other.n))) || 1;
       group.append(s("text", narrow ? { x: m.left, y: base - room - 4, class: "label ink" } : { x: m.left - 12, y: base - 4, class: "label ink", "text-anchor": "end" }, short(name(item.e), narrow ? 34 : 21)));
       const binWidth = W / item.bins.length;
-      item.bins.forEach((count, i) => { if (count) { const tall = (room * count) / Math.max(1, item.n) / scale; group.append(s("rect", { x: r1(m.left + i * binWidth + 0.5), width: r1(binWidth - 1), y: r1(base - tall), height: r1(tall), fill: color(item.e), "fill-opacity": 0.42 })); } });
+      item.bins.forEach((count, i) => { if (count) { const tall = Math.min(room, (room * count) / Math.max(1, item.n) / scale); group.append(s("rect", { x: r1(m.left + i * binWidth + 0.5), width: r1(binWidth - 1), y: r1(base - tall), height: r1(tall), fill: color(item.e), "fill-opacity": 0.42 })); } });
       group.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: base, y2: base }));
       const mean = item.rmst;
       if (mean && mean[0] !== null) group.append(s("line", { x1: X(mean[1] ?? mean[0]), x2: X(mean[2] ?? mean[0]), y1: base + 4, y2: base + 4, stroke: color(item.e), "stroke-width": 3 }), s("circle", { cx: X(mean[0]), cy: base + 4, r: 3.6, fill: color(item.e) }));
@@ -299,7 +300,7 @@
     const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label });
     svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
     const image = imageOf(room);
-    if (image) svg.append(s("image", { href: image, x: room.origin[0], y: y1 - room.origin[1] - room.extent[1], width: room.extent[0], height: room.extent[1], preserveAspectRatio: "none", style: "image-rendering:auto" }));
+    if (image) svg.append(s("image", { href: image, x: room.origin[0], y: y1 - room.origin[1] - room.extent[1], width: room.extent[0], height: room.extent[1], preserveAspectRatio: "none", style: "image-rendering:pixelated" }));
     return { svg, Y: (y) => y1 - y, unit: Math.max(w, t) / 100 };
   }
   function sourceMark(svg, room, Y, u) {
@@ -319,8 +320,9 @@
       const select = h("select", { "aria-label": "room" });
       for (const [room, i] of rooms) { const option = h("option", { value: i }, room.label); option.selected = i === pick; select.append(option); }
       select.addEventListener("change", () => { figure.pick = +select.value; roomPanels(figure, draw); one("select", host).focus(); });
-      nodes.push(h("div", { class: "pick" }, h("label", {}, "Room ", select), h("span", {}, `${rooms.length} rooms`)));
+      nodes.push(h("div", { class: "pick" }, h("label", {}, "Room ", select), roomNote(D.rooms[pick])));
     }
+    else if (pick >= 0) nodes.push(h("div", { class: "pick" }, roomNote(D.rooms[pick])));
     const grid = h("div", { class: "panels" });
     const order = D.order.filter((e) => state.on.has(e));
     const rows = [];
@@ -328,6 +330,10 @@
     nodes.push(grid);
     host.replaceChildren(...nodes);
     if (draw === startPanel) figuresTable(figure, ["start", "entry", "success", "n"], () => rows);
+  }
+  function roomNote(room) {
+    const [x0, y0, x1, y1] = room.box, size = `${plain(x1 - x0)} by ${plain(y1 - y0)} m`;
+    return h("span", {}, room.height === null ? `${size}, no plan` : `${size} at ${plain(room.height)} m height` + (room.ppm ? `; gas up to ${plain(room.ppm)} ppm on average` : ""));
   }
   function startPanel(room, index, e, rows) {
     const starts = D.starts.filter((item) => item[0] === index && item[1] === e);

@@ -178,7 +178,7 @@ def _track(plan, method, row, start_m, near, rng):
     goal = np.asarray(SOURCE_M[:2]) + (0.3 if row["success"] else rng.uniform(2, 9, 2) * (1, 1))
     way = np.asarray(start_m) + np.linspace(0, 1, n)[:, None] * (goal - start_m)
     noise = np.cumsum(rng.normal(0, 0.0 if method == ORACLE else 0.35, (n, 2)), axis=0)
-    noise -= np.linspace(0, 1, n)[:, None] * noise[-1]
+    noise -= noise[0] + np.linspace(0, 1, n)[:, None] * (noise[-1] - noise[0])
     xy = np.clip(way + noise, 0.3, ROOM_M - 0.3)
     distance_m = np.hypot(*(xy - SOURCE_M[:2]).T)
     gas = np.zeros(n) if row["is_control"] else _gas_ppm(xy[:, 0], xy[:, 1])
