@@ -1,6 +1,7 @@
 """An agent that takes its process with it."""
 
 import os
+import sys
 
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Briefing, Command, Observation
@@ -14,5 +15,6 @@ class Crashes(Agent):
 
     def decide(self, observation: Observation) -> Command:
         """Answer badly."""
-        print("these are my last words", flush=True)
+        sys.stdout.write("these are my last words\n")
+        sys.stdout.flush()
         os._exit(7)

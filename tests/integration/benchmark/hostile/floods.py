@@ -1,5 +1,7 @@
 """An agent that never stops printing."""
 
+import sys
+
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Briefing, Command, Observation
 
@@ -13,5 +15,5 @@ class Floods(Agent):
     def decide(self, observation: Observation) -> Command:
         """Answer badly."""
         for _ in range(2000):
-            print("flood " * 200)
+            sys.stdout.write("flood " * 200)
         return Command(tick=observation.tick, kind="hold", hold_s=1.0)
