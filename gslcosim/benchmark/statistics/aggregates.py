@@ -4,7 +4,6 @@ A statistic here takes values in its last axis, so that it works on one sample a
 from (..., m) to (...). `mean`, `interquartile_mean` and `optimality_gap` are such statistics.
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -204,9 +203,7 @@ def probability_of_improvement(
         counts_a = np.concatenate(list(draw_counts(here_a.size, seed=generator, n_draws=n_draws)))
         counts_b = np.concatenate(list(draw_counts(here_b.size, seed=generator, n_draws=n_draws)))
         draws += _win_share(here_a, here_b, counts_a, counts_b)
-    if n == 2 * common.size:
-        return Estimate(value / common.size, math.nan, math.nan, n)
-    low, high = percentile_interval(draws / common.size, level)
+    low, high = percentile_interval(draws / common.size, level, n - 2 * common.size)
     return Estimate(value / common.size, low, high, n)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslcosim.benchmark.statistics.special import normal_tail, student_quantile
 from gslcosim.errors import ShapeError
 
 LEVEL = 0.95
@@ -48,22 +49,27 @@ def generator_of(seed: Seed) -> np.random.Generator:
     return seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
 
 
-def percentile_interval(draws: np.ndarray, level: float = LEVEL) -> tuple[float, float]:
-    """Return the ends of the percentile bootstrap interval.
+def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | None = None) -> tuple[float, float]:
+    """Return the ends of the expanded percentile bootstrap interval.
 
+    They leave Phi(-t) of the draws on each side, t Student's quantile: what 0.025 of Student's distribution is in the
+    normal one. So few trials get the wider interval that they deserve; with many it is the plain percentile interval.
     The ends are values that were drawn, never something between two of them, so infinite draws are allowed.
 
     Args:
         draws: (n_draws,) the statistic of each bootstrap sample; nan (undefined in that sample) is left out.
         level: Confidence level, 0 to 1.
+        freedom: Degrees of freedom of the spread; 0: nothing is known of it, so no interval. None: endless.
 
     Source:
-        Efron and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3.
+        Hesterberg 2015, What teachers should know about the bootstrap, doi:10.1080/00031305.2015.1089789;
+        its factor sqrt(n / (n - 1)) is not needed with draws of one less than there are.
     """
     known = np.sort(draws[~np.isnan(draws)])
-    if known.size == 0:
+    if known.size == 0 or freedom == 0:
         return math.nan, math.nan
-    tail = math.floor((1.0 - level) / 2.0 * known.size)
+    share = (1.0 - level) / 2.0 if freedom is None else normal_tail(student_quantile(0.5 + level / 2.0, freedom))
+    tail = math.floor(share * known.size)
     return float(known[tail]), float(known[known.size - 1 - tail])
 
 

@@ -4,9 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.benchmark.statistics.estimates import LEVEL, N_DRAWS, SEED, Seed, check_same_length, numbers
+from gslcosim.benchmark.statistics.estimates import (
+    LEVEL,
+    N_DRAWS,
+    SEED,
+    Seed,
+    check_same_length,
+    numbers,
+    percentile_interval,
+)
 from gslcosim.benchmark.statistics.rates import wilson
-from gslcosim.benchmark.statistics.resampling import draw_counts, shows_spread
+from gslcosim.benchmark.statistics.resampling import draw_counts, freedom_of
 from gslcosim.benchmark.statistics.times import Curve
 from gslcosim.errors import ShapeError
 
@@ -105,15 +113,12 @@ def runtime_distribution(
         unknown = np.full(at_s.shape, np.nan)
         return Curve(at_s, unknown, unknown, unknown, 0)
     met = (times_s[:, :, None] <= at_s).mean(axis=1)
-    if not shows_spread(n, clusters=clusters):
-        unknown = np.full(at_s.shape, np.nan)
-        return Curve(at_s, met.mean(axis=0), unknown, unknown, n)
     draws = np.concatenate(
         [
             counts @ met / counts.sum(axis=1, keepdims=True)
             for counts in draw_counts(n, clusters=clusters, seed=seed, n_draws=n_draws)
         ]
     )
-    draws.sort(axis=0)
-    tail = int((1.0 - level) / 2.0 * n_draws)
-    return Curve(at_s, met.mean(axis=0), draws[tail], draws[n_draws - 1 - tail], n)
+    freedom = freedom_of(n, clusters=clusters)
+    low, high = np.array([percentile_interval(at_once, level, freedom) for at_once in draws.T]).reshape(-1, 2).T
+    return Curve(at_s, met.mean(axis=0), low, high, n)

@@ -17,7 +17,7 @@ from gslcosim.benchmark.statistics.estimates import (
     percentile_interval,
 )
 from gslcosim.benchmark.statistics.pairs import N_FLIPS, holm, sign_flips
-from gslcosim.benchmark.statistics.resampling import draw_counts, shows_spread
+from gslcosim.benchmark.statistics.resampling import draw_counts, freedom_of
 from gslcosim.errors import ShapeError
 
 
@@ -210,9 +210,17 @@ def _means(
             draws.append(counts @ filled / weight)
         values = filled.sum(axis=0) / n_known
     drawn = np.concatenate(draws)
-    if not shows_spread(n, strata=strata, clusters=clusters):
-        drawn[:] = np.nan
-    return [
-        Estimate(float(value), *percentile_interval(drawn[:, i], level), int(n_known[i]))
-        for i, value in enumerate(values)
-    ]
+    freedom_of_all = freedom_of(n, strata=strata, clusters=clusters)
+    estimates = []
+    for i, value in enumerate(values):
+        freedom = freedom_of_all if n_known[i] == n else _freedom_of_known(known[:, i], strata, clusters)
+        estimates.append(Estimate(float(value), *percentile_interval(drawn[:, i], level, freedom), int(n_known[i])))
+    return estimates
+
+
+def _freedom_of_known(known: np.ndarray, strata: np.ndarray | None, clusters: np.ndarray | None) -> int:
+    return freedom_of(
+        int(known.sum()),
+        strata=None if strata is None else np.asarray(strata)[known],
+        clusters=None if clusters is None else np.asarray(clusters)[known],
+    )

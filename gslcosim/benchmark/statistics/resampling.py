@@ -48,11 +48,9 @@ def bootstrap(
     if n == 0:
         return UNDEFINED
     value = float(statistic(np.arange(n)[None, :])[0])
-    if not shows_spread(n, strata=strata, clusters=clusters):
-        return Estimate(value, math.nan, math.nan, n)
     chunks = row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws)
     draws = np.concatenate([np.asarray(statistic(rows), dtype=np.float64) for rows in chunks])
-    return Estimate(value, *percentile_interval(draws, level), n)
+    return Estimate(value, *percentile_interval(draws, level, freedom_of(n, strata=strata, clusters=clusters)), n)
 
 
 def row_draws(
@@ -91,9 +89,9 @@ def row_draws(
         yield from _unequal_clusters(groups, rng, n_draws)
 
 
-def shows_spread(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> bool:
-    """Return whether any stratum has two clusters (or rows) or more: else there is no interval."""
-    return any(len(group) > 1 for group in _groups(n, strata, clusters))
+def freedom_of(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> int:
+    """Return the degrees of freedom of the spread: clusters (or rows) less strata; 0 where no spread can be seen."""
+    return sum(max(len(group) - 1, 0) for group in _groups(n, strata, clusters))
 
 
 def draw_counts(

@@ -18,6 +18,13 @@ def test_percentile_interval_of_evenly_spaced_draws():
     assert percentile_interval(np.arange(1000.0)[::-1]) == (25.0, 974.0)
 
 
+def test_percentile_interval_of_few_trials_is_wider():
+    """Hesterberg 2015: for ten values 1.2 % of the draws are left on each side in place of 2.5 %."""
+    assert percentile_interval(np.arange(10_000.0), freedom=9) == (118.0, 9881.0)
+    assert percentile_interval(np.arange(1000.0), freedom=10**6) == pytest.approx((25.0, 974.0), abs=1.0)
+    assert math.isnan(percentile_interval(np.arange(10.0), freedom=0)[0])
+
+
 def test_percentile_interval_takes_infinite_draws_and_leaves_out_undefined_ones():
     draws = np.array([1.0] * 50 + [math.inf] * 50 + [math.nan] * 7)
     assert percentile_interval(draws) == (1.0, math.inf)
