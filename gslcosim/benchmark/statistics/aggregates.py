@@ -92,7 +92,7 @@ def stratified_bootstrap(
         ShapeError: lengths differ, or a value is not finite.
 
     Source:
-        Agarwal et al. 2021, arXiv:2108.13264, section 4.2; percentile interval.
+        Agarwal et al. 2021, arXiv:2108.13264; percentile interval.
     Held by:
         tests/unit/benchmark/statistics/test_aggregates.py, test_simulated_entries.py (coverage)
     """
@@ -184,7 +184,7 @@ def probability_of_improvement(
         The estimate; n counts the trials of both in common cells.
 
     Source:
-        Agarwal et al. 2021, arXiv:2108.13264, section 4.3.
+        Agarwal et al. 2021, arXiv:2108.13264.
     """
     a, b = numbers(a, "a"), numbers(b, "b")
     cells_a = np.zeros(a.size) if strata_a is None else np.asarray(strata_a)

@@ -178,7 +178,7 @@ def wind_difficulty(direction_rad: np.ndarray) -> float:
         0 to 1; nan without directions.
 
     Source:
-        Mardia 1972, Statistics of Directional Data, section 2.3.
+        Mardia 1972, Statistics of Directional Data.
     """
     direction_rad = numbers(direction_rad, "direction_rad")
     if direction_rad.size == 0:

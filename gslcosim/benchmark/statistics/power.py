@@ -21,7 +21,7 @@ def n_for_power(p1: float, p2: float, power: float = 0.8, level: float = 0.05) -
         UsageError: the rates are equal or not rates.
 
     Source:
-        Fleiss, Levin and Paik 2003, Statistical Methods for Rates and Proportions, equation 4.14.
+        Fleiss, Levin and Paik 2003, Statistical Methods for Rates and Proportions, chapter 4.
     """
     _check_rates(p1, p2)
     mean = (p1 + p2) / 2.0

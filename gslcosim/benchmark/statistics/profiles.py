@@ -103,7 +103,7 @@ def runtime_distribution(
         ShapeError: not two dimensions.
 
     Source:
-        Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977, section 5, without simulated restarts.
+        Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977, without simulated restarts.
     """
     times_s, at_s = np.asarray(times_s, dtype=np.float64), np.asarray(at_s, dtype=np.float64)
     if times_s.ndim != 2:

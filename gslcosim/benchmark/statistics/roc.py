@@ -49,7 +49,7 @@ def roc(score: np.ndarray, is_positive: np.ndarray, level: float = LEVEL) -> Roc
 
     Source:
         Fawcett 2006, doi:10.1016/j.patrec.2005.10.010 (curve); DeLong, DeLong and Clarke-Pearson 1988,
-        doi:10.2307/2531595 (variance); Pepe 2003, section 5.2 (logit scale);
+        doi:10.2307/2531595 (variance); Pepe 2003 (logit scale);
         Newcombe 2006, doi:10.1002/sim.2324, method 5.
     """
     score, is_positive = numbers(score, "score"), np.asarray(is_positive, dtype=bool)

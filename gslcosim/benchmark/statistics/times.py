@@ -61,7 +61,7 @@ def kaplan_meier(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray, leve
         The curve; nan without trials.
 
     Source:
-        Kaplan and Meier 1958, doi:10.1080/01621459.1958.10501452; band: Kalbfleisch and Prentice 1980, section 1.3.
+        Kaplan and Meier 1958, doi:10.1080/01621459.1958.10501452; band: Kalbfleisch and Prentice 1980.
     Deviation:
         Where none or all have reached, the log(-log) form is undefined: Wilson's interval of so many trials.
     Held by:
@@ -236,7 +236,7 @@ def expected_running_time(
         n_draws: Bootstrap samples.
 
     Source:
-        Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977, section 4.
+        Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977.
     """
     time_s, reached = _trials(numbers(time_s, "time_s"), reached)
 

@@ -24,7 +24,7 @@ def pairs_of(both, only_a, only_b, none):
     ],
 )
 def test_difference_of_newcombe_1998(counts, ends):
-    """Newcombe 1998, table II, method 10."""
+    """Newcombe 1998, method 10."""
     ours = difference_of_rates(*counts)
     assert (ours.low, ours.high) == pytest.approx(ends, abs=6e-5)
 
@@ -41,7 +41,7 @@ def test_difference_agrees_with_statsmodels():
     [((36, 12, 2, 0), (0.0569, 0.3404), 4), ((1, 1, 7, 12), (-0.507, -0.026), 3)],
 )
 def test_published_paired_differences(table, ends, digits):
-    """Newcombe 1998 (paired data), table III, method 10; Fagerland et al. 2014, airway data of Bentur et al."""
+    """Newcombe 1998 (paired data), method 10; Fagerland et al. 2014, airway data of Bentur et al."""
     ours = paired_difference_of_rates(*pairs_of(*table))
     assert (ours.low, ours.high) == pytest.approx(ends, abs=0.6 * 10.0**-digits)
 

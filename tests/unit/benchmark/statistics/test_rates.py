@@ -37,7 +37,7 @@ def test_wilson_of_the_thesis_bars(successes, low, high):
 
 
 def test_wilson_of_newcombe_1998():
-    """Newcombe 1998, Statistics in Medicine 17, 857, table I, method 3."""
+    """Newcombe 1998, Statistics in Medicine 17, 857, method 3."""
     published = {
         (81, 263): (0.2553, 0.3662),
         (15, 148): (0.0624, 0.1605),

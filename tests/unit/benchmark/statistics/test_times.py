@@ -32,7 +32,7 @@ def flights(n=60, seed=0, mean_s=250.0):
 
 
 def test_kaplan_meier_of_the_leukaemia_trial():
-    """S and its standard error as published for 6-MP: Kleinbaum and Klein 2012, table 2.3; 6: 0.857, 23: 0.448."""
+    """S as published for 6-MP (Kleinbaum and Klein 2012); at 6: 0.857, 23: 0.448."""
     curve = kaplan_meier(MP_WEEKS, MP_ENDED, np.array([0.0, 5.9, 6.0, 7, 10, 13, 16, 22, 23, 35]))
     published = [1.0, 1.0, 0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448, 0.448]
     assert curve.value == pytest.approx(published, abs=6e-4)
@@ -158,7 +158,7 @@ def test_mean_of_successes_leaves_failures_out():
 
 
 def test_log_rank_of_the_leukaemia_trial():
-    """Kleinbaum and Klein 2012, section 2.4: chi-square 16.79."""
+    """Kleinbaum and Klein 2012: chi-square 16.79."""
     ended = np.ones(21, dtype=bool)
     p = log_rank(MP_WEEKS, MP_ENDED, PLACEBO_WEEKS, ended)
     assert p == pytest.approx(stats.chi2.sf(16.79, 1), rel=5e-3)
