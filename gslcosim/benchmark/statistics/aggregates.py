@@ -92,7 +92,7 @@ def stratified_bootstrap(
         ShapeError: lengths differ, or a value is not finite.
 
     Source:
-        Agarwal et al. 2021, arXiv:2108.13264; percentile interval.
+        Agarwal et al. 2021, arXiv:2108.13264, with the ends of `estimates.percentile_interval`.
     Held by:
         tests/unit/benchmark/statistics/test_aggregates.py, test_simulated_entries.py (coverage)
     """

@@ -156,7 +156,7 @@ def plume_legibility(upwind_gradient: np.ndarray, gas_free_frac: np.ndarray) -> 
         0 to 1; nan without points.
 
     Source:
-        methods.md section 18, its intermittency factor being the share of time without gas.
+        Chosen.
     """
     upwind_gradient = numbers(upwind_gradient, "upwind_gradient")
     gas_free_frac = numbers(gas_free_frac, "gas_free_frac")

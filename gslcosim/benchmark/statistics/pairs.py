@@ -94,7 +94,7 @@ def paired_difference(
         ShapeError: the lengths differ, or a value is not finite.
 
     Source:
-        Efron and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3 (percentile interval).
+        Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13, with the ends of `estimates.percentile_interval`.
     """
     difference = _differences(a, b)
     return bootstrap(
@@ -239,7 +239,7 @@ def probability_better(
         ShapeError: the lengths differ.
 
     Source:
-        methods.md section 16; the paired form of Vargha and Delaney 2000, doi:10.3102/10769986025002101.
+        The paired form of Vargha and Delaney 2000, doi:10.3102/10769986025002101.
     """
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     check_same_length(a=a, b=b)

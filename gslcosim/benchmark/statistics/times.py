@@ -98,7 +98,7 @@ def cumulative_success(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray
         level: Confidence level, 0 to 1.
 
     Source:
-        methods.md section 16, after Aalen and Johansen 1978: an early end is a competing event, not a censoring.
+        Aalen and Johansen 1978: an early end is a competing event, not a censoring.
     """
     time_s, reached = _trials(time_s, reached)
     for_ever = np.where(reached, time_s, math.inf)
