@@ -94,7 +94,7 @@ def paired_difference(
         ShapeError: the lengths differ, or a value is not finite.
 
     Source:
-        Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13, with the ends of `estimates.percentile_interval`.
+        Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13; ends: `estimates.percentile_interval`.
     """
     difference = _differences(a, b)
     return bootstrap(
