@@ -152,8 +152,8 @@ def test_rates_of_cells_cover_their_mean():
     rng = np.random.default_rng(8)
     p = rng.beta(1.0, 2.0, 54)
     cells = np.repeat(np.arange(54), 5)
-    estimates = [bootstrap_of_cells(rng.random(270) < p[cells], cells, n_draws=300) for _ in range(200)]
-    assert within_error(coverage(estimates, p.mean()), 0.95, 200, more=0.005)
+    estimates = [bootstrap_of_cells(rng.random(270) < p[cells], cells, n_draws=200) for _ in range(150)]
+    assert within_error(coverage(estimates, p.mean()), 0.95, 150, more=0.005)
 
 
 @pytest.mark.parametrize(("p_success", "p_luck"), [(0.6, 0.2), (0.95, 0.15), (0.2, 0.2)])
@@ -243,7 +243,7 @@ def test_signed_ranks_have_their_level():
 
 def test_holm_keeps_false_findings_among_many_tests_at_5_percent():
     """Ten methods against a baseline, none of them better; without correction four in ten reports find one."""
-    n, k, reports = 40, 10, 400
+    n, k, reports = 40, 10, 300
     rng = np.random.default_rng(17)
     entries = rng.normal(size=(n, k + 1, reports))
     p = sign_flips((entries[:, 1:] - entries[:, :1]).reshape(n, -1), n_flips=2000).reshape(k, reports)
