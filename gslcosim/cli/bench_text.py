@@ -48,6 +48,7 @@ def plan_fields(plan: "Plan", selection: "Selection", *, n_workers: int) -> dict
         "entries": dict(Counter(trial.entry for trial in trials)),
         "scenarios": dict(Counter(trial.scenario for trial in trials)),
         "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
+        "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
         "most_simulated_h": round(plan.sim_s * share / 3600, 2),
         "expected_flying_s": round(flying_s),
         "expected_preparing_s": round(preparing_s),
@@ -71,6 +72,10 @@ def plan_text(plan: "Plan", fields: dict[str, Any]) -> str:
         f"Flown: at most {fields['most_simulated_h']:g} h of simulated time, about "
         f"{_duration(fields['expected_flying_s'])} with {fields['n_workers']} workers, "
         f"{fields['expected_disk_mb']:g} MB",
+    ]
+    lines += [
+        f"Moved: the start of {each['agent']} in {each['case']}, from {each['from_m']} to {each['to_m']} m"
+        for each in fields["moved"]
     ]
     if fields["dropped"]:
         lines.append(f"Left out: {len(fields['dropped'])} combinations that are no case:")

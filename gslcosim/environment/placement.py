@@ -189,7 +189,7 @@ def _problem_of_start(vehicle: VehicleSpec, room: Room | Environment, path: str)
             f"from the start up to its search height of {vehicle.search_height_m:g} m"
         )
         found = f"{', '.join(hits)} in it"
-    free_m = _nearest_start_m(vehicle, room)
+    free_m = nearest_start_m(vehicle, room)
     return Problem(
         path=path,
         expected=expected,
@@ -216,7 +216,8 @@ def _boxes_in_the_way(starts_m: NDArray[np.float64], vehicle: VehicleSpec, room:
     return hits
 
 
-def _nearest_start_m(vehicle: VehicleSpec, room: Room | Environment) -> Vec3 | None:
+def nearest_start_m(vehicle: VehicleSpec, room: Room | Environment) -> Vec3 | None:
+    """Return the place nearest to a vehicle's start, at the same height, where it could start; nothing without one."""
     start_m = np.asarray(vehicle.start_m)
     for candidates_m, reach_m in _growing_surroundings(vehicle.start_m, room, is_level=True):
         # At the height that was asked for, where it is a height in the room.

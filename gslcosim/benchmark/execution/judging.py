@@ -118,7 +118,8 @@ def row_of(trial: Trial, environment_hash: str, outcome: Outcome, watch: Watch) 
         time_s=time_s,
         limit_s=row["time_limit_s"],
         n_false_declarations=row["n_false_declarations"],
-        n_collisions=row["n_collisions"],
+        # Where a scenario lets vehicles go on after a collision, it is no offence either.
+        n_collisions=row["n_collisions"] if trial.resolved.referee.stop.on_collision else 0,
     )
     return row
 

@@ -361,6 +361,7 @@ class Run:
             "n_planned": len(plan.trials),
             "n_dropped": len(plan.dropped),
             "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
+            "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
             "anchors": {side: name for side, name in anchors.items() if name in names},
             "wall": _totals(sessions),
             "sessions": sessions,

@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.benchmark.suite.models import EntrySpec
+from gslcosim.environment.model import Environment
 from gslcosim.environment.placement import can_start_at
+from gslcosim.environment.room import Room
 from gslcosim.environment.sources import folder_of, room_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ScenarioError
@@ -157,13 +159,17 @@ def _others(
         }
 
 
+def room_in(scenario: Scenario, scenario_dir: Path) -> Room | Environment:
+    """Return the room of a scenario, without solving its wind."""
+    spec = scenario.environment
+    if spec.path is None:
+        return room_of(spec, scenario.wind, scenario_dir=scenario_dir)
+    return load_environment(folder_of(spec, scenario_dir))
+
+
 # Places on rings around the first robot's, the nearest first.
 def _starts_around(scenario: Scenario, n: int, scenario_dir: Path) -> list[tuple[float, float, float]]:
-    spec, vehicle = scenario.environment, scenario.agents[0].vehicle
-    if spec.path is None:
-        room = room_of(spec, scenario.wind, scenario_dir=scenario_dir)
-    else:
-        room = load_environment(folder_of(spec, scenario_dir))
+    vehicle, room = scenario.agents[0].vehicle, room_in(scenario, scenario_dir)
     x_m, y_m, z_m = vehicle.start_m
     found = [vehicle.start_m]
     for ring in range(1, _MOST_RINGS):

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.scenario.models import KnowledgeSpec, SensorSpec, StartSpec
 from gslcosim.scenario.rules import broken_rule
-from gslcosim.scenario.spec import Name, Positive, Spec
+from gslcosim.scenario.spec import Name, NonNegative, Positive, Spec
 
 SCHEMA = "gslcosim/suite/1"
 LOWER_ANCHOR, UPPER_ANCHOR = "oracle", "random_walker"
@@ -121,6 +121,7 @@ class Suite(Spec):
     set: Values = {}  # noqa: RUF012 - as above
     vary: tuple[dict[str, DrawSpec | Annotated[tuple[Any, ...], Field(min_length=1)]], ...] = ()
     when: Literal["places_are_free"] | None = None
+    move_starts_up_to_m: NonNegative = 0.0
     repetitions: Annotated[int, Field(ge=1, le=100_000)] = 1
     gas_seeds: Annotated[int, Field(ge=1, le=100_000)] | None = None
     entries: tuple[EntrySpec, ...] = ()

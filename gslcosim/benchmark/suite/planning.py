@@ -2,19 +2,20 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gslcosim.benchmark.suite.equipping import card_of, with_entry, without_gas
+from gslcosim.benchmark.suite.equipping import card_of, room_in, with_entry, without_gas
 from gslcosim.benchmark.suite.expanding import cases_of
 from gslcosim.benchmark.suite.identity import agent_hash, case_hash, software_hash, trial_id
 from gslcosim.benchmark.suite.loading import LoadedSuite
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.benchmark.suite.seeds import seed_of
-from gslcosim.benchmark.suite.trials import Case, Dropped, Trial
-from gslcosim.environment.placement import problems_of_places
+from gslcosim.benchmark.suite.trials import Case, Dropped, Moved, Trial
+from gslcosim.environment.placement import can_start_at, nearest_start_m, problems_of_places
 from gslcosim.environment.random_places import draw_places
 from gslcosim.environment.sources import folder_of
 from gslcosim.environment.store import load_environment
@@ -52,6 +53,7 @@ class Plan:
     cases: tuple[Case, ...]
     trials: tuple[Trial, ...]
     dropped: tuple[Dropped, ...]
+    moved: tuple[Moved, ...]
     entries: tuple[PlannedEntry, ...]
     rooms: Mapping[str, Trial]
     tapes: Mapping[str, Trial]
@@ -98,6 +100,7 @@ def plan_of(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan
         cases=tuple(cases),
         trials=tuple(trials),
         dropped=tuple(dropped),
+        moved=tuple(planner.moved),
         entries=tuple(planner.entries.values()),
         rooms=_firsts(trials, lambda trial: trial.room),
         tapes=_firsts(trials, lambda trial: trial.tape),
@@ -111,6 +114,7 @@ class _Planner:
 
     def __init__(self) -> None:
         self.entries: dict[str, PlannedEntry] = {}
+        self.moved: list[Moved] = []
         self._rooms: dict[str, str] = {}
 
     def trials_of(
@@ -124,6 +128,7 @@ class _Planner:
             seed = seed_of(case.suite_seed, case.name, repetition)
             if resolved is None or resolved.has_random_places:
                 scenario, directory = _load(case, seed)
+                scenario = self._with_free_starts(case, scenario, directory, owner.suite.move_starts_up_to_m)
                 if problems := problems_of_places(scenario, scenario_dir=directory):
                     if owner.suite.when == "places_are_free":
                         return Dropped(case=case.name, reason=_text_of(problems[0]))
@@ -189,6 +194,21 @@ class _Planner:
                 "was several. List the entries in the outer suite."
             )
         return planned
+
+    def _with_free_starts(self, case: Case, scenario: Scenario, directory: Path, up_to_m: float) -> Scenario:
+        if not up_to_m:
+            return scenario
+        room, agents = room_in(scenario, directory), list(scenario.agents)
+        for i, agent in enumerate(agents):
+            start_m = agent.vehicle.start_m
+            if can_start_at(start_m, agent.vehicle, room):
+                continue
+            to_m = nearest_start_m(agent.vehicle, room)
+            if to_m is not None and math.dist(start_m, to_m) <= up_to_m:
+                vehicle = agent.vehicle.model_copy(update={"start_m": to_m})
+                agents[i] = agent.model_copy(update={"vehicle": vehicle})
+                self.moved.append(Moved(case=case.name, agent=agent.name, from_m=start_m, to_m=to_m))
+        return scenario.model_copy(update={"agents": tuple(agents)})
 
     def _room_key(self, scenario: Scenario, directory: Path) -> str:
         environment, wind = scenario.environment, scenario.wind

@@ -43,6 +43,16 @@ class Dropped:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Moved:
+    """A start that was not free and has been moved, world frame [m]."""
+
+    case: str
+    agent: str
+    from_m: tuple[float, float, float]
+    to_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Trial:
     """One flight of one entry in one case: everything that a worker needs, as plain data.
 

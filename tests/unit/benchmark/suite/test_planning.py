@@ -104,6 +104,16 @@ def test_places_that_are_not_free_are_errors_unless_they_are_to_be_left_out(tmp_
     assert "start_m" in dropped.reason
 
 
+def test_a_start_that_is_not_free_may_be_moved_a_little(tmp_path: Path) -> None:
+    text = "scenarios: [tiny_room]\nset: {'agents[0].vehicle.start_m': [0.2, 2.5, 0.2]}\n" + ONE_ENTRY
+    with pytest.raises(ScenarioError, match="start_m"):
+        planned(tmp_path, text + "move_starts_up_to_m: 0.05\n")
+    plan = planned(tmp_path, text + "move_starts_up_to_m: 0.5\n")
+    (moved,) = plan.moved
+    assert moved.from_m == (0.2, 2.5, 0.2)
+    assert plan.trials[0].resolved.agents[0].vehicle.start_m == moved.to_m != moved.from_m
+
+
 def test_an_included_suite_brings_its_cases_and_the_outer_one_its_entries(tmp_path: Path) -> None:
     plan = planned(tmp_path, "include: [smoke]\n" + ONE_ENTRY)
     smoke = plan_of(load_suite("smoke"))
