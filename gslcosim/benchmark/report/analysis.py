@@ -128,9 +128,7 @@ def _parts(material: Material) -> list[tuple[str, str, str, Flags]]:
     return [part for part in parts if not ((mark := part[3].tobytes()) in known or known.add(mark))]
 
 
-def _view(
-    material: Material, within: Flags, *, key: str, label: str, kind: str, tracks: BeliefTracks | None
-) -> View:
+def _view(material: Material, within: Flags, *, key: str, label: str, kind: str, tracks: BeliefTracks | None) -> View:
     rows = material.rows
     standings = standings_of(material, within)
     return View(

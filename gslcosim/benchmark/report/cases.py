@@ -94,9 +94,10 @@ def _counts(material: Material, cells: Ints, entries: Sequence[int]) -> tuple[In
     successes, trials = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     chosen = np.flatnonzero(~rows.is_control & np.isin(rows.entry, entries))
     column = {entry: k for k, entry in enumerate(entries)}
-    place = (np.searchsorted(cells, rows.cells[chosen]), [column[i] for i in rows.entry[chosen].tolist()])
-    np.add.at(trials, place, 1)
-    np.add.at(successes, place, rows["success"][chosen])
+    of_entry = np.array([column[i] for i in rows.entry[chosen].tolist()], dtype=np.int64)
+    place = np.searchsorted(cells, rows.cells[chosen]) * len(entries) + of_entry
+    np.add.at(trials.reshape(-1), place, 1)
+    np.add.at(successes.reshape(-1), place, rows["success"][chosen].astype(np.int64))
     return successes, trials
 
 

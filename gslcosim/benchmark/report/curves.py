@@ -249,16 +249,14 @@ def _held(at_s: Floats, t_s: Floats, values: Floats) -> Floats:
 
 
 def beliefs(material: Material, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[Line, ...]]:
-    """Return the means of `mass` (within the radius) and `distance` [m] over time; times at which half lack one are nan."""
+    """Return the means of `mass` (within the radius) and `distance` [m] over time; nan where half have none yet."""
     return {
         "mass": _belief_lines(material, within, tracks.at_s, tracks.mass_near),
         "distance": _belief_lines(material, within, tracks.at_s, tracks.distance_m),
     }
 
 
-def _belief_lines(
-    material: Material, within: Flags, at_s: Floats, series: Mapping[int, Floats]
-) -> tuple[Line, ...]:
+def _belief_lines(material: Material, within: Flags, at_s: Floats, series: Mapping[int, Floats]) -> tuple[Line, ...]:
     lines: list[Line] = []
     for entry, some in flights(material, within):
         having = np.array([i for i in some.tolist() if i in series], dtype=np.int64)

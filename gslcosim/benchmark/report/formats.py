@@ -5,8 +5,10 @@ from collections.abc import Callable
 
 from gslcosim.benchmark.statistics.estimates import Estimate
 
-NONE = "–"
+NONE = "\N{EN DASH}"
 """What stands where nothing can be said."""
+
+_MINUS = "\N{MINUS SIGN}"
 
 Format = Callable[[float], str]
 
@@ -38,7 +40,7 @@ def one_digit(value: float) -> str:
 
 
 def told(estimate: Estimate, form: Format, *, unit: str = "") -> str:
-    """Return a figure with its interval: 67 (58–75) %."""
+    """Return a figure with its interval: 67 (58 to 75) %."""
     if math.isnan(estimate.value):
         return NONE
     return f"{value_of(estimate, form)}{interval_of(estimate, form, ' ({})')}{unit and ' ' + unit}"
@@ -53,8 +55,10 @@ def interval_of(estimate: Estimate, form: Format, frame: str = "{}") -> str:
     """Return the ends of its interval in a frame; empty where there is none."""
     if math.isnan(estimate.low) or math.isnan(estimate.high):
         return ""
-    between = " to " if estimate.low < 0.0 else "–"
-    return frame.format(between.join("∞" if math.isinf(end) else form(end) for end in (estimate.low, estimate.high)))
+    low, high = ("∞" if math.isinf(end) else form(end) for end in (estimate.low, estimate.high))
+    # A dash between signs is hard to read.
+    between = " to " if {low[0], high[0]} & {"+", _MINUS} else NONE
+    return frame.format(low + between + high)
 
 
 def duration(seconds: float) -> str:
@@ -69,4 +73,4 @@ def duration(seconds: float) -> str:
 
 # A true minus; none before zero.
 def _signed(text: str) -> str:
-    return text.replace("-", "−") if any(digit in text for digit in "123456789") else text.lstrip("+-")
+    return text.replace("-", _MINUS) if any(digit in text for digit in "123456789") else text.lstrip("+-")

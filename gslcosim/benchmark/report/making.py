@@ -109,10 +109,10 @@ def _made(manifest: Mapping[str, Any], analysis: Analysis) -> list[tuple[str, st
         ("suite", f"{analysis.material.name} {str(manifest.get('suite_hash') or '')[:16]}".strip()),
         ("versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
         ("software", str(manifest.get("software_hash") or "")[:16]),
-        ("seeds", f"{len(set(seeds.tolist()))} of runs, {len(set(rows['gas_seed'].tolist()))} of gas" if len(rows) else ""),
-        ("digests", f"{sum(bool(d) for d in rows['digest'].tolist())} of {len(rows)} trials have one (tables/trials.csv)"),
+        ("seeds", f"{len(set(seeds.tolist()))} of runs, {len(set(rows['gas_seed'].tolist()))} of gas"),
+        ("digests", f"{sum(map(bool, rows['digest'].tolist()))} of {len(rows)} trials have one (tables/trials.csv)"),
         ("verified", _verified(manifest.get("verified"))),
-        ("machine", ", ".join(str(part) for part in (machine.get("cpu"), _cores(machine), machine.get("platform")) if part)),
+        ("machine", ", ".join(str(p) for p in (machine.get("cpu"), _cores(machine), machine.get("platform")) if p)),
         ("reference loop", _seconds(machine.get("reference_loop_s"), " in plain Python, to compare machines by")),
         ("begun", str(wall.get("started_at") or "")),
         ("wall time", _wall(wall)),
@@ -143,7 +143,8 @@ def _wall(wall: Mapping[str, Any]) -> str:
 def _verified(verified: Mapping[str, Any] | None) -> str:
     if not verified:
         return "no"
-    return f"{verified.get('same')} of {verified.get('sample')} trials flown again gave the same digest, {verified.get('at')}"
+    same, sample = verified.get("same"), verified.get("sample")
+    return f"{same} of {sample} trials flown again gave the same digest, {verified.get('at')}"
 
 
 def _split_s(analysis: Analysis) -> tuple[tuple[str, float], ...]:

@@ -101,7 +101,7 @@ def _script_safe(text: str) -> str:
 # A cell of a table: figure, interval, and how many flights it stands on.
 def _figure(estimate: Estimate, form: formats.Format, n: int | None = None) -> Markup:
     if math.isnan(estimate.value):
-        return Markup('<td data-v=""><span class="none">–</span></td>')
+        return Markup('<td data-v=""><span class="none">{}</span></td>').format(formats.NONE)
     cell = Markup('<td data-v="{}" title="n = {}">{}<span class="ci">{}{}</span></td>')
     small = f" n {estimate.n}" if n is not None and estimate.n != n else ""
     v = f"{estimate.value:.6g}" if math.isfinite(estimate.value) else "1e300"

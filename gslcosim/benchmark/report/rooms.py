@@ -100,7 +100,8 @@ def _mapped(label: str, room: RoomMap, some: Ints) -> Room:
     return Room(
         scenario=room.scenario, label=label, origin_m=room.origin_m, extent_m=(nx * cell_m, ny * cell_m),
         box_m=(x0, y0, x0 + room.occupied.shape[0] * room.cell_m, y0 + room.occupied.shape[1] * room.cell_m),
-        cells=cells, greatest_ppm=greatest, height_m=room.height_m, sources_m=tuple((x, y) for x, y, _ in room.sources_m), rows=some,
+        cells=cells, greatest_ppm=greatest, height_m=room.height_m,
+        sources_m=tuple((x, y) for x, y, _ in room.sources_m), rows=some,
     )  # fmt: skip
 
 
@@ -174,7 +175,7 @@ def tracks_of(material: Material, rooms: Sequence[Room]) -> tuple[Track, ...]:
         for _, flown in everything:
             some = np.intersect1d(flown, room.rows)
             picked = some[np.unique(np.linspace(0, some.size - 1, min(each, some.size)).round().astype(int))]
-            wanted |= {rows["trial"][row]: (i, row) for row in picked.tolist()}
+            wanted |= {str(rows["trial"][row]): (i, int(row)) for row in picked.tolist()}
     return tuple(_tracks(material, wanted))
 
 

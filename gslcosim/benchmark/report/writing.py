@@ -4,8 +4,10 @@ import shlex
 from pathlib import Path
 
 from gslcosim.benchmark.report.analysis import analyse
+from gslcosim.benchmark.report.figures import write_figures
 from gslcosim.benchmark.report.page import page_of
 from gslcosim.benchmark.report.reading import read_material
+from gslcosim.benchmark.report.tables import leaderboard_json, summary_of, write_tables
 from gslcosim.errors import UsageError
 
 PAGE = "report.html"
@@ -28,6 +30,11 @@ def write_report(results_dir: Path, *, figures: bool = False) -> Path:
     command = f"gslcosim bench show {shlex.quote(str(results_dir))} --trial "
     page = results_dir / PAGE
     try:
+        write_tables(analysis, results_dir / "tables", command)
+        (results_dir / "leaderboard.json").write_text(leaderboard_json(analysis), encoding="utf-8")
+        (results_dir / "summary.md").write_text(summary_of(analysis), encoding="utf-8")
+        if figures:
+            write_figures(analysis, results_dir / "figures")
         page.write_text(page_of(analysis, command), encoding="utf-8")
     except OSError as error:
         raise UsageError(

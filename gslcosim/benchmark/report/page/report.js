@@ -29,7 +29,7 @@
   const seconds = (v) => (v === null ? "–" : `${plain(v)} s`);
   const signed = (v) => (v === null ? "–" : (v > 0 ? "+" : v < 0 ? "−" : "±") + Math.abs(100 * v).toFixed(0));
   const FORMATS = { percent, plain, seconds, metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
-  const interval = (v, l, u, f) => (v === null ? "–" : l === null || u === null ? f(v) : `${f(v)} (${f(l)} ${l < 0 || u < 0 ? "to" : "–"} ${f(u)})`);
+  const interval = (v, l, u, f) => (v === null ? "–" : l === null || u === null ? f(v) : `${f(v)} (${f(l)}${/^[+−-]/.test(f(l) + f(u)) || /[+−-]/.test(f(u)[0]) ? " to " : " – "}${f(u)})`);
   const estimate = (x, f) => (x ? interval(x[0], x[1], x[2], f) : "–");
 
   function ticks(min, max, count) {
@@ -224,7 +224,7 @@
     const svg = s("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": "Distribution of times to the source by entry; figures in the table below." });
     for (const v of ticks(0, D.limit, Math.max(3, Math.min(7, W / 80)))) svg.append(s("line", { class: "gridline", x1: X(v), x2: X(v), y1: m.top, y2: height - m.bottom }), s("text", { x: X(v), y: height - m.bottom + 16, "text-anchor": "middle" }, String(v)));
     svg.append(s("text", { x: m.left + W / 2, y: height - 5, "text-anchor": "middle" }, "time to the source [s]"));
-    svg.append(s("text", { x: width - 2, y: height - m.bottom + 16, "text-anchor": "end" }, "not found"));
+    svg.append(s("text", { x: width - 2, y: height - 5, "text-anchor": "end" }, "not found"));
     // The oracle's times lie so close together that beside it all others would be flat.
     const tallest = (some) => Math.max(0, ...some.map((item) => Math.max(...item.bins) / Math.max(1, item.n)));
     const scale = tallest(items.filter((item) => D.entries[item.e].c !== -1)) || tallest(items) || 1;
@@ -252,7 +252,7 @@
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
     const order = pairs.order.filter((e) => state.on.has(e)), k = order.length;
     const width = Math.max(280, host.clientWidth || 600), left = Math.min(170, width * 0.32);
-    const size = Math.max(9, Math.min(62, (width - left - 8) / Math.max(1, k))), text = size >= 34;
+    const size = Math.max(9, Math.min(62, (width - left - 52) / Math.max(1, k))), text = size >= 34;
     const high = Math.min(110, 14 + 6.2 * Math.max(0, ...order.map((e) => Math.min(18, name(e).length))));
     const total = left + size * k + 50, height = high + size * k + 4;
     const svg = s("svg", { viewBox: `0 0 ${Math.max(width, total)} ${height}`, role: "img", "aria-label": "Matrix of pairs: the entry of the row against the entry of the column. Figures in the table below." });
@@ -374,7 +374,7 @@
       svg.append(group);
     }
     sourceMark(svg, room, Y, unit);
-    return h("div", { class: "panel" }, heading(e, `${found} of ${tracks.length} shown`), svg);
+    return h("div", { class: "panel" }, heading(e, `${found} of ${tracks.length}`), svg);
   }
 
   // ---------------------------------------------------------------- copy, filter, legend, sort

@@ -115,7 +115,11 @@ def _flown(plan, method, i_scenario, start_m, repetition, rng, *, is_control):
     key = f"{scenario}/{start}/{repetition}/{method.name}/{is_control}"
     trial = hashlib.sha256(key.encode()).hexdigest()[:16]
     distance_m = float(np.hypot(start_m[0] - SOURCE_M[0], start_m[1] - SOURCE_M[1]))
-    rate = method.luck if is_control else max(0.0, method.success - (plan.harder * i_scenario if method != ORACLE else 0.0))
+    rate = (
+        method.luck
+        if is_control
+        else max(0.0, method.success - (plan.harder * i_scenario if method != ORACLE else 0.0))
+    )
     crashed, faulty = rng.random() < method.crashes, rng.random() < method.faults
     success = bool(rng.random() < rate) and not crashed and not faulty
     shortest_m = max(distance_m - WITHIN_M, 0.1)
@@ -206,7 +210,8 @@ def _map(scenario: str, rng: np.random.Generator) -> dict:
         occupied[x0 : x0 + 4, 25:50] = 1
     gas = np.where(occupied == 0, _gas_ppm(x, y), 0.0).astype("<f4")
     return {
-        "scenario": scenario, "varied": "{}", "environment_hash": "0" * 64, "height_m": HEIGHT_M, "origin_m": [0.0, 0.0],
+        "scenario": scenario, "varied": "{}", "environment_hash": "0" * 64, "height_m": HEIGHT_M,
+        "origin_m": [0.0, 0.0],
         "cell_m": cell_m, "shape": [n, n], "occupied": _base64(occupied), "mean_gas_ppm": _base64(gas),
         "intermittency": _base64((gas > 1).astype("<f4")), "sources_m": [list(SOURCE_M)],
     }  # fmt: skip
