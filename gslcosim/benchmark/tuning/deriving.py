@@ -1,0 +1,123 @@
+"""Suites of one method with many settings, all in the same cases with the same seeds and plumes."""
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from gslcosim.benchmark.suite.expanding import cases_of
+from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites, load_suite
+from gslcosim.benchmark.suite.models import ControlsSpec, DrawSpec, EntrySpec, RecordSpec
+from gslcosim.benchmark.suite.seeds import seed_of
+from gslcosim.benchmark.tuning.subject import Subject, changed
+from gslcosim.contract.knowledge import ParameterValue
+
+DEFAULT = "default"
+"""What the method is called that flies as it was entered, in tuning."""
+
+_LONGEST = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """Values of parameters under a name, which is that of an entry."""
+
+    name: str
+    parameters: Mapping[str, ParameterValue]
+
+
+def derived(subject: Subject, settings: Sequence[Setting], *, name: str) -> LoadedSuite:
+    """Return a suite with an entry for each setting, in the cases of the subject's suite.
+
+    Without anchors, controls and recordings: settings are compared with each other.
+
+    Args:
+        subject: The method and its cases.
+        settings: What it is set to; all other parameters stay as they were entered.
+        name: What the suite is called; cut where too long.
+    """
+    entries = tuple(_entry(subject.entry, setting) for setting in settings)
+    bare = changed(subject.loaded, entries=entries, anchors=(), controls=ControlsSpec(), record=RecordSpec())
+    title = f"{subject.entry.name} with other parameters"
+    suite = bare.suite.model_copy(update={"name": name[:_LONGEST].rstrip("_"), "title": title, "question": ""})
+    return LoadedSuite(
+        suite=suite, path=bare.path, directory=bare.directory, shown_path=bare.shown_path, included=bare.included
+    )
+
+
+# A parameter for a single scenario would hide the values that are compared.
+def _entry(entry: EntrySpec, setting: Setting) -> EntrySpec:
+    kept = {
+        scenario: {name: value for name, value in values.items() if name not in setting.parameters}
+        for scenario, values in entry.parameters_in.items()
+    }
+    parameters = {**entry.parameters, **setting.parameters}
+    return entry.model_copy(update={"name": setting.name, "parameters": parameters, "parameters_in": kept})
+
+
+def settings_of(entry: str, varied: Mapping[str, Sequence[ParameterValue]]) -> tuple[Setting, ...]:
+    """Return a setting for each combination of values, the last parameter running fastest.
+
+    Names tell the values, as in `e_coli_step_m_0_5`; where they would be too long or equal they are numbered instead.
+    """
+    combinations = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
+    names = ["_".join([entry, *(f"{key}_{_word(value)}" for key, value in each.items())]) for each in combinations]
+    if len(set(names)) < len(names) or max(map(len, names)) > _LONGEST:
+        width = len(str(len(names)))
+        stem = entry[: _LONGEST - width - 1].rstrip("_")
+        names = [f"{stem}_{i + 1:0{width}d}" for i in range(len(names))]
+    return tuple(Setting(name=name, parameters=each) for name, each in zip(names, combinations, strict=True))
+
+
+def _word(value: ParameterValue) -> str:
+    if isinstance(value, tuple):
+        return "_".join(_word(item) for item in value)
+    text = f"{value:g}" if isinstance(value, float) else str(value).lower()
+    return re.sub(r"[^a-z0-9]+", "_", text.replace("-", "minus ")).strip("_")
+
+
+def seeds_of(loaded: LoadedSuite) -> frozenset[int]:
+    """Return all seeds that the flights of a suite have: of runs, of gas, and of what is drawn, such as rooms."""
+    seeds: set[int] = set()
+    for _, case in cases_of(loaded):
+        seeds |= {seed_of(case.suite_seed, case.name, i) for i in range(case.repetitions)}
+        seeds |= {seed_of(case.suite_seed, "gas", case.scenario, i) for i in range(case.gas_seeds)}
+    return frozenset(seeds | _drawn(loaded))
+
+
+def _drawn(loaded: LoadedSuite) -> set[int]:
+    suite = loaded.suite
+    drawn = {
+        seed_of(suite.seed, "draw", path, k)
+        for axis in suite.vary
+        for path, values in axis.items()
+        if isinstance(values, DrawSpec)
+        for k in range(values.draw)
+    }
+    return drawn.union(*(_drawn(inner) for inner in loaded.included))
+
+
+def seeds_of_tests(loaded: LoadedSuite) -> frozenset[int]:
+    """Return all seeds of a suite and of every bundled one: those on which nothing may be tuned."""
+    return seeds_of(loaded).union(*(seeds_of(load_suite(path)) for path in bundled_suites().values()))
+
+
+def apart(subject: Subject, purpose: str, number: int, *, repetitions: int, taken: frozenset[int]) -> LoadedSuite:
+    """Return the subject's suite with seeds of their own: none of them is among those taken.
+
+    seed = seed_of(suite's seed, purpose, number), and with 1, 2, ... behind it should any flight's seed be taken
+
+    Args:
+        subject: The method and its cases.
+        purpose: For example `training`.
+        number: Tells several of one purpose apart.
+        repetitions: Of each case.
+        taken: Seeds that may not occur, see `seeds_of`.
+    """
+    for attempt in itertools.count():
+        words = (purpose, number, attempt) if attempt else (purpose, number)
+        seed = seed_of(subject.loaded.suite.seed, *words)
+        found = changed(subject.loaded, seed=seed, repetitions=repetitions)
+        if seeds_of(found).isdisjoint(taken):
+            return found
+    raise AssertionError("counting does not end")

@@ -1,0 +1,103 @@
+"""What a setting's flights come to, with intervals, and by how much two settings differ over the same flights."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.benchmark.statistics.aggregates import stratified_bootstrap
+from gslcosim.benchmark.statistics.estimates import Estimate
+from gslcosim.benchmark.statistics.pairs import paired_difference
+from gslcosim.benchmark.statistics.rates import wilson
+from gslcosim.benchmark.statistics.times import restricted_mean
+
+# With fewer plumes in a room than this, drawing whole plumes tells nothing; as in the report.
+_FEWEST_PLUMES = 5
+_FLOWN = "flown"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flights:
+    """Flights of one setting by case and repetition, so that those of two settings go in pairs.
+
+    Attributes:
+        score: (n,) score; 0 where there is no result.
+        success: (n,) whether the source was found.
+        time_s: (n,) time as it is counted, the limit for every failure [s].
+        limit_s: (n,) time limit [s].
+        strata: (n,) cell that is drawn from apart; None: one.
+        clusters: (n,) plume, where there are enough of them to draw whole ones; None: each flight for itself.
+        n_without_result: Crashed, hung and the like: they count as failures.
+    """
+
+    score: NDArray[np.float64]
+    success: NDArray[np.bool_]
+    time_s: NDArray[np.float64]
+    limit_s: NDArray[np.float64]
+    strata: NDArray[Any] | None
+    clusters: NDArray[Any] | None
+    n_without_result: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """Success rate, mean score and restricted mean time [s] of n flights."""
+
+    n: int
+    n_without_result: int
+    success: Estimate
+    score: Estimate
+    time_s: Estimate
+
+
+def flights_of(rows: Iterable[Mapping[str, Any]]) -> Flights:
+    """Return flights from rows of `trials.parquet` of one setting."""
+    ordered = sorted(rows, key=lambda row: (row["case"], row["repetition"]))
+    limit_s = np.array([row["time_limit_s"] for row in ordered], dtype=np.float64)
+    time_s = [limit if row["time_s"] is None else row["time_s"] for row, limit in zip(ordered, limit_s)]
+    return Flights(
+        score=np.array([row["score"] or 0.0 for row in ordered], dtype=np.float64),
+        success=np.array([bool(row["success"]) for row in ordered], dtype=np.bool_),
+        time_s=np.array(time_s, dtype=np.float64),
+        limit_s=limit_s,
+        strata=_strata(ordered),
+        clusters=_clusters(ordered),
+        n_without_result=sum(row["status"] != _FLOWN for row in ordered),
+    )
+
+
+def figures_of(flights: Flights) -> Figures:
+    """Return the figures of a setting, failures included in all of them."""
+    return Figures(
+        n=flights.score.size,
+        n_without_result=flights.n_without_result,
+        success=wilson(int(flights.success.sum()), flights.success.size),
+        score=stratified_bootstrap(flights.score, flights.strata, clusters=flights.clusters),
+        time_s=restricted_mean(flights.time_s, flights.success, flights.limit_s, clusters=flights.clusters),
+    )
+
+
+def difference_of(a: Flights, b: Flights) -> Estimate:
+    """Return by how much the mean score of a is above that of b over the same flights."""
+    return paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata)
+
+
+# The finest cells that all have two flights or more: a cell of one shows no spread.
+def _strata(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
+    for column in ("case", "scenario"):
+        labels = np.array([row[column] for row in rows])
+        if labels.size and np.unique(labels, return_counts=True)[1].min() > 1:
+            return labels
+    return None
+
+
+def _clusters(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
+    plumes: dict[str, set[str]] = {}
+    labels = [f"{row['environment_hash']}/{row['gas_seed']}" for row in rows]
+    for row, label in zip(rows, labels, strict=True):
+        plumes.setdefault(row["environment_hash"], set()).add(label)
+    counts = [len(some) for some in plumes.values()]
+    is_shared = bool(counts) and min(counts) >= _FEWEST_PLUMES and sum(counts) < len(rows)
+    return np.array(labels) if is_shared else None
