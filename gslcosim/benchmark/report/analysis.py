@@ -25,6 +25,7 @@ from gslcosim.benchmark.report.reading import Flags, Material
 from gslcosim.benchmark.report.rooms import Room, Start, Track, rooms_of, starts_of, tracks_of
 from gslcosim.benchmark.report.standings import Standing, clusters_of, matrix_of, standings_of
 from gslcosim.benchmark.statistics.estimates import Estimate
+from gslcosim.benchmark.statistics.pairs import N_FLIPS
 from gslcosim.benchmark.statistics.ranking import PairsMatrix, pairs_matrix
 
 SIGNIFICANT = 0.05
@@ -155,7 +156,8 @@ def _compared(material: Material, within: Flags, entries: list[int]) -> tuple[Co
     rows = material.rows
     scores, success = (
         _matrix(material, within, entries, rows.score),
-        _matrix(material, within, entries, rows["success"].astype(np.float64)),
+        # Of success only the differences are told, not their p.
+        _matrix(material, within, entries, rows["success"].astype(np.float64), n_flips=1),
     )
     index = {entry.name: i for i, entry in enumerate(material.entries)}
     return tuple(
@@ -168,7 +170,9 @@ def _compared(material: Material, within: Flags, entries: list[int]) -> tuple[Co
     )  # fmt: skip
 
 
-def _matrix(material: Material, within: Flags, entries: list[int], values: np.ndarray) -> PairsMatrix:
+def _matrix(
+    material: Material, within: Flags, entries: list[int], values: np.ndarray, *, n_flips: int = N_FLIPS
+) -> PairsMatrix:
     rows = material.rows
     matrix, some = matrix_of(rows, within, entries, values)
     many = len(entries) * (len(entries) - 1) // 2 > _MANY_PAIRS
@@ -179,6 +183,7 @@ def _matrix(material: Material, within: Flags, entries: list[int], values: np.nd
         clusters=clusters_of(rows, some),
         strata=rows.cells[some],
         n_draws=500 if many else 2000,
+        n_flips=n_flips,
     )
 
 
