@@ -276,12 +276,12 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _rank(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.merging import merged
+    from gslcosim.benchmark.merging import merge
     from gslcosim.cli.bench_text import ranking_text
 
-    ranking = merged(arguments.results, arguments.out)
+    ranking = merge(arguments.results, arguments.out)
     if arguments.json:
-        write_json(ranking.leaderboard)
+        write_json({**ranking.leaderboard, "submissions": ranking.submissions, "verified": ranking.verified})
     else:
         write(ranking_text(ranking))
     return 0

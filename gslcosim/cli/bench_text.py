@@ -169,8 +169,36 @@ def verification_text(verification: "Verification") -> str:
 
 
 def ranking_text(ranking: "Ranking") -> str:
-    """Return a merged leaderboard."""
-    return ranking.text
+    """Return a merged leaderboard: equal ranks where entries cannot be told apart, and who has been verified."""
+    view = ranking.leaderboard["views"][0]
+    rows = [
+        (
+            str(row["rank"]),
+            row["entry"],
+            _told(row["score"], 1.0, 3),
+            f"{_told(row['success'], 100.0, 0)} %",
+            _told(row["time_s"], 1.0, 0),
+            str(row["n"]),
+            ranking.submissions[row["entry"]],
+            _verified(ranking.verified[row["entry"]]),
+        )
+        for row in view["rows"]
+    ]
+    head = ("RANK", "ENTRY", "SCORE", "SUCCESS", "TIME [s]", "N", "SUBMISSION", "VERIFIED")
+    return f"{table(head, rows)}\nIntervals are 95 %. Entries of one rank have not been told apart."
+
+
+def _told(figure: dict[str, float] | None, times: float, digits: int) -> str:
+    if figure is None:
+        return "-"
+    value, low, high = (
+        "?" if part is None else f"{times * part:.{digits}f}" for part in (figure[k] for k in ("value", "low", "high"))
+    )
+    return f"{value} [{low}, {high}]"
+
+
+def _verified(told: tuple[int, int] | None) -> str:
+    return "no" if told is None else f"{told[0]} of {told[1]}"
 
 
 class _Line:

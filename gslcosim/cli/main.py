@@ -16,6 +16,8 @@ from gslcosim.cli import (
     listing,
     sample,
     schema,
+    sweep,
+    tune,
     up,
     validate,
     view,
@@ -35,6 +37,8 @@ from gslcosim.errors import (
 COMMANDS = (
     up.COMMAND,
     bench.COMMAND,
+    sweep.COMMAND,
+    tune.COMMAND,
     validate.COMMAND,
     listing.COMMAND,
     generate.COMMAND,

@@ -1,5 +1,6 @@
 """Workers on this machine: started, watched and replaced, so that no trial takes others down with it."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -174,8 +175,6 @@ class LocalPool:
             return
         taken_s = time.monotonic() - worker.started_at if worker.started_at is not None else 0.0
         _kill(worker)
-        if worker.listener is not None:
-            worker.listener.join(timeout=_LAST_WORDS_S)
         words = worker.last_words()
         told = f"{text}. Its last words: {words}" if words else f"{text}."
         if not worker.is_up:
@@ -193,9 +192,11 @@ class LocalPool:
 def _listen(worker: _Worker) -> None:
     stream = worker.process.stdout
     assert stream is not None
-    while chunk := os.read(stream.fileno(), 65536):
-        worker.words += chunk
-        del worker.words[:-_LAST_WORDS_BYTES]
+    # Where something that the worker has started holds the other end, the stream is closed while it is read.
+    with contextlib.suppress(OSError, ValueError):
+        while chunk := os.read(stream.fileno(), 65536):
+            worker.words += chunk
+            del worker.words[:-_LAST_WORDS_BYTES]
 
 
 def _kill(worker: _Worker) -> None:
@@ -206,8 +207,11 @@ def _kill(worker: _Worker) -> None:
             continue
     worker.process.wait()
     worker.connection.close()
-    if worker.process.stdin is not None:
-        worker.process.stdin.close()
+    if worker.listener is not None:
+        worker.listener.join(timeout=_LAST_WORDS_S)
+    for stream in (worker.process.stdin, worker.process.stdout):
+        if stream is not None:
+            stream.close()
 
 
 def _exit_text(worker: _Worker) -> str:

@@ -1,0 +1,84 @@
+"""Results of several authors in one table."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from gslcosim.benchmark import Results, compare, run
+from gslcosim.benchmark.merging import merge
+from gslcosim.errors import UsageError
+
+MINE = """
+schema: gslcosim/suite/1
+name: mine
+include: [smoke]
+entries:
+  - {name: mine, start: {python: surge_cast}}
+  - {name: dung_beetle, start: {python: dung_beetle}, parameters: {leg_m: 0.5}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The bundled suite `smoke`, and a submission of someone else to it."""
+    root = tmp_path_factory.mktemp("submissions")
+    run("smoke", root / "base", jobs=1, only=["repetition=0"])
+    (root / "mine.yaml").write_text(MINE)
+    run(root / "mine.yaml", root / "mine", jobs=1)
+    return root / "base", root / "mine"
+
+
+@pytest.mark.end_to_end
+def test_results_from_python(folders: tuple[Path, Path]) -> None:
+    results = Results.load(folders[0])
+    assert results.entries == ("dung_beetle", "oracle", "random_walker")
+    assert results.success("oracle").value == 1.0
+    assert len(results.select(is_control=True, entry="oracle")) == 2
+    oracle_s, walker_s = results.paired("time_s", "oracle", "random_walker")
+    told = compare(results, "oracle", "random_walker")
+    assert told.time_s.value == pytest.approx(
+        (oracle_s - walker_s)[[not c for c in results.select(entry="oracle").array("is_control")]].mean()
+    )
+    assert told.n == 2
+    assert results.tracks().num_rows == 12
+    with pytest.raises(UsageError, match="expected one of the entries"):
+        results.success("nobody")
+    with pytest.raises(UsageError, match="expected a column"):
+        results.array("nothing")
+
+
+@pytest.mark.end_to_end
+def test_anchors_are_shared_and_equal_names_of_other_programs_are_told_apart(
+    folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    ranking = merge(folders, tmp_path / "merged")
+    names = [row["entry"] for row in ranking.leaderboard["views"][0]["rows"]]
+    assert sorted(names) == ["dung_beetle (base)", "dung_beetle (mine)", "mine", "oracle", "random_walker"]
+    assert names[0] == "oracle"
+    assert set(ranking.verified.values()) == {None}
+    assert len(Results.load(tmp_path / "merged")) == 5 * 4
+    assert (tmp_path / "merged" / "report.html").is_file()
+
+
+@pytest.mark.end_to_end
+def test_other_cases_and_other_flights_are_refused(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    run("smoke", other, jobs=1, only=["entry=oracle"])
+    manifest = json.loads((other / "manifest.json").read_text())
+    (other / "manifest.json").write_text(json.dumps({**manifest, "suite_hash": "another"}))
+    with pytest.raises(UsageError, match="with the hash another"):
+        merge([folders[0], other])
+    changed = tmp_path / "changed"
+    shutil.copytree(folders[0], changed)
+    table = pq.read_table(changed / "trials.parquet")
+    i = table.schema.get_field_index("digest")
+    pq.write_table(
+        table.set_column(i, table.schema.field(i), [["0" * 32] * table.num_rows]), changed / "trials.parquet"
+    )
+    with pytest.raises(UsageError, match="flown by different software"):
+        merge([folders[0], changed])
+    with pytest.raises(UsageError, match="expected a new folder"):
+        merge(folders, folders[0])
