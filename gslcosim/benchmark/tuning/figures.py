@@ -1,7 +1,8 @@
 """What a setting's flights come to, with intervals, and by how much two settings differ over the same flights."""
 
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -74,14 +75,21 @@ def figures_of(flights: Flights) -> Figures:
         n=flights.score.size,
         n_without_result=flights.n_without_result,
         success=wilson(int(flights.success.sum()), flights.success.size),
-        score=stratified_bootstrap(flights.score, flights.strata, clusters=flights.clusters),
+        score=_with_spread(
+            stratified_bootstrap(flights.score, flights.strata, clusters=flights.clusters), flights.score
+        ),
         time_s=restricted_mean(flights.time_s, flights.success, flights.limit_s, clusters=flights.clusters),
     )
 
 
 def difference_of(a: Flights, b: Flights) -> Estimate:
     """Return by how much the mean score of a is above that of b over the same flights."""
-    return paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata)
+    return _with_spread(paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata), a.score - b.score)
+
+
+# Draws from equal values are all equal: that is no certainty, so no interval is told.
+def _with_spread(estimate: Estimate, values: NDArray[np.float64]) -> Estimate:
+    return estimate if values.size and np.ptp(values) > 0.0 else replace(estimate, low=math.nan, high=math.nan)
 
 
 # The finest cells that all have two flights or more: a cell of one shows no spread.

@@ -1,0 +1,175 @@
+"""The flights that every setting makes, and how they are flown, batch after batch, into one folder."""
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
+from gslcosim.benchmark.execution.running import Progress, Run
+from gslcosim.benchmark.execution.selection import Selection
+from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.suite.planning import Plan, plan_of
+from gslcosim.benchmark.tuning.deriving import Setting, apart, derived
+from gslcosim.benchmark.tuning.subject import Subject, changed
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """Cases and repetitions that every setting flies, with seeds of their own.
+
+    Attributes:
+        subject: The method, in a suite with these seeds.
+        name: What the suite is called.
+        slots: Case and repetition of each flight.
+        seeds: All seeds of it, see `deriving.seeds_of`.
+    """
+
+    subject: Subject
+    name: str
+    slots: tuple[tuple[str, int], ...]
+
+    @property
+    def seed(self) -> int:
+        """The seed that all others come from."""
+        return self.subject.loaded.suite.seed
+
+    def plan(self, settings: Sequence[Setting], *, after: Plan | None = None) -> Plan:
+        """Return the flights of some settings behind those of an earlier plan, in the order of a suite of them all."""
+        plan = plan_of(derived(self.subject, settings, name=self.name))
+        slots = set(self.slots)
+        trials = [trial for trial in plan.trials if (trial.case, trial.repetition) in slots]
+        if after is None:
+            return replace(plan, trials=tuple(trials))
+        entries = (*after.entries, *plan.entries)
+        all_settings = tuple(entry.spec for entry in entries)
+        place = {case.name: i for i, case in enumerate(plan.cases)}
+        turn = {spec.name: i for i, spec in enumerate(all_settings)}
+        trials = sorted(
+            [*after.trials, *trials], key=lambda each: (place[each.case], each.repetition, turn[each.entry])
+        )
+        return replace(
+            plan,
+            loaded=changed(plan.loaded, entries=all_settings),
+            entries=entries,
+            trials=tuple(replace(trial, index=i) for i, trial in enumerate(trials)),
+        )
+
+
+def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: frozenset[int]) -> Course:
+    """Return a course of n flights.
+
+    All cases are flown equally often; what is left over goes to cases by lot.
+
+    Args:
+        subject: The method and its cases.
+        purpose: `training` or `validation`; part of the seeds.
+        number: Seed of the tuning; part of the seeds, and of the lot.
+        n: Flights of each setting.
+        taken: Seeds that may not occur.
+    """
+    once, rounds = Setting(name=subject.entry.name, parameters={}), 1
+    while True:
+        chosen = replace(subject, loaded=apart(subject, purpose, number, repetitions=rounds, taken=taken))
+        # Drawn places may make a combination no case with some seeds.
+        cases = [case.name for case in plan_of(derived(chosen, [once], name=purpose)).cases]
+        if len(cases) * rounds >= n:
+            break
+        rounds = max(rounds + 1, math.ceil(n / len(cases)))
+    seed = chosen.loaded.suite.seed
+    lot = sorted(cases, key=lambda case: hashlib.blake2b(f"{seed}/{case}".encode()).digest())
+    slots = [(case, i) for i in range(rounds) for case in lot][:n]
+    return Course(subject=chosen, name=f"{purpose}_{subject.entry.name}", slots=tuple(slots))
+
+
+class KeptPool:
+    """A pool that outlives the runs that use it, so that workers start once; `end` ends them."""
+
+    def __init__(self, start: Callable[[], Pool]) -> None:
+        """Take what starts the workers; it is called at the first run that flies."""
+        self._start = start
+        self._pool: Pool | None = None
+
+    def lent(self) -> "KeptPool":
+        """Return the pool with its workers started."""
+        if self._pool is None:
+            self._pool = self._start()
+        return self
+
+    def end(self) -> None:
+        """End all workers."""
+        if self._pool is not None:
+            self._pool.close()
+            self._pool = None
+
+    @property
+    def n_workers(self) -> int:
+        """See `Pool`."""
+        return self._lent.n_workers
+
+    @property
+    def peak_mb(self) -> float:
+        """See `Pool`."""
+        return self._lent.peak_mb
+
+    @property
+    def reference_loops_s(self) -> list[float]:
+        """See `Pool`."""
+        return self._lent.reference_loops_s
+
+    def submit(self, job: Job) -> None:
+        """Take a job; see `Pool`."""
+        self._lent.submit(job)
+
+    def wait(self, timeout_s: float) -> list[Ended]:
+        """Return the jobs that have ended; see `Pool`."""
+        return self._lent.wait(timeout_s)
+
+    def close(self) -> None:
+        """Do nothing: another run may follow."""
+
+    @property
+    def _lent(self) -> Pool:
+        assert self._pool is not None, "a run that flies has asked for its workers"
+        return self._pool
+
+
+class Flyer:
+    """Flies settings of a course into a folder; flights that are there are not flown again."""
+
+    def __init__(
+        self, course: Course, folder: ResultsFolder, pool: KeptPool, report: Callable[[Progress], None]
+    ) -> None:
+        """Take a course, where its rows go, who flies, and who is told."""
+        self.course = course
+        self._folder = folder
+        self._pool = pool
+        self._report = report
+        self._plan: Plan | None = None
+        self._rows = {row["trial"]: row for row in folder.rows()}
+        self.n_flown_now = 0
+
+    def fly(self, settings: Sequence[Setting]) -> dict[str, list[Row]]:
+        """Return the rows of each setting by its name, flying what is missing.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted; what was flown is kept.
+            GslCosimError: see `Run.fly`.
+        """
+        self._plan = self.course.plan(settings, after=self._plan)
+        names = {setting.name for setting in settings}
+        wanted = [trial for trial in self._plan.trials if trial.entry in names]
+        if any(trial.id not in self._rows for trial in wanted):
+            run = Run(self._plan, self._folder, self._pool.lent, selection=Selection(), report=self._report)
+            summary = run.fly()
+            self.n_flown_now += summary.n_flown
+            if summary.is_interrupted:
+                raise KeyboardInterrupt
+            self._rows = {row["trial"]: row for row in self._folder.rows()}
+        found: dict[str, list[Row]] = {setting.name: [] for setting in settings}
+        for trial in wanted:
+            found[trial.entry].append(self._rows[trial.id])
+        return found
