@@ -24,7 +24,7 @@ from gslcosim.benchmark.report.curves import (
 from gslcosim.benchmark.report.reading import Flags, Material
 from gslcosim.benchmark.report.rooms import Room, Start, Track, rooms_of, starts_of, tracks_of
 from gslcosim.benchmark.report.standings import Standing, clusters_of, matrix_of, standings_of
-from gslcosim.benchmark.statistics.estimates import Estimate
+from gslcosim.benchmark.statistics.estimates import N_DRAWS, Estimate
 from gslcosim.benchmark.statistics.pairs import N_FLIPS
 from gslcosim.benchmark.statistics.ranking import PairsMatrix, pairs_matrix
 
@@ -32,6 +32,7 @@ SIGNIFICANT = 0.05
 """Corrected p below which one entry is said to beat another."""
 
 _MOST_VIEWS = 24
+# Of more pairs only those over all cases are told.
 _MANY_PAIRS = 200
 
 
@@ -151,11 +152,14 @@ def _view(material: Material, within: Flags, *, key: str, label: str, kind: str,
 
 
 def _compared(material: Material, within: Flags, entries: list[int]) -> tuple[Compared, ...]:
-    if len(entries) < 2:
+    n_pairs = _n_pairs(entries)
+    if not n_pairs or (n_pairs > _MANY_PAIRS and not within.all()):
         return ()
     rows = material.rows
+    # The least p that tosses can show is one in their number, and Holm's correction multiplies it by the pairs.
+    n_flips = max(N_FLIPS, round(2.0 * n_pairs / SIGNIFICANT))
     scores, success = (
-        _matrix(material, within, entries, rows.score),
+        _matrix(material, within, entries, rows.score, n_flips=n_flips),
         # Of success only the differences are told, not their p.
         _matrix(material, within, entries, rows["success"].astype(np.float64), n_flips=1),
     )
@@ -170,19 +174,20 @@ def _compared(material: Material, within: Flags, entries: list[int]) -> tuple[Co
     )  # fmt: skip
 
 
-def _matrix(
-    material: Material, within: Flags, entries: list[int], values: np.ndarray, *, n_flips: int = N_FLIPS
-) -> PairsMatrix:
+def _n_pairs(entries: list[int]) -> int:
+    return len(entries) * (len(entries) - 1) // 2
+
+
+def _matrix(material: Material, within: Flags, entries: list[int], values: np.ndarray, *, n_flips: int) -> PairsMatrix:
     rows = material.rows
     matrix, some = matrix_of(rows, within, entries, values)
-    many = len(entries) * (len(entries) - 1) // 2 > _MANY_PAIRS
     return pairs_matrix(
         matrix,
         [material.entries[i].name for i in entries],
         lower_is_better=False,
         clusters=clusters_of(rows, some),
         strata=rows.cells[some],
-        n_draws=500 if many else 2000,
+        n_draws=500 if _n_pairs(entries) > _MANY_PAIRS else N_DRAWS,
         n_flips=n_flips,
     )
 

@@ -20,6 +20,7 @@ _MOST_CELLS = 120
 _MOST_POINTS = 110
 _MOST_TRACKS = 900
 _MOST_OF_AN_ENTRY = 36
+_MOST_OF_A_TEAM = 10
 _SOLID, _MOST_GAS = 255, 250
 # Gas fainter than the greatest by this factor is left blank.
 _DECADES = 2.5
@@ -180,17 +181,18 @@ def tracks_of(material: Material, rooms: Sequence[Room]) -> tuple[Track, ...]:
 
 
 def _tracks(material: Material, wanted: Mapping[str, tuple[int, int]]) -> list[Track]:
-    found: dict[str, Track] = {}
+    found: dict[str, list[Track]] = {}
     assert material.tracks is not None
     for batch in material.tracks.select(["trial", "x_m", "y_m"]).to_batches(max_chunksize=512):
         for k, trial in enumerate(batch.column(0).to_pylist()):
-            if trial in wanted and trial not in found:
+            # A team has a row for each robot.
+            if trial in wanted and len(found.get(trial, ())) < _MOST_OF_A_TEAM:
                 xy_m = np.stack([np.asarray(batch.column(i)[k].values, dtype=np.float64) for i in (1, 2)], axis=1)
                 xy_m = xy_m[np.isfinite(xy_m).all(axis=1)]
                 if len(xy_m) > 1:
                     room, row = wanted[trial]
-                    found[trial] = Track(room=room, row=row, steps=_thinned(xy_m))
-    return [found[trial] for trial in wanted if trial in found]
+                    found.setdefault(trial, []).append(Track(room=room, row=row, steps=_thinned(xy_m)))
+    return [track for trial in wanted for track in found.get(trial, ())]
 
 
 def _thinned(xy_m: Floats) -> Ints:

@@ -28,8 +28,14 @@
   const plain = (v) => (v === null ? "–" : Math.abs(v) >= 100 ? v.toFixed(0) : Math.abs(v) >= 10 ? v.toFixed(1) : v.toFixed(2));
   const seconds = (v) => (v === null ? "–" : `${plain(v)} s`);
   const signed = (v) => (v === null ? "–" : (v > 0 ? "+" : v < 0 ? "−" : "±") + Math.abs(100 * v).toFixed(0));
+  // "98 % (90 – 100)": the unit stands once.
+  const bare = (text) => text.replace(/ ?[%sm×]$/, "");
   const FORMATS = { percent, plain, seconds, metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
-  const interval = (v, l, u, f) => (v === null ? "–" : l === null || u === null ? f(v) : `${f(v)} (${f(l)}${/^[+−-]/.test(f(l) + f(u)) || /[+−-]/.test(f(u)[0]) ? " to " : " – "}${f(u)})`);
+  const interval = (v, l, u, f) => {
+    if (v === null || l === null || u === null) return v === null ? "–" : f(v);
+    const [low, high] = [bare(f(l)), bare(f(u))];
+    return `${f(v)} (${low}${/^[+−-]/.test(low) || /^[+−-]/.test(high) ? " to " : "–"}${high})`;
+  };
   const estimate = (x, f) => (x ? interval(x[0], x[1], x[2], f) : "–");
 
   function ticks(min, max, count) {
@@ -144,7 +150,7 @@
     const tipAt = (v) => {
       const body = h("tbody");
       for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, short(name(line.e), 26)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
-      return [h("b", {}, `${x.name || x.label}: ${fx(v)}`), h("table", {}, body)];
+      return [h("b", {}, `${x.name || x.label} ${exact(fx, v)}`), h("table", {}, body)];
     };
     const nearest = (pixel) => grid.reduce((best, v) => (Math.abs(X(v) - pixel) < Math.abs(X(best) - pixel) ? v : best), grid[0]);
     const point = (v) => { cross.setAttribute("x1", X(v)); cross.setAttribute("x2", X(v)); cross.setAttribute("visibility", "visible"); };
@@ -164,13 +170,15 @@
         place = Math.max(0, Math.min(grid.length - 1, place + (event.key === "ArrowRight" ? jump : -jump)));
         const v = grid[place], box = svg.getBoundingClientRect();
         point(v); showTip(tipAt(v), box.left + (X(v) * box.width) / width, box.top + 30);
-        spoken.textContent = `${x.name || x.label} ${fx(v)}: ` + read(v).map(([line, i]) => `${name(line.e)} ${text(line, i)}`).join("; ");
+        spoken.textContent = `${x.name || x.label} ${exact(fx, v)}: ` + read(v).map(([line, i]) => `${name(line.e)} ${text(line, i)}`).join("; ");
       });
     }
     host.replaceChildren(svg);
-    if (spec.table !== false) figuresTable(figure, ["entry", "n", ...sample(grid, 7).map(fx)], () => lines.map((line) =>
+    if (spec.table !== false) figuresTable(figure, ["entry", "n", ...sample(grid, 7).map((v) => exact(fx, v))], () => lines.map((line) =>
       [name(line.e), String(Array.isArray(line.n) ? Math.max(...line.n) : line.n), ...sample(grid, 7).map((v) => { const i = at(line, v); return i < 0 ? "–" : text(line, i); })]));
   }
+  // A round number without its zeros: 50 s, not 50.0 s.
+  const exact = (format, v) => format(v).replace(/(\.\d*?)0+(?= |$)/, "$1").replace(/\.(?= |$)/, "");
   const sample = (list, n) => (list.length <= n ? list : Array.from({ length: n }, (_, i) => list[Math.round((i * (list.length - 1)) / (n - 1))]));
 
   function endLabels(svg, lines, Y, x, top, bottom) {
@@ -185,7 +193,7 @@
   }
 
   // ---------------------------------------------------------------- plots by name
-  const withX = (lines, x) => shown(lines).map((line) => ({ ...line, x: line.x || x }));
+  const withX = (lines, x) => shown(lines).map((line) => ({ ...line, x: line.x || x })).sort((a, b) => D.order.indexOf(a.e) - D.order.indexOf(b.e));
   const PLOTS = {
     curves(figure) {
       const c = view().curves;
@@ -202,7 +210,7 @@
     },
     roc(figure) {
       const part = view().roc[figure.dataset.kind];
-      lineChart(figure, { title: figure.dataset.title, diagonal: figure.dataset.kind === "roc", plainEnds: true, height: 320, x: { min: 0, max: 1, label: "false alarms: share of flights without gas", name: "false alarms", format: "percent" }, y: { min: 0, max: 1, label: figure.dataset.kind === "roc" ? "declared, gas present [%]" : "declared within the radius [%]", format: "percent" }, lines: shown(part), table: false });
+      lineChart(figure, { title: figure.dataset.title, diagonal: figure.dataset.kind === "roc", plainEnds: true, height: 320, x: { min: 0, max: 1, label: "false alarms: share of flights without gas", name: "false alarms", format: "percent" }, y: { min: 0, max: 1, label: figure.dataset.kind === "roc" ? "declared, gas present [%]" : "declared within the radius [%]", format: "percent" }, lines: withX(part), table: false });
     },
     beliefs(figure) {
       const part = view().beliefs[figure.dataset.kind], metres = figure.dataset.kind === "distance";
@@ -271,7 +279,7 @@
       const strength = c.won > 0 ? 0.25 + 0.75 * Math.min(1, Math.max(0, 2 * ((c.better && c.better[0]) || 0.5) - 1)) : 0;
       const group = s("g", {}, s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, rx: size > 20 ? 3 : 0, fill: c.won > 0 ? "var(--accent)" : "var(--panel)", "fill-opacity": c.won > 0 ? strength : 1, stroke: c.won > 0 ? "none" : "var(--line)" }));
       if (text && c.success) group.append(s("text", { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", style: c.won > 0 ? `fill:${strength > 0.6 ? "var(--on-accent)" : "var(--ink)"};font-weight:600` : c.won < 0 ? "fill:var(--faint)" : "fill:var(--soft)" }, signed(c.success[0])));
-      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : "no difference shown"), h("div", {}, `score ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)} after Holm`)]);
+      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : "no difference shown"), h("div", {}, `score, mean difference ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)} after Holm`)]);
       svg.append(group);
     }));
     const wrap = h("div", { class: "scroll" }, svg);
@@ -332,7 +340,7 @@
     if (draw === startPanel) figuresTable(figure, ["start", "entry", "success", "n"], () => rows);
   }
   function roomNote(room) {
-    const [x0, y0, x1, y1] = room.box, size = `${plain(x1 - x0)} by ${plain(y1 - y0)} m`;
+    const [x0, y0, x1, y1] = room.box, brief = (v) => String(+v.toFixed(2)), size = `${room.label}: ${brief(x1 - x0)} by ${brief(y1 - y0)} m`;
     return h("span", {}, room.height === null ? `${size}, no plan` : `${size} at ${plain(room.height)} m height` + (room.ppm ? `; gas up to ${plain(room.ppm)} ppm on average` : ""));
   }
   function startPanel(room, index, e, rows) {
@@ -357,8 +365,8 @@
   function trackPanel(room, index, e) {
     const tracks = D.tracks.filter((track) => track.r === index && track.e === e);
     if (!tracks.length) return null;
-    const found = tracks.filter((track) => track.s).length;
-    const { svg, Y, unit } = roomSvg(room, `${tracks.length} tracks of ${name(e)} in ${room.label}, ${found} found the source.`);
+    const flights = new Set(tracks.map((track) => track.id)).size, found = new Set(tracks.filter((track) => track.s).map((track) => track.id)).size;
+    const { svg, Y, unit } = roomSvg(room, `${flights} flights of ${name(e)} in ${room.label}, of which ${found} found the source.`);
     for (const track of [...tracks].sort((a, b) => a.s - b.s)) {
       let x = 0, y = 0, d = "";
       for (let i = 0; i < track.p.length; i += 2) { x += track.p[i]; y += track.p[i + 1]; d += `${i ? "L" : "M"}${(x * D.quantum).toFixed(2)} ${Y(y * D.quantum).toFixed(2)}`; }
@@ -374,7 +382,7 @@
       svg.append(group);
     }
     sourceMark(svg, room, Y, unit);
-    return h("div", { class: "panel" }, heading(e, `${found} of ${tracks.length}`), svg);
+    return h("div", { class: "panel" }, heading(e, `${found} of ${flights}`), svg);
   }
 
   // ---------------------------------------------------------------- copy, filter, legend, sort

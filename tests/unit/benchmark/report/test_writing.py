@@ -119,7 +119,7 @@ def test_names_are_escaped_everywhere(tmp_path):
     write_report(folder)
     html = (folder / "report.html").read_text(encoding="utf-8")
     page = Page(html)
-    assert not {"b", "img"} & (page.tags - {"b"})
+    assert "img" not in page.tags
     assert '<b>"it' not in html
     assert "<script>alert" not in html
     assert "<img" not in html
