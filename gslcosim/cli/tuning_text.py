@@ -193,8 +193,8 @@ def _verdict_lines(tuning: "Tuning") -> list[str]:
         return ["No setting had a higher score than the default. Keep it, or search other ranges with more flights."]
     n = len(tuning.tried)
     verdict = (
-        "The interval holds zero: no difference from the default is shown. More flights may show one."
-        if checked.difference.holds_zero
+        "No difference from the default is shown. More flights may show one."
+        if not checked.is_shown
         else "It is better than the default."
         if checked.difference.value > 0
         else "It is worse than the default: keep the default."
@@ -205,7 +205,7 @@ def _verdict_lines(tuning: "Tuning") -> list[str]:
         f"The best of {n} looks better there than it is, because it was chosen there. On validation seeds that none of "
         f"them had met:",
         f"  {best.setting.name} {told(checked.best.score, 2)}, default {told(checked.default.score, 2)}, paired "
-        f"difference {told(checked.difference, 2, sign=True)}, n {checked.best.n}.",
+        f"difference {told(checked.difference, 2, sign=True)}, n {checked.best.n}, p {checked.p:.2g} (signs flipped).",
         verdict,
     ]
 

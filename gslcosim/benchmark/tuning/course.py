@@ -163,13 +163,20 @@ class Flyer:
         names = {setting.name for setting in settings}
         wanted = [trial for trial in self._plan.trials if trial.entry in names]
         if any(trial.id not in self._rows for trial in wanted):
-            run = Run(self._plan, self._folder, self._pool.lent, selection=Selection(), report=self._report)
-            summary = run.fly()
-            self.n_flown_now += summary.n_flown
-            if summary.is_interrupted:
-                raise KeyboardInterrupt
-            self._rows = {row["trial"]: row for row in self._folder.rows()}
+            self._run(self._plan)
         found: dict[str, list[Row]] = {setting.name: [] for setting in settings}
         for trial in wanted:
             found[trial.entry].append(self._rows[trial.id])
         return found
+
+    def finish(self) -> None:
+        """Leave whole tables, also where a call before this one was killed after its last flight."""
+        if self._plan is not None and self._folder.journal.is_file():
+            self._run(self._plan)
+
+    def _run(self, plan: Plan) -> None:
+        summary = Run(plan, self._folder, self._pool.lent, selection=Selection(), report=self._report).fly()
+        self.n_flown_now += summary.n_flown
+        if summary.is_interrupted:
+            raise KeyboardInterrupt
+        self._rows = {row["trial"]: row for row in self._folder.rows()}

@@ -16,7 +16,7 @@ _STYLE = (
     ".title{font-size:14px;font-weight:600;fill:#1c1d20}.head{font-weight:600;fill:#1c1d20}"
 )
 _WIDTH, _HEIGHT = 300.0, 190.0
-_LEFT, _TOP, _GAP, _BOTTOM = 50.0, 78.0, 62.0, 58.0
+_LEFT, _TOP, _GAP, _BOTTOM = 50.0, 98.0, 62.0, 58.0
 _CELL_W, _CELL_H = 92.0, 46.0
 _LINE_H = 24.0
 # From this ratio of largest to smallest on, values are spread by their logarithms.
@@ -67,7 +67,8 @@ def _curves(sweep: Sweep) -> str:
         most, x = _top_of(sweep, figure), [left + 14 + place * (_WIDTH - 28) for place in xs]
         parts += _frame(left, figure, most)
         parts += _tick_words(x, values)
-        parts.append(_text(left + _WIDTH / 2, _TOP + _HEIGHT + 40, _axis_name(name, sweep.units[name]), "middle"))
+        axis = _axis_name(name, sweep.units[name]) + (", logarithmic" if _is_log(values) else "")
+        parts.append(_text(left + _WIDTH / 2, _TOP + _HEIGHT + 40, axis, "middle"))
         if sweep.is_reference_default:
             parts.append(
                 f'<line x1="{x[reference]:.1f}" x2="{x[reference]:.1f}" y1="{_TOP}" y2="{_TOP + _HEIGHT}" '
@@ -85,11 +86,13 @@ def _places(values: Sequence[Any]) -> list[float]:
         return [0.5]
     if not _are_numbers(values):
         return [i / (len(values) - 1) for i in range(len(values))]
-    numbers = [float(v) for v in values]
-    if min(numbers) > 0 and max(numbers) / min(numbers) >= _LOG_FROM:
-        numbers = [math.log(v) for v in numbers]
+    numbers = [math.log(v) if _is_log(values) else float(v) for v in values]
     low, high = min(numbers), max(numbers)
     return [(v - low) / (high - low) for v in numbers]
+
+
+def _is_log(values: Sequence[Any]) -> bool:
+    return _are_numbers(values) and min(values) > 0 and max(values) / min(values) >= _LOG_FROM
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:
@@ -196,9 +199,10 @@ def _maps(sweep: Sweep) -> str:
 
 def _cell(x: float, y: float, figure: _Figure, each: Estimate, most: float, *, is_outlined: bool) -> list[str]:
     share = min(max(each.value / most, 0.0), 1.0) if math.isfinite(each.value) else 0.0
-    # Between white and the deep blue of the curves.
-    colour = "#" + "".join(f"{round(255 + share * (end - 255)):02x}" for end in (0x00, 0x72, 0xB2))
-    ink = "#ffffff" if share > 0.6 else _INK
+    # Between a pale and the deep blue of the curves; white words where they stand out more than dark ones.
+    ends_of_scale = zip((0xED, 0xF4, 0xF9), (0x00, 0x72, 0xB2), strict=True)
+    colour = "#" + "".join(f"{round(pale + share * (deep - pale)):02x}" for pale, deep in ends_of_scale)
+    ink = "#ffffff" if share > 0.85 else _INK
     outline = f'stroke="{_INK}" stroke-width="2"' if is_outlined else 'stroke="#ffffff" stroke-width="1"'
     value = figure.shown(each.value) if math.isfinite(each.value) else "-"
     has_ends = math.isfinite(each.low) and math.isfinite(each.high)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslcosim.benchmark.statistics.aggregates import stratified_bootstrap
 from gslcosim.benchmark.statistics.estimates import Estimate
-from gslcosim.benchmark.statistics.pairs import paired_difference
+from gslcosim.benchmark.statistics.pairs import paired_difference, sign_flip
 from gslcosim.benchmark.statistics.rates import wilson
 from gslcosim.benchmark.statistics.times import restricted_mean
 
@@ -85,6 +85,11 @@ def figures_of(flights: Flights) -> Figures:
 def difference_of(a: Flights, b: Flights) -> Estimate:
     """Return by how much the mean score of a is above that of b over the same flights."""
     return _with_spread(paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata), a.score - b.score)
+
+
+def p_of(a: Flights, b: Flights) -> float:
+    """Return the p value of the paired permutation test that a and b score the same: honest also for few flights."""
+    return sign_flip(a.score, b.score, clusters=a.clusters)
 
 
 # Draws from equal values are all equal: that is no certainty, so no interval is told.

@@ -12,13 +12,16 @@ from gslcosim.benchmark.suite.seeds import seed_of
 from gslcosim.benchmark.tuning.budget import Budget
 from gslcosim.benchmark.tuning.course import Course, Flyer, KeptPool, Row, course_of
 from gslcosim.benchmark.tuning.deriving import DEFAULT, Setting, seeds_of, seeds_of_tests
-from gslcosim.benchmark.tuning.figures import Figures, Flights, difference_of, figures_of, flights_of
+from gslcosim.benchmark.tuning.figures import Figures, Flights, difference_of, figures_of, flights_of, p_of
 from gslcosim.benchmark.tuning.searching import Search
 from gslcosim.benchmark.tuning.subject import Subject
 from gslcosim.benchmark.tuning.values import Range
 
 BATCH = 4
 """Settings that are asked for at once, whatever the number of workers: it is part of the result."""
+
+SIGNIFICANT = 0.05
+"""p below which the best setting is said to differ from the default."""
 
 TRAINING, VALIDATION, STUDY = "training", "validation", "study.log"
 
@@ -33,12 +36,21 @@ class Tried:
 
 @dataclass(frozen=True, kw_only=True)
 class Validation:
-    """The best setting and the default on seeds that neither the search nor a test suite has."""
+    """The best setting and the default on seeds that neither the search nor a test suite has.
+
+    `difference` is of mean scores over the same flights, `p` of the paired permutation test that there is none.
+    """
 
     seed: int
     best: Figures
     default: Figures
     difference: Estimate
+    p: float
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether a difference is shown: by its interval and by the test, for few flights give narrow intervals."""
+        return not self.difference.holds_zero and self.p < SIGNIFICANT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +170,7 @@ class Tuner:
             try:
                 flyer = Flyer(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
                 n_asked = self._search(search, flyer)
+                flyer.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
                 n_now = flyer.n_flown_now
                 validated = None
@@ -244,7 +257,12 @@ class Tuner:
 
     def _validate(self, flyer: Flyer, best: Setting) -> Validation:
         rows = flyer.fly([Setting(name=DEFAULT, parameters={}), best])
+        flyer.finish()
         a, b = flights_of(rows[best.name]), flights_of(rows[DEFAULT])
         return Validation(
-            seed=flyer.course.seed, best=figures_of(a), default=figures_of(b), difference=difference_of(a, b)
+            seed=flyer.course.seed,
+            best=figures_of(a),
+            default=figures_of(b),
+            difference=difference_of(a, b),
+            p=p_of(a, b),
         )

@@ -86,6 +86,7 @@ def tuning_fields(tuning: Tuning) -> dict[str, Any]:
             "best": _figure_fields(checked.best),
             "default": _figure_fields(checked.default),
             "difference": _estimate_fields(checked.difference),
+            "p": checked.p,
         },
         "parameters": parameters_to_paste(tuning),
         "settings": [_tried_fields(tried) for tried in tuning.tried],
