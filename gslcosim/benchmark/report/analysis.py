@@ -10,12 +10,14 @@ from gslcosim.benchmark.report.cases import CaseGrade, FailureGroup, case_grades
 from gslcosim.benchmark.report.curves import (
     BeliefTracks,
     Declared,
+    LastBelief,
     Line,
     Times,
     belief_tracks,
     beliefs,
     declarations,
     flights,
+    last_beliefs,
     profiles,
     runtimes,
     success_curves,
@@ -77,6 +79,7 @@ class View:
     pairs: tuple[Compared, ...]
     declarations: tuple[Declared, ...]
     beliefs: Mapping[str, tuple[Line, ...]]
+    last_beliefs: tuple[LastBelief, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +151,7 @@ def _view(material: Material, within: Flags, *, key: str, label: str, kind: str,
         pairs=_compared(material, within, [row.entry for row in standings]),
         declarations=declarations(material, within),
         beliefs=beliefs(material, within, tracks) if tracks is not None else {},
+        last_beliefs=last_beliefs(material, within),
     )
 
 

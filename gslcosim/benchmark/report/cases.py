@@ -1,12 +1,13 @@
 """How difficult each case is, and which flights failed and how."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.benchmark.report.reading import Ints, Material
+from gslcosim.benchmark.report.reading import Floats, Ints, Material
 from gslcosim.benchmark.statistics.difficulty import fit_rasch, grades
 from gslcosim.benchmark.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.benchmark.statistics.rates import wilson
@@ -82,10 +83,16 @@ def case_grades(material: Material) -> tuple[CaseGrade, ...]:
                 difficulty=Estimate(d, d - half[k], d + half[k], n), is_informative=bool(fit.is_informative[k]),
                 success=wilson(int(successes[k].sum()), n), oracle_s=_time_of(material, some, oracle),
                 walker=_rate_of(material, some, walker), contact=_contact(material, some),
-                shortest_m=float(rows["shortest_path_m"][some[0]]), n=n,
+                shortest_m=_first_known(rows["shortest_path_m"][some]), n=n,
             )
         )  # fmt: skip
     return tuple(found)
+
+
+# Equal for all flights of a case; absent where one has no result.
+def _first_known(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known[0]) if known.size else math.nan
 
 
 def _counts(material: Material, cells: Ints, entries: Sequence[int]) -> tuple[Ints, Ints]:

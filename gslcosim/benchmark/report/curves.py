@@ -202,6 +202,22 @@ def _declared(rows: Rows, entry: int, some: Ints, controls: Ints) -> Declared:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LastBelief:
+    """Means over an entry's flights with gas of the figures of its last belief; fields as the columns `belief_…`."""
+
+    entry: int
+    distance_m: Estimate
+    error_m: Estimate
+    mass_near: Estimate
+    entropy_bits: Estimate
+    minus_log_p: Estimate
+    n: int
+
+
+BELIEF_FIGURES = ("distance_m", "error_m", "mass_near", "entropy_bits", "minus_log_p")
+
+
+@dataclass(frozen=True, kw_only=True)
 class BeliefTracks:
     """Figures of beliefs over time: of each trial at common times; the last one is held after the end of a flight.
 
@@ -246,6 +262,22 @@ def _held(at_s: Floats, t_s: Floats, values: Floats) -> Floats:
     t_s, values = t_s[known], values[known]
     place = np.searchsorted(t_s, at_s, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+
+
+def last_beliefs(material: Material, within: Flags) -> tuple[LastBelief, ...]:
+    """Return how good the last beliefs of those entries were that have one."""
+    rows, found = material.rows, list[LastBelief]()
+    for entry, some in flights(material, within):
+        some = some[np.isfinite(rows["belief_distance_m"][some])]
+        if some.size:
+            found.append(LastBelief(entry=entry, n=some.size, **{key: _mean_of(rows, f"belief_{key}", some)
+                                                               for key in BELIEF_FIGURES}))  # fmt: skip
+    return tuple(found)
+
+
+def _mean_of(rows: Rows, column: str, some: Ints) -> Estimate:
+    some = some[np.isfinite(rows[column][some])]
+    return stratified_bootstrap(rows[column][some], rows.cells[some], mean, clusters=clusters_of(rows, some))
 
 
 def beliefs(material: Material, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[Line, ...]]:

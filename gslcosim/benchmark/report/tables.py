@@ -1,15 +1,17 @@
 """The report for other programs and for other texts: CSV tables, the leaderboard as JSON, a summary in Markdown."""
 
 import csv
+import html
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from gslcosim.benchmark.report import formats
 from gslcosim.benchmark.report.analysis import Analysis
-from gslcosim.benchmark.report.curves import Line
+from gslcosim.benchmark.report.curves import BELIEF_FIGURES, Line
 from gslcosim.benchmark.report.making import facts_of
 from gslcosim.benchmark.report.standings import Standing
 from gslcosim.benchmark.statistics.estimates import LEVEL, Estimate
@@ -54,6 +56,7 @@ def write_tables(analysis: Analysis, folder: Path, command: str) -> None:
         "declarations": _declarations(analysis),
         "roc": _rocs(analysis),
         "beliefs": _lines(analysis, "time_s", lambda view: list(view.beliefs.items()), "figure"),
+        "last_beliefs": _last_beliefs(analysis),
         "difficulty": _difficulty(analysis),
         "failures": _failures(analysis, command),
         "trials": _trials(analysis),
@@ -161,6 +164,19 @@ def _rocs(analysis: Analysis) -> Iterator[Sequence[Any]]:
                         yield [view.key, names[d.entry], label, *point]
 
 
+def _last_beliefs(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield ["view", "entry", "n", *(head for name in BELIEF_FIGURES for head in _heads(name))]
+    names = _names(analysis)
+    for view in analysis.views:
+        for b in view.last_beliefs:
+            yield [
+                view.key,
+                names[b.entry],
+                b.n,
+                *(part for name in BELIEF_FIGURES for part in _parts(getattr(b, name))),
+            ]
+
+
 def _difficulty(analysis: Analysis) -> Iterator[Sequence[Any]]:
     figures = ("difficulty", "success", "walker", "oracle_s", "contact")
     heads = [head for name in figures for head in _heads(name)]
@@ -246,10 +262,16 @@ def summary_of(analysis: Analysis) -> str:
 
 
 def _table(analysis: Analysis) -> list[str]:
-    lines = ["| # | Entry | " + " | ".join(head for head, _ in _COLUMNS) + " | n |"]
-    lines.append("|--:|---|" + "--:|" * (len(_COLUMNS) + 1))
-    for row in analysis.everything.standings:
-        cells = [formats.told(getattr(row, name), form) for name, (_, form) in zip(_SUMMED, _COLUMNS, strict=True)]
+    standings = analysis.everything.standings
+    told = [
+        (name, head, form)
+        for name, (head, form) in zip(_SUMMED, _COLUMNS, strict=True)
+        if any(getattr(row, name).n for row in standings)
+    ]
+    lines = ["| # | Entry | " + " | ".join(head for _, head, _ in told) + " | n |"]
+    lines.append("|--:|---|" + "--:|" * (len(told) + 1))
+    for row in standings:
+        cells = [formats.told(getattr(row, name), form) for name, _, form in told]
         name = _plain(analysis.material.entries[row.entry].name)
         lines.append(f"| {row.rank} | {name} | " + " | ".join(cells) + f" | {row.n} |")
     return lines
@@ -273,9 +295,7 @@ def _better(pair: Any) -> int:
     return pair.a if pair.verdict > 0 else pair.b
 
 
-# Nothing of a name may be taken as markup.
+# Nothing of a name may be taken as markup; an underscore within a word is none.
 def _plain(text: str) -> str:
-    escaped = "".join(
-        f"\\{c}" if c in "\\`*_[]|#" else {"<": "&lt;", ">": "&gt;", "&": "&amp;"}.get(c, c) for c in text
-    )
-    return " ".join(escaped.split())
+    escaped = html.escape(" ".join(text.split()), quote=False)
+    return re.sub(r"[\\`*\[\]|#]|(?<!\w)_|_(?!\w)", lambda sign: "\\" + sign[0], escaped)

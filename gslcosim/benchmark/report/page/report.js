@@ -27,7 +27,7 @@
   const percent = (v) => (v === null ? "–" : `${(100 * v).toFixed(Math.abs(v) < 0.0995 && v !== 0 ? 1 : 0)} %`);
   const plain = (v) => (v === null ? "–" : Math.abs(v) >= 100 ? v.toFixed(0) : Math.abs(v) >= 10 ? v.toFixed(1) : v.toFixed(2));
   const seconds = (v) => (v === null ? "–" : `${plain(v)} s`);
-  const signed = (v) => (v === null ? "–" : (v > 0 ? "+" : v < 0 ? "−" : "±") + Math.abs(100 * v).toFixed(0));
+  const signed = (v) => (v === null ? "–" : (Math.abs(v) < 0.005 ? "" : v > 0 ? "+" : "−") + Math.abs(100 * v).toFixed(0));
   // "98 % (90 – 100)": the unit stands once.
   const bare = (text) => text.replace(/ ?[%sm×]$/, "");
   const FORMATS = { percent, plain, seconds, metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
@@ -309,6 +309,7 @@
     svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
     const image = imageOf(room);
     if (image) svg.append(s("image", { href: image, x: room.origin[0], y: y1 - room.origin[1] - room.extent[1], width: room.extent[0], height: room.extent[1], preserveAspectRatio: "none", style: "image-rendering:pixelated" }));
+    svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "none", stroke: "var(--solid)", "stroke-width": 0.008 * Math.max(w, t) }));
     return { svg, Y: (y) => y1 - y, unit: Math.max(w, t) / 100 };
   }
   function sourceMark(svg, room, Y, u) {

@@ -155,7 +155,7 @@ def test_tables_read_back(usual):
             assert (line[name] and float(line[name])) == ("" if row[name] is None else row[name])
         assert (line["trial"], line["success"], int(line["seed"])) == (row["trial"], str(row["success"]), row["seed"])
     tables = {path.name: read_csv(path) for path in (usual / "tables").glob("*.csv")}
-    assert len(tables) == 13
+    assert len(tables) == 14
     assert all(tables.values())
     board = {(row["view"], row["entry"]): row for row in tables["leaderboard.csv"]}
     page = page_of(usual)
@@ -273,7 +273,7 @@ def test_every_folder_gets_a_page(name, tmp_path):
     [
         ("no oracle", "The oracle has not flown", {"profile"}),
         ("no controls", "There are no flights without gas", set()),
-        ("no maps and tracks", "There are no tracks", {"tracks", "beliefs"}),
+        ("no maps and tracks", "There are no tracks", {"tracks"}),
         ("not complete", "Not complete: ", set()),
         ("nothing flown", "No trial has been flown yet", {"leaderboard", "curves", "pairs", "failures"}),
         ("one entry", "without a result", {"pairs"}),
