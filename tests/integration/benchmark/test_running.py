@@ -49,12 +49,14 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
 def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of the bundled suite `smoke` by one worker."""
     folder = tmp_path_factory.mktemp("smoke")
-    ended = bench("run", "smoke", "--jobs", "1", "--no-report", cwd=folder)
+    ended = bench("run", "smoke", "--jobs", "1", cwd=folder)
     assert ended.returncode == 0, ended.stderr
+    assert "Report: results/smoke/report.html" in ended.stdout
     return folder / "results" / "smoke"
 
 
 @pytest.mark.end_to_end
+@pytest.mark.tour
 def test_two_workers_bring_the_same_rows_and_tracks_as_one(smoke: Path, tmp_path: Path) -> None:
     ended = bench("run", "smoke", "--jobs", "2", "--no-report", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
@@ -62,6 +64,10 @@ def test_two_workers_bring_the_same_rows_and_tracks_as_one(smoke: Path, tmp_path
     assert rows_of(other) == rows_of(smoke)
     assert (other / "tracks.parquet").read_bytes() == (smoke / "tracks.parquet").read_bytes()
     assert len(rows_of(smoke)) == 12
+    assert "dung_beetle" in (smoke / "report.html").read_text()
+    assert {row["entry"] for row in json.loads((smoke / "leaderboard.json").read_text())["views"][0]["rows"]} == {
+        "dung_beetle", "oracle", "random_walker",
+    }  # fmt: skip
     assert {row["status"] for row in rows_of(smoke)} == {"flown"}
 
 
@@ -166,6 +172,7 @@ def test_a_full_disk_is_told_and_costs_nothing_that_was_flown(smoke: Path, tmp_p
 
 
 @pytest.mark.end_to_end
+@pytest.mark.tour
 def test_verify_finds_a_row_that_was_changed(smoke: Path, tmp_path: Path) -> None:
     folder = tmp_path / "changed"
     shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings"))
