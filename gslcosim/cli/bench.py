@@ -194,7 +194,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
         run = Run(
             plan,
             folder,
-            lambda: _pool(arguments, loaded.suite.limits, folder.path),
+            lambda: _pool(arguments, loaded.suite.limits),
             selection=selection,
             flies_failures_again=arguments.retry,
             report=report,
@@ -262,7 +262,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     trials = again.sample(arguments.sample, seed=arguments.seed)
     if not trials:
         raise UsageError(f"{arguments.results}: expected flights with a result, found none.")
-    pool = _pool(arguments, again.plan.loaded.suite.limits, again.folder.path)
+    pool = _pool(arguments, again.plan.loaded.suite.limits)
     try:
         with watched_count("verifying", is_quiet=arguments.json) as report:
             verification = verify(again, trials, pool, report)
@@ -297,15 +297,11 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
     return loaded, plan
 
 
-def _pool(arguments: argparse.Namespace, limits: "LimitsSpec", results_dir: Path) -> "Pool":
+def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
     if arguments.ray is not None:
-        try:
-            from gslcosim.benchmark.execution.ray_pool import RayPool
-        except ModuleNotFoundError as error:
-            raise UsageError(
-                "--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'"
-            ) from error
-        return RayPool(arguments.ray, limits, results_dir)
+        from gslcosim.benchmark.execution.ray_pool import RayPool
+
+        return RayPool(arguments.ray, limits)
     from gslcosim.benchmark.execution.pool import LocalPool
 
     n_jobs = arguments.jobs or _usual_jobs()
