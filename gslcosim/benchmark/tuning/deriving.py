@@ -4,6 +4,7 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from gslcosim.benchmark.suite.expanding import cases_of
 from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites, load_suite
@@ -73,7 +74,9 @@ def _word(value: ParameterValue) -> str:
     if isinstance(value, tuple):
         return "_".join(_word(item) for item in value)
     text = f"{value:g}" if isinstance(value, float) else str(value).lower()
-    return re.sub(r"[^a-z0-9]+", "_", text.replace("-", "minus ")).strip("_")
+    if isinstance(value, int | float):
+        text = text.replace("-", "minus_")
+    return re.sub(r"[^a-z0-9]+", "_", text).strip("_")
 
 
 def seeds_of(loaded: LoadedSuite) -> frozenset[int]:
@@ -99,7 +102,12 @@ def _drawn(loaded: LoadedSuite) -> set[int]:
 
 def seeds_of_tests(loaded: LoadedSuite) -> frozenset[int]:
     """Return all seeds of a suite and of every bundled one: those on which nothing may be tuned."""
-    return seeds_of(loaded).union(*(seeds_of(load_suite(path)) for path in bundled_suites().values()))
+    return seeds_of(loaded) | _seeds_of_bundled()
+
+
+@cache
+def _seeds_of_bundled() -> frozenset[int]:
+    return frozenset[int]().union(*(seeds_of(load_suite(path)) for path in bundled_suites().values()))
 
 
 def apart(subject: Subject, purpose: str, number: int, *, repetitions: int, taken: frozenset[int]) -> LoadedSuite:

@@ -1,0 +1,176 @@
+"""Sweeps and tunings flown by real workers: the same however they are flown, and resumed where they stopped."""
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.tuning.budget import budget_of
+from gslcosim.benchmark.tuning.optimising import Stage, Tuner
+from gslcosim.benchmark.tuning.subject import find_subject
+from gslcosim.benchmark.tuning.values import parse_ranges
+from gslcosim.cli.main import COMMANDS, main
+from gslcosim.cli.parsing import build_parser, parse
+from gslcosim.cli.tuning_text import start_pool
+
+PAGE = (Path(__file__).parents[3] / "docs" / "benchmark" / "sweeps.md").read_text()
+CALLS = [line for line in PAGE.splitlines() if line.startswith("gslcosim ")]
+FLOWN = [line for line in CALLS if "tiny_room" in line]
+TUNE = ["tune", "tiny_room", "--entry", "dung_beetle", "--range", "leg_m=0.2:2.0", "--budget", "12"]
+ONE_FLIGHT = [*TUNE, "--flights-per-setting", "1"]
+
+
+@pytest.mark.parametrize("line", CALLS)
+def test_every_command_on_the_page_is_a_call_that_can_be_parsed(line: str) -> None:
+    assert parse(build_parser(COMMANDS, version="0"), COMMANDS, shlex.split(line)[1:]).command in (
+        "sweep",
+        "tune",
+        "bench",
+    )
+
+
+def test_the_page_has_commands_that_are_flown_here() -> None:
+    assert [line.split()[1] for line in FLOWN] == ["sweep", "tune"]
+
+
+def trials_of(folder: Path) -> list[dict[str, Any]]:
+    table = pq.read_table(folder / "trials.parquet")
+    return table.select([name for name in table.schema.names if not name.startswith("wall_")]).to_pylist()
+
+
+@pytest.mark.end_to_end
+@pytest.mark.tour
+def test_a_sweep_on_the_page_is_flown_once_and_told_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(FLOWN[0])[1:]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    folder = tmp_path / re.findall(r"^Results: (\S+)", told, re.MULTILINE)[0]
+    fields = json.loads((folder / "sweep.json").read_text())
+    rows = trials_of(folder)
+    assert {row["status"] for row in rows} == {"flown"}
+    points = fields["points"]
+    assert len(rows) == sum(point["n"] for point in points) == 2 * len(points)
+    for point in points:
+        own = [row for row in rows if row["entry"] == point["entry"]]
+        assert point["score"]["value"] == pytest.approx(sum(row["score"] for row in own) / len(own))
+        assert [(row["seed"], row["gas_seed"]) for row in own] == [
+            (r["seed"], r["gas_seed"]) for r in rows[:: len(points)]
+        ]
+    files = {name: (folder / name).read_bytes() for name in ("sweep.json", "sweep.csv", "sweep.svg", "trials.parquet")}
+    assert main([*words, "--json"]) == 0
+    output = capsys.readouterr()
+    assert json.loads(output.out) == fields
+    assert output.err == ""
+    assert {name: (folder / name).read_bytes() for name in files} == files
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tuning of ten settings with a flight each, by one worker, without an interruption."""
+    folder = tmp_path_factory.mktemp("tuned") / "results"
+    assert main([*ONE_FLIGHT, "--jobs", "1", "--results", str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.end_to_end
+@pytest.mark.tour
+def test_a_tuning_keeps_to_its_budget_and_leaves_its_files(tuned: Path) -> None:
+    fields = json.loads((tuned / "tuning.json").read_text())
+    training, n_settings = trials_of(tuned / "training"), len(fields["settings"])
+    assert fields["budget"]["used"] <= 12
+    assert n_settings == fields["n_asked"] + 1 == 10
+    assert len(training) == fields["budget"]["search"] == n_settings
+    best = max(fields["settings"], key=lambda each: each["score"]["value"])
+    assert fields["best"]["setting"] == best["setting"]
+    assert len((tuned / "tuning.csv").read_text().splitlines()) == n_settings + 1
+    assert (tuned / "study.log").is_file()
+    if best["setting"] != "default":
+        assert len(trials_of(tuned / "validation")) == fields["budget"]["validation"] == 2
+    smoke = {row["seed"] for row in training}
+    assert len(smoke) == 1, "all settings fly the same"
+
+
+@pytest.mark.end_to_end
+def test_an_interrupted_tuning_goes_on_and_ends_the_same(
+    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With another number of workers, too."""
+    subject = find_subject("tiny_room", "dung_beetle")
+    ranges = parse_ranges(["leg_m=0.2:2.0"], subject)
+
+    def stop(stage: Stage) -> None:
+        if stage.n_settings > 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Tuner(
+            subject, ranges, budget_of(12, 1), seed=0, folder=tmp_path, tell=stop,
+            start_pool=lambda: start_pool(2, subject.loaded.suite.limits),
+        ).tune()  # fmt: skip
+    n_kept = len(ResultsFolder(tmp_path / "training").rows())
+    assert 5 < n_kept < 10
+    assert main([*ONE_FLIGHT, "--jobs", "2", "--results", str(tmp_path)]) == 0
+    assert f"{n_kept} of these flights were there already." in capsys.readouterr().out
+    for name in ("tuning.json", "tuning.csv"):
+        assert (tmp_path / name).read_bytes() == (tuned / name).read_bytes()
+    assert trials_of(tmp_path / "training") == trials_of(tuned / "training")
+    assert not list(tmp_path.glob("*/earlier-*"))
+
+
+@pytest.mark.end_to_end
+def test_a_finished_tuning_is_told_again_without_flying(
+    tuned: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def no_pool(*_: object) -> Callable[[], None]:
+        raise AssertionError("nothing is flown")
+
+    monkeypatch.setattr("gslcosim.cli.tune.start_pool", no_pool)
+    before = (tuned / "tuning.json").read_bytes()
+    assert main([*ONE_FLIGHT, "--results", str(tuned), "--json"]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    assert json.loads(output.out) == json.loads(before)
+    assert (tuned / "tuning.json").read_bytes() == before
+
+
+@pytest.mark.end_to_end
+def test_a_tuning_on_the_page_says_what_it_used_and_what_that_is_worth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(FLOWN[1])[1:]) == 0
+    told = capsys.readouterr().out
+    assert "Budget: 12 flights, used " in told
+    assert "no seed of a run, its gas or a drawn room is one of this suite's or of a bundled suite's" in told
+    assert "paired difference" in told or "No setting had a higher score than the default." in told
+    if "paired difference" in told:
+        assert re.search(r"^parameters: \{leg_m: [0-9.]+\}$", told, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ["sweep", "tiny_room", "--entry", "dung_beetle", "--vary", "leg=1,2"],
+            "--vary leg: expected a parameter of Du",
+        ),
+        (["tune", "tiny_room", "--entry", "dung_beetle", "--budget", "7"], "--budget: expected at least 8 flights"),
+        ([*TUNE, "--range", "eps=0:9"], "--range eps: expected at most 0.5, was 9."),
+    ],
+)
+def test_a_wrong_call_is_told_before_anything_is_flown(
+    words: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert capsys.readouterr().err.startswith(told)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,98 @@
+"""Courses: the same flights for every setting, on seeds that no suite has."""
+
+import dataclasses
+
+from gslcosim.benchmark.suite import load_suite, plan_of
+from gslcosim.benchmark.tuning.budget import budget_of
+from gslcosim.benchmark.tuning.course import KeptPool, course_of
+from gslcosim.benchmark.tuning.deriving import Setting, seeds_of_tests
+from gslcosim.benchmark.tuning.optimising import Tuner
+from gslcosim.benchmark.tuning.subject import find_subject
+from gslcosim.benchmark.tuning.values import parse_ranges
+
+DEFAULT = Setting(name="default", parameters={})
+
+
+def course(n, number=0):
+    subject = find_subject("smoke", "dung_beetle")
+    return course_of(subject, "training", number, n=n, taken=seeds_of_tests(subject.loaded))
+
+
+def test_cases_are_flown_equally_often_and_the_rest_by_lot():
+    slots = course(5).slots
+    assert len(slots) == len(set(slots)) == 5
+    counts = sorted(sum(case == name for name, _ in slots) for case in {name for name, _ in slots})
+    assert counts == [2, 3]
+    assert len({course(1, number).slots[0][0] for number in (1, 2)}) == 2
+
+
+def test_no_seed_of_training_or_validation_is_one_of_a_suite(tmp_path):
+    """Of the tuned suite and of a bundled one, by their plans."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "schema: gslcosim/suite/1\nname: mine\nseed: 3\nscenarios: [tiny_room]\nrepetitions: 6\n"
+        "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
+    )
+    subject = find_subject(str(path), "beetle")
+    tuner = Tuner(
+        subject, parse_ranges(["leg_m=0.2:2"], subject), budget_of(60), seed=0, folder=tmp_path, start_pool=_no_pool
+    )
+    training, validation = (seeds(each.plan([DEFAULT])) for each in tuner.courses())
+    tests = seeds(plan_of(load_suite(path))) | seeds(plan_of(load_suite("smoke")))
+    assert training
+    assert validation
+    assert not (training | validation) & tests
+    assert not training & validation
+
+
+def seeds(plan):
+    return {seed for trial in plan.trials for seed in (trial.resolved.seed, trial.resolved.gas.seed)}
+
+
+def test_a_plan_that_grows_is_that_of_all_settings_at_once():
+    settings = [DEFAULT, *(Setting(name=f"s_{i}", parameters={"leg_m": i / 2}) for i in (1, 2, 3))]
+    short = course(3)
+    grown = short.plan(settings[2:], after=short.plan(settings[:2]))
+    at_once = short.plan(settings)
+    assert grown.loaded == at_once.loaded
+    assert grown.suite_hash == at_once.suite_hash
+    assert [(t.id, t.entry, t.case, t.repetition) for t in grown.trials] == [
+        (t.id, t.entry, t.case, t.repetition) for t in at_once.trials
+    ]
+    assert [trial.index for trial in grown.trials] == list(range(12))
+
+
+def test_a_kept_pool_starts_once_and_ends_once():
+    calls = []
+
+    @dataclasses.dataclass
+    class Fake:
+        n_workers: int = 3
+        peak_mb: float = 1.0
+        reference_loops_s: tuple = ()
+
+        def submit(self, job):
+            calls.append(("submit", job))
+
+        def wait(self, timeout_s):
+            calls.append(("wait", timeout_s))
+            return []
+
+        def close(self):
+            calls.append("close")
+
+    kept = KeptPool(lambda: calls.append("start") or Fake())
+    kept.end()
+    for _ in range(2):
+        pool = kept.lent()
+        pool.submit("job")
+        assert pool.wait(0.5) == []
+        assert (pool.n_workers, pool.peak_mb, pool.reference_loops_s) == (3, 1.0, ())
+        pool.close()
+    kept.end()
+    kept.end()
+    assert calls == ["start", ("submit", "job"), ("wait", 0.5), ("submit", "job"), ("wait", 0.5), "close"]
+
+
+def _no_pool():
+    raise AssertionError("nothing is flown")

@@ -1,0 +1,98 @@
+"""Derived suites: one entry a setting, the same cases and seeds; seeds that nobody else has."""
+
+import itertools
+
+import pytest
+
+from gslcosim.benchmark.suite import Suite, load_suite, plan_of
+from gslcosim.benchmark.suite.seeds import seed_of
+from gslcosim.benchmark.tuning import deriving
+from gslcosim.benchmark.tuning.deriving import apart, derived, seeds_of, seeds_of_tests, settings_of
+from gslcosim.benchmark.tuning.subject import find_subject
+
+
+def names_of(entry, **varied):
+    return [setting.name for setting in settings_of(entry, varied)]
+
+
+def test_names_tell_the_values():
+    assert names_of("e_coli", step_m=(0.2, 1.0)) == ["e_coli_step_m_0_2", "e_coli_step_m_1"]
+    assert names_of("a", x=(-1, 1), y=(True, "Up-Wind")) == [
+        "a_x_minus_1_y_true", "a_x_minus_1_y_up_wind", "a_x_1_y_true", "a_x_1_y_up_wind",
+    ]  # fmt: skip
+    assert names_of("a", x=((1.0, 2.5),)) == ["a_x_1_2_5"]
+
+
+def test_names_that_would_be_too_long_or_equal_are_numbered():
+    long = "a_method_with_a_name_of_forty_letters_xx"
+    assert names_of(long, step_m=range(10)) == [f"a_method_with_a_name_of_forty_letters_{i:02d}" for i in range(1, 11)]
+    assert names_of("a", word=("x y", "x.y")) == ["a_1", "a_2"]
+
+
+def test_every_name_is_one_that_a_suite_takes():
+    subject = find_subject("tiny_room", "dung_beetle")
+    for varied in (
+        {"leg_m": (1e-7, 12345.678)},
+        {"zigzag_rad": tuple(i / 7 for i in range(1, 20)), "leg_m": (0.123456, 2.0)},
+    ):
+        loaded = derived(subject, settings_of("dung_beetle", varied), name="x" * 60)
+        Suite.model_validate(loaded.suite.model_dump(by_alias=True))
+
+
+def test_all_combinations_are_flown_the_last_parameter_fastest():
+    settings = settings_of("a", {"x": (1, 2), "y": (3, 4)})
+    assert [tuple(setting.parameters.values()) for setting in settings] == [(1, 3), (1, 4), (2, 3), (2, 4)]
+
+
+def test_settings_meet_the_same_cases_seeds_and_plumes_as_in_the_suite():
+    subject = find_subject("smoke", "dung_beetle")
+    plan = plan_of(derived(subject, settings_of("b", {"leg_m": (0.5, 1.0)}), name="s"))
+    own = plan_of(load_suite("smoke"))
+
+    def met(trials):
+        return [(t.case, t.repetition, t.resolved.seed, t.resolved.gas.seed, t.case_hash) for t in trials]
+
+    first, second = ([t for t in plan.trials if t.entry == name] for name in ("b_leg_m_0_5", "b_leg_m_1"))
+    assert met(first) == met(second) == met([t for t in own.trials if t.entry == "oracle" and not t.is_control])
+    assert [t.resolved.agents[0].parameters for t in first] == [{"leg_m": 0.5}, {"leg_m": 0.5}]
+    assert len(plan.trials) == len(first) + len(second)
+
+
+def test_seeds_of_a_suite_are_those_of_its_plan():
+    plan = plan_of(load_suite("smoke"))
+    assert seeds_of(load_suite("smoke")) == {
+        seed for trial in plan.trials for seed in (trial.resolved.seed, trial.resolved.gas.seed)
+    }
+
+
+def test_drawn_rooms_count_as_seeds(tmp_path):
+    path = tmp_path / "drawn.yaml"
+    path.write_text(
+        "schema: gslcosim/suite/1\nname: drawn\nscenarios: [tiny_room]\nvary: [{environment.layout.seed: {draw: 3}}]\n"
+    )
+    rooms = {seed_of(1, "draw", "environment.layout.seed", k) for k in range(3)}
+    assert rooms < seeds_of(load_suite(path))
+
+
+def test_seeds_apart_are_drawn_again_while_one_is_taken(monkeypatch):
+    subject = find_subject("smoke", "dung_beetle")
+    first = apart(subject, "training", 5, repetitions=4, taken=frozenset())
+    assert first.suite.seed == seed_of(subject.loaded.suite.seed, "training", 5)
+    taken = frozenset([min(seeds_of(first))])
+    second = apart(subject, "training", 5, repetitions=4, taken=taken)
+    assert second.suite.seed == seed_of(subject.loaded.suite.seed, "training", 5, 1)
+    assert seeds_of(second).isdisjoint(taken)
+    assert deriving.apart(subject, "training", 5, repetitions=4, taken=taken) == second
+
+
+@pytest.mark.parametrize("number", [0, 7])
+def test_purposes_and_numbers_have_seeds_of_their_own(number):
+    subject = find_subject("smoke", "dung_beetle")
+    tests = seeds_of_tests(subject.loaded)
+    drawn = [
+        seeds_of(apart(subject, purpose, each, repetitions=50, taken=tests))
+        for purpose in ("training", "validation")
+        for each in (number, number + 1)
+    ]
+    assert all(a.isdisjoint(b) for a, b in itertools.combinations(drawn, 2))
+    assert all(each.isdisjoint(tests) for each in drawn)
