@@ -239,6 +239,7 @@ def test_the_same_rows_make_the_same_report(tmp_path):
 
 
 ONE = synthetic.Method(name="alone", success=0.5)
+SIXTY = "sixty entries"
 TINY = {
     "one trial": replace(SMALL, methods=(ONE,), starts_m=((3, 3),), repetitions=1, controls_frac=0.0),
     "no success at all": replace(SMALL, methods=(replace(ONE, success=0.0), replace(ONE, name="b", success=0.0))),
@@ -251,11 +252,13 @@ TINY = {
     "no maps and tracks": replace(SMALL, maps=False, tracks=False),
     "not complete": replace(SMALL, missing=7),
     "nothing flown": replace(SMALL, methods=(ONE,), repetitions=1, starts_m=((3, 3),), controls_frac=0.0, missing=1),
-    "sixty entries": replace(SMALL, methods=(*synthetic.many(58), synthetic.ORACLE, synthetic.WALKER)),
+    SIXTY: replace(SMALL, methods=(*synthetic.many(58), synthetic.ORACLE, synthetic.WALKER)),
 }
 
 
-@pytest.mark.parametrize("name", TINY)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == SIXTY else []) for name in TINY]
+)
 def test_every_folder_gets_a_page(name, tmp_path):
     folder = synthetic.make_results(tmp_path / "results", TINY[name])
     page = Page(write_report(folder).read_text(encoding="utf-8"))
