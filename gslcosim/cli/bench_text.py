@@ -132,7 +132,7 @@ def summary_text(summary: "RunSummary", page: Path | None) -> str:
     )
     if summary.n_without_result:
         lines.append(f"{summary.n_without_result} without result: see status and fault in the report.")
-    if wall.get("n_trials"):
+    if "busy_share" in wall:
         lines.append(
             f"Time: {_duration(wall['total_s'])}, of which preparing {_duration(wall['preparing_s'])}; workers busy "
             f"{100 * wall['busy_share']:.0f} % of the time after that, flying {100 * wall['flying_share']:.0f} %; "

@@ -108,6 +108,8 @@ class Run:
         self._environments: dict[str, Path] = {}
         self._hashes: dict[str, str] = {}
         self._is_interrupted = False
+        self._busy_s = 0.0
+        self._flying_s = 0.0
 
     def fly(self) -> RunSummary:
         """Fly what is missing, write the tables, and return what was done.
@@ -123,6 +125,8 @@ class Run:
             todo = [trial for trial in self._chosen if trial.id not in self._entries]
             n_before = len(self._chosen) - len(todo)
             write_suite(self._plan.loaded, self._folder.path)
+            # Before anything flies, so that a report can be made of rows whose run was killed.
+            self._write_manifest({})
             wall: dict[str, Any] = {}
             if todo or self._missing_recordings():
                 wall = self._fly_with_pool(todo)
@@ -163,25 +167,26 @@ class Run:
     def _fly_with_pool(self, todo: Sequence[Trial]) -> dict[str, Any]:
         pool = self._start_pool()
         wall: dict[str, Any] = {"jobs": pool.n_workers}
+        began = prepared = time.perf_counter()
         try:
-            clock = time.perf_counter()
             self._prepare(pool, todo)
-            wall["preparing_s"] = time.perf_counter() - clock
-            clock = time.perf_counter()
-            busy_s, flying_s = self._fly_all(pool, todo)
-            taken_s = time.perf_counter() - clock
-            wall["flying_s"] = taken_s
-            wall["busy_share"] = busy_s / (taken_s * pool.n_workers) if todo else None
-            wall["flying_share"] = flying_s / (taken_s * pool.n_workers) if todo else None
-            wall["n_trials"] = len(todo)
-            if not self._is_interrupted:
-                self._record(pool)
+            prepared = time.perf_counter()
+            self._fly_all(pool, todo)
+            flown = time.perf_counter()
+            self._record(pool)
         except KeyboardInterrupt:
             self._is_interrupted = True
+            flown = time.perf_counter()
+            prepared = flown if prepared == began else prepared
         finally:
             pool.close()
-        sim_s = sum(self._entries[trial.id].row["end_s"] or 0.0 for trial in todo if trial.id in self._entries)
-        keep_pace(sim_s=sim_s, busy_s=(wall.get("busy_share") or 0.0) * wall.get("flying_s", 0.0) * pool.n_workers)
+        rows = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
+        taken_s = flown - prepared
+        wall |= {"preparing_s": prepared - began, "flying_s": taken_s, "n_trials": len(rows)}
+        if rows and taken_s > 0:
+            wall["busy_share"] = self._busy_s / (taken_s * pool.n_workers)
+            wall["flying_share"] = self._flying_s / (taken_s * pool.n_workers)
+            keep_pace(sim_s=sum(row["end_s"] or 0.0 for row in rows), busy_s=self._busy_s)
         wall["peak_worker_mb"] = pool.peak_mb
         if pool.reference_loops_s:
             wall["reference_loop_s"] = statistics.median(pool.reference_loops_s)
@@ -233,30 +238,29 @@ class Run:
                     )
                 yield ended
 
-    def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> tuple[float, float]:
+    def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
         began = time.perf_counter()
         tries = Counter[str]()
         by_room = sorted(todo, key=lambda trial: list(self._environments).index(trial.room))
         for trial in by_room:
             self._submit(pool, trial)
-        left, busy_s, flying_s = len(todo), 0.0, 0.0
+        left = len(todo)
         with Journal(self._folder.journal) as journal:
             while left:
                 self._tell(len(todo) - left, len(todo), began)
                 for ended in pool.wait(_LOOK_EVERY_S):
                     trial = ended.job.trial
                     tries[trial.id] += 1
-                    busy_s += ended.taken_s
+                    self._busy_s += ended.taken_s
                     entry = self._entry_of(ended)
                     if entry.row["status"] != FLOWN and tries[trial.id] < _TRIES:
                         self._submit(pool, trial)
                         continue
                     journal.append(entry)
                     self._entries[trial.id] = entry
-                    flying_s += entry.row["wall_flying_s"] or 0.0
+                    self._flying_s += entry.row["wall_flying_s"] or 0.0
                     left -= 1
             self._tell(len(todo), len(todo), began)
-        return busy_s, flying_s
 
     def _submit(self, pool: Pool, trial: Trial) -> None:
         pool.submit(Job(key=trial.id, kind="fly", trial=trial, environment_dir=self._environments[trial.room]))
@@ -321,6 +325,9 @@ class Run:
         if self._folder.journal.is_file() or not self._folder.trials.is_file():
             self._folder.write_tables([self._entries[trial.id] for trial in trials])
             self._folder.journal.unlink(missing_ok=True)
+        self._write_manifest(wall)
+
+    def _write_manifest(self, wall: dict[str, Any]) -> None:
         before = self._folder.read_json(self._folder.manifest)
         sessions = [*before.get("sessions", []), *([wall] if wall.get("n_trials") else [])]
         self._folder.write_json(self._folder.manifest, self._manifest(sessions, before))

@@ -80,6 +80,7 @@ def test_a_run_that_was_killed_goes_on_and_ends_the_same(smoke: Path, tmp_path: 
     assert not any(worker.is_running() for worker in workers)
     n_kept = len((folder / "rows.jsonl").read_bytes().splitlines())
     assert 0 < n_kept < 12
+    assert bench("report", str(folder), cwd=tmp_path).returncode == 0
     ended = bench("run", "smoke", "--json", "--no-report", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
     told = json.loads(ended.stdout)
