@@ -5,6 +5,7 @@ import logging
 import os
 import secrets
 import shutil
+import socket
 import tempfile
 import time
 from collections import deque
@@ -20,12 +21,13 @@ from gslcosim.benchmark.execution.ray_worker import Done, RayWorker, Recorded, R
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.errors import GslCosimError, SimulationFault, UsageError
 
-LOCAL = "local"
+AUTO, LOCAL = "auto", "local"
 # As in `LocalPool`: the next flight waits at the worker.
 _AHEAD = 2
 _LOOK_EVERY_S = 0.5
 _START_S = 60.0
 _END_S = 3.0
+_LISTENS_S = 10.0
 _MOST_FAILED_STARTS = 3
 # Rows travel through it, and the files of agents.
 _LOCAL_STORE_BYTES = 200_000_000
@@ -188,12 +190,14 @@ class RayPool:
             )
             return
         try:
+            if self._address != AUTO:
+                _check_address(self._address)
             self._ray.init(address=self._address, **quiet)
         except Exception as error:  # of many kinds, none of them Ray's own
             raise UsageError(
-                f"--ray {self._address}: expected a Ray cluster that this machine is part of, was none: "
-                f"{_brief(error)} Start it with `ray start --head` here, and `ray start --address=HERE:6379` on the "
-                "other machines; or take --ray local."
+                f"--ray {self._address}: expected auto, local, or the host:port of a Ray cluster that this machine is "
+                f"part of, was none: {_brief(error)} Start one with `ray start --head` here, and "
+                "`ray start --address=HERE:6379` on the other machines; or take --ray local."
             ) from error
 
     def _nodes(self) -> list[_Node]:
@@ -394,6 +398,8 @@ class RayPool:
 
 def _ray(address: str) -> Any:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    # What nodes say goes to standard output otherwise, in the middle of ours.
+    os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".*")
     # Ray announces a change to come otherwise.
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     if address == LOCAL:
@@ -408,6 +414,17 @@ def _ray(address: str) -> Any:
         raise UsageError(
             "--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'"
         ) from error
+
+
+# Ray asks for minutes where nobody listens.
+def _check_address(address: str) -> None:
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_LISTENS_S).close()
+    except ValueError as error:
+        raise UsageError("it has no port.") from error
+    except OSError as error:
+        raise UsageError(f"nobody listens there ({error.strerror or error}).") from error
 
 
 def _fetched(parcel: list[Any]) -> Contents | None:

@@ -39,7 +39,7 @@ scenarios: [tiny_room]
 set: {gas.tape: true}
 vary:
   - agents[0].vehicle.start_m: [[4.5, 2.5, 0.2], [4.5, 1.0, 0.2]]
-repetitions: 2
+repetitions: 1
 anchors: [oracle]
 entries:
   - {name: dung_beetle, start: {python: dung_beetle}}
@@ -48,7 +48,7 @@ entries:
   - {name: leaves, start: {command: [sh, mine/leaves.sh], door: stdio}}
 record: {keep: [slowest]}
 """
-N_TRIALS = 20
+N_TRIALS = 10
 TOKEN = secrets.token_hex(32)
 FLY = """
 import json, sys
@@ -299,5 +299,18 @@ def test_an_address_without_a_cluster_is_told(nodes: tuple[Node, Node], suite: P
     flight = here.fly(suite, folder / "nowhere", "10.214.9.1:6399")
     text, _ = flight.communicate(timeout=200)
     assert flight.returncode == 1
-    assert text.startswith("UsageError: --ray 10.214.9.1:6399: expected a Ray cluster that this machine is part of")
+    assert text.startswith("UsageError: --ray 10.214.9.1:6399: expected auto, local, or the host:port of a Ray cluster")
+    assert "nobody listens there" in text
     assert len(text) < 1000
+
+
+def test_a_cluster_of_this_machine_alone_begins_and_ends_with_the_pool(
+    nodes: tuple[Node, Node], suite: Path, folder: Path, flown_here: Path
+) -> None:
+    """`local` flies the same, and leaves neither a process nor a file in the home folder."""
+    here, _ = nodes
+    before = set(here.pids())
+    assert flown(here.fly(suite, folder / "local", "local")) == [N_TRIALS, 0, False]
+    assert rows_of(folder / "local") == rows_of(flown_here)
+    here.wait_for(lambda: set(here.pids()) <= before)
+    assert not (here.folder / ".ray").exists()
