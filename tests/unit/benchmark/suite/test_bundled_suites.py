@@ -48,6 +48,7 @@ def planned_once(name: str) -> Plan:
     return plan_of(dataclasses.replace(loaded(name), suite=anchors_and_first))
 
 
+@cache
 def cards() -> dict[str, MethodCard]:
     found = {name: card_beside(path) for name, path in bundled_agents().items()}
     return {name: card for name, card in found.items() if card is not None}
