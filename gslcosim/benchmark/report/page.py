@@ -2,7 +2,6 @@
 
 import json
 import math
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from gslcosim.benchmark.report import formats
 from gslcosim.benchmark.report.analysis import Analysis, View
@@ -57,8 +56,7 @@ def page_of(analysis: Analysis, command: str) -> str:
     looks = looks_of(analysis)
     environment.filters |= {
         "duration": formats.duration,
-        "points": formats.points,
-        "quoted": shlex.quote,
+        "breakable": _breakable,
     }
     environment.globals |= {"figure": _figure, "range": _range, "formats": formats, "isnan": math.isnan, "zip": zip}
     return environment.get_template("report.html").render(
@@ -91,6 +89,11 @@ def looks_of(analysis: Analysis) -> tuple[Look, ...]:
         for k, i in enumerate(colored)
     }
     return tuple(looks[i] for i in range(len(entries)))
+
+
+# A long name may go on in the next line after an underscore.
+def _breakable(name: str) -> Markup:
+    return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
 # In a script element nothing may look like markup.

@@ -20,7 +20,18 @@
   const color = (e) => { const c = D.entries[e].c; return c === -1 ? "var(--lower)" : c === -2 ? "var(--upper)" : `var(--e${c})`; };
   const dash = (e) => DASHES[D.entries[e].d] || null;
   const name = (e) => D.entries[e].title;
-  const short = (text, n) => (text.length > n ? text.slice(0, n - 1) + "…" : text);
+  // What differs stands at the end as often as at the beginning.
+  const short = (text, n) => (text.length > n ? `${text.slice(0, Math.ceil(0.45 * n) - 1)}…${text.slice(text.length - Math.floor(0.55 * n))}` : text);
+  // In narrow places names that all begin alike (one method with many settings) are told by what follows.
+  const shared = (() => {
+    const names = D.entries.filter((entry) => entry.c >= 0).map((entry) => entry.title);
+    if (names.length < 3 || Math.max(...names.map((text) => text.length)) <= 18) return 0;
+    let n = 0;
+    while (n < names[0].length && names.every((text) => text[n] === names[0][n])) n++;
+    const cut = Math.max(...["_", "-", " ", "/"].map((sign) => names[0].lastIndexOf(sign, n - 1)));
+    return cut >= 7 ? cut + 1 : 0;
+  })();
+  const brief = (e, n) => short(shared && D.entries[e].c >= 0 ? `…${name(e).slice(shared)}` : name(e), n);
   const view = () => D.views[state.view];
   const shown = (items) => items.filter((item) => state.on.has(item.e));
 
@@ -149,7 +160,7 @@
     const number = (line, i) => (Array.isArray(line.n) ? line.n[i] : line.n);
     const tipAt = (v) => {
       const body = h("tbody");
-      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, short(name(line.e), 26)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
+      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, brief(line.e, 30)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
       return [h("b", {}, `${x.name || x.label} ${exact(fx, v)}`), h("table", {}, body)];
     };
     const nearest = (pixel) => grid.reduce((best, v) => (Math.abs(X(v) - pixel) < Math.abs(X(best) - pixel) ? v : best), grid[0]);
@@ -189,7 +200,7 @@
       const limit = i === labels.length - 1 ? bottom : labels[i + 1].y - gap;
       if (labels[i].y > limit) labels[i].y = Math.max(top - 6, limit);
     }
-    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.e, x, y: y + 4, style: `fill:${color(line.e)}` }, short(name(line.e), 18)));
+    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.e, x, y: y + 4, style: `fill:${color(line.e)}` }, brief(line.e, 17)));
   }
 
   // ---------------------------------------------------------------- plots by name
@@ -238,7 +249,7 @@
     const scale = tallest(items.filter((item) => D.entries[item.e].c !== -1)) || tallest(items) || 1;
     items.forEach((item, k) => {
       const base = m.top + rowHeight * (k + 1) - 9, room = narrow ? 24 : 28, group = s("g");
-      group.append(s("text", narrow ? { x: m.left, y: base - room - 4, class: "label ink" } : { x: m.left - 12, y: base - 4, class: "label ink", "text-anchor": "end" }, short(name(item.e), narrow ? 34 : 21)));
+      group.append(s("text", narrow ? { x: m.left, y: base - room - 4, class: "label ink" } : { x: m.left - 12, y: base - 4, class: "label ink", "text-anchor": "end" }, brief(item.e, narrow ? 34 : 21)));
       const binWidth = W / item.bins.length;
       item.bins.forEach((count, i) => { if (count) { const tall = Math.min(room, (room * count) / Math.max(1, item.n) / scale); group.append(s("rect", { x: r1(m.left + i * binWidth + 0.5), width: r1(binWidth - 1), y: r1(base - tall), height: r1(tall), fill: color(item.e), "fill-opacity": 0.42 })); } });
       group.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: base, y2: base }));
@@ -260,16 +271,16 @@
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
     const order = pairs.order.filter((e) => state.on.has(e)), k = order.length;
     const width = Math.max(280, host.clientWidth || 600), left = Math.min(170, width * 0.32);
-    const size = Math.max(9, Math.min(62, (width - left - 52) / Math.max(1, k))), text = size >= 34;
-    const high = Math.min(110, 14 + 6.2 * Math.max(0, ...order.map((e) => Math.min(18, name(e).length))));
+    const size = Math.max(9, Math.min(62, (width - left - 52) / Math.max(1, k))), text = size >= 27;
+    const high = Math.min(110, 14 + 6.2 * Math.max(0, ...order.map((e) => Math.min(16, brief(e, 16).length))));
     const total = left + size * k + 50, height = high + size * k + 4;
     const svg = s("svg", { viewBox: `0 0 ${Math.max(width, total)} ${height}`, role: "img", "aria-label": "Matrix of pairs: the entry of the row against the entry of the column. Figures in the table below." });
     const cells = new Map(pairs.cells.map((cell) => [cell[0] * 1000 + cell[1], cell]));
     const cellOf = (a, b) => { const c = cells.get(a * 1000 + b); if (c) return { won: c[2], score: c[3], success: c[4], better: c[5], p: c[6] }; const d = cells.get(b * 1000 + a); if (!d) return null; const turn = (x, f) => (x ? [f(x[0]), x[2] === null ? null : f(x[2]), x[1] === null ? null : f(x[1]), x[3]] : null); return { won: -d[2], score: turn(d[3], (v) => -v), success: turn(d[4], (v) => -v), better: turn(d[5], (v) => 1 - v), p: d[6] }; };
     order.forEach((e, i) => {
-      svg.append(s("text", { class: "label ink", x: left - 8, y: high + size * (i + 0.5) + 4, "text-anchor": "end" }, short(name(e), Math.floor(left / 7.4))));
+      svg.append(s("text", { class: "label ink", x: left - 8, y: high + size * (i + 0.5) + 4, "text-anchor": "end" }, brief(e, Math.floor(left / 7.4))));
       const x = left + size * (i + 0.5);
-      svg.append(s("text", { class: "label ink", transform: `translate(${x + 4} ${high - 6}) rotate(-42)` }, short(name(e), 16)));
+      svg.append(s("text", { class: "label ink", transform: `translate(${x + 4} ${high - 6}) rotate(-42)` }, brief(e, 16)));
     });
     order.forEach((a, i) => order.forEach((b, j) => {
       const x = left + size * j, y = high + size * i, pad = size > 20 ? 1 : 0.5;
@@ -305,7 +316,7 @@
   }
   function roomSvg(room, label) {
     const [x0, y0, x1, y1] = room.box, w = x1 - x0, t = y1 - y0;
-    const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label });
+    const svg = s("svg", { viewBox: `${x0} 0 ${w} ${t}`, role: "img", "aria-label": label, style: "overflow:hidden" });
     svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "var(--sunk)" }));
     const image = imageOf(room);
     if (image) svg.append(s("image", { href: image, x: room.origin[0], y: y1 - room.origin[1] - room.extent[1], width: room.extent[0], height: room.extent[1], preserveAspectRatio: "none", style: "image-rendering:pixelated" }));
@@ -341,7 +352,7 @@
     if (draw === startPanel) figuresTable(figure, ["start", "entry", "success", "n"], () => rows);
   }
   function roomNote(room) {
-    const [x0, y0, x1, y1] = room.box, brief = (v) => String(+v.toFixed(2)), size = `${room.label}: ${brief(x1 - x0)} by ${brief(y1 - y0)} m`;
+    const [x0, y0, x1, y1] = room.box, metres = (v) => String(+v.toFixed(2)), size = `${room.label}: ${metres(x1 - x0)} by ${metres(y1 - y0)} m`;
     return h("span", {}, room.height === null ? `${size}, no plan` : `${size} at ${plain(room.height)} m height` + (room.ppm ? `; gas up to ${plain(room.ppm)} ppm on average` : ""));
   }
   function startPanel(room, index, e, rows) {
@@ -362,7 +373,7 @@
     sourceMark(svg, room, Y, unit);
     return h("div", { class: "panel" }, heading(e), svg);
   }
-  function heading(e, note) { return h("h4", {}, swatch(e), short(name(e), 28), note ? h("small", {}, note) : null); }
+  function heading(e, note) { return h("h4", {}, swatch(e), brief(e, 28), note ? h("small", {}, note) : null); }
   function trackPanel(room, index, e) {
     const tracks = D.tracks.filter((track) => track.r === index && track.e === e);
     if (!tracks.length) return null;
@@ -422,7 +433,7 @@
   const legend = one("#legend");
   if (legend) {
     const chips = D.order.map((e) => {
-      const chip = h("button", { type: "button", class: "chip", "aria-pressed": String(state.on.has(e)), title: D.entries[e].name }, swatch(e), short(name(e), 26));
+      const chip = h("button", { type: "button", class: "chip", "aria-pressed": String(state.on.has(e)), title: D.entries[e].name }, swatch(e), brief(e, 26));
       chip.addEventListener("click", () => { state.on.has(e) ? state.on.delete(e) : state.on.add(e); mark(); refresh(); });
       const light = (strong) => all(".plot [data-e]").forEach((node) => node.classList.toggle("dim", strong && +node.dataset.e !== e));
       chip.addEventListener("pointerenter", () => light(state.on.has(e)));
