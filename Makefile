@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Many processes start for a test: without bytecode each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods crossings plume-statistics soak golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite crossings plume-statistics soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -32,6 +32,9 @@ bench-agents: .venv/ready-dev  # decisions per second and round trip, for each l
 
 bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py
+
+bench-suite: .venv/ready-dev  # what a flight of a suite costs and its parts, how busy workers are, whether memory stays flat
+	$(BIN)/python tests/benchmarks/bench_suite.py $(SUITE)
 
 bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=--quick for less
 	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)
