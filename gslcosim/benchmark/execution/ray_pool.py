@@ -111,6 +111,7 @@ class RayPool:
         self._workers: list[_Worker] = []
         self._packer = Packer()
         self._parcels: dict[str, Any] = {}
+        self._n_workers = 0
         self._n_started = 0
         self._n_failed_starts = 0
         self._scratch: Path | None = None
@@ -128,8 +129,8 @@ class RayPool:
 
     @property
     def n_workers(self) -> int:
-        """How many jobs are done at the same time."""
-        return sum(worker.flies and worker.is_up for worker in self._workers)
+        """How many jobs are done at the same time, with all nodes that have ever been there."""
+        return self._n_workers
 
     def submit(self, job: Job) -> None:
         """Take a job; see `Pool`."""
@@ -311,6 +312,7 @@ class RayPool:
             return
         if not worker.is_up:
             worker.is_up, self._n_failed_starts = True, 0
+            self._n_workers = max(self._n_workers, sum(each.flies and each.is_up for each in self._workers))
             return
         _, task = worker.tasks.popleft()
         worker.since = time.monotonic()
@@ -409,11 +411,13 @@ def _ray(address: str) -> Any:
         os.environ.setdefault("RAY_AUTH_MODE", "token")
         os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
     try:
-        return importlib.import_module("ray")
-    except ModuleNotFoundError as error:
-        raise UsageError(
-            "--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'"
-        ) from error
+        ray = importlib.import_module("ray")
+    except ModuleNotFoundError:
+        ray = None
+    # A folder that happens to be called ray can be imported too.
+    if not hasattr(ray, "init"):
+        raise UsageError("--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'")
+    return ray
 
 
 # Ray asks for minutes where nobody listens.

@@ -175,7 +175,6 @@ def test_a_dead_node_costs_the_flights_in_the_air_and_no_others(played: Any, tri
     assert len(crashed) == 1
     assert crashed[0].text.endswith("there is gone")
     assert {each.result for each in ended if each.failure is None} == {"here"}
-    assert pool.n_workers == 1
 
 
 def test_a_dead_actor_is_replaced(played: Any, trial: Trial) -> None:
