@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import math
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,28 +62,28 @@ class TuningWatch:
         self._title = title
         self._is_quiet = is_quiet
         self._stack = contextlib.ExitStack()
-        self._shown: str | None = None
-        self._show: Callable[[int, int], None] = lambda _, __: None
+        self._lines: dict[str, Callable[[int, int], None]] = {}
 
     def progress(self, progress: "Progress") -> None:
         """Show how far preparing or flying is."""
         phase = "flights of a batch" if progress.phase == "trials" else progress.phase
-        if phase != self._shown:
-            self.end()
-            self._show = self._stack.enter_context(watched_count(f"{self._title}, {phase}", is_quiet=self._is_quiet))
-            self._shown = phase
-        self._show(progress.done, progress.total)
+        if phase not in self._lines:
+            line = watched_count(f"{self._title}, {phase}", is_quiet=self._is_quiet)
+            self._lines[phase] = self._stack.enter_context(line)
+        self._lines[phase](progress.done, progress.total)
 
     def stage(self, stage: "Stage") -> None:
         """Say how the search stands."""
-        self.end()
+        # In a pipe lines are told now and then over the whole search, not anew for each batch.
+        if sys.stderr.isatty():
+            self.end()
         if not self._is_quiet:
             write_note(stage_text(stage))
 
     def end(self) -> None:
         """Leave the line empty."""
         self._stack.close()
-        self._shown = None
+        self._lines.clear()
 
 
 @contextlib.contextmanager

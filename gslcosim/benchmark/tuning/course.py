@@ -10,9 +10,12 @@ from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
 from gslcosim.benchmark.execution.running import Progress, Run
 from gslcosim.benchmark.execution.selection import Selection
 from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.suite.expanding import cases_of
 from gslcosim.benchmark.suite.planning import Plan, plan_of
-from gslcosim.benchmark.tuning.deriving import Setting, apart, derived
+from gslcosim.benchmark.suite.trials import Case
+from gslcosim.benchmark.tuning.deriving import Setting, apart, derived, restricted
 from gslcosim.benchmark.tuning.subject import Subject, changed
+from gslcosim.errors import ScenarioError
 
 Row = Mapping[str, Any]
 
@@ -62,7 +65,7 @@ class Course:
 def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: frozenset[int]) -> Course:
     """Return a course of n flights.
 
-    All cases are flown equally often; what is left over goes to cases by lot.
+    All cases are flown equally often. What is left over goes to cases of all scenarios in turn, by lot within each.
 
     Args:
         subject: The method and its cases.
@@ -71,18 +74,49 @@ def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: fro
         n: Flights of each setting.
         taken: Seeds that may not occur.
     """
-    once, rounds = Setting(name=subject.entry.name, parameters={}), 1
+    rounds = 1
     while True:
-        chosen = replace(subject, loaded=apart(subject, purpose, number, repetitions=rounds, taken=taken))
-        # Drawn places may make a combination no case with some seeds.
-        cases = [case.name for case in plan_of(derived(chosen, [once], name=purpose)).cases]
+        loaded = apart(subject, purpose, number, repetitions=rounds, taken=taken)
+        lot = _lot([case for _, case in cases_of(loaded)], loaded.suite.seed)
+        cases = _first_that_fly(replace(subject, loaded=loaded), lot, n=n)
         if len(cases) * rounds >= n:
             break
         rounds = max(rounds + 1, math.ceil(n / len(cases)))
-    seed = chosen.loaded.suite.seed
-    lot = sorted(cases, key=lambda case: hashlib.blake2b(f"{seed}/{case}".encode()).digest())
-    slots = [(case, i) for i in range(rounds) for case in lot][:n]
+    slots = [(case, i) for i in range(rounds) for case in cases][:n]
+    chosen = replace(subject, loaded=restricted(loaded, {case for case, _ in slots}))
     return Course(subject=chosen, name=f"{purpose}_{subject.entry.name}", slots=tuple(slots))
+
+
+# One case of each scenario, then a second one of each, and so on.
+def _lot(cases: Sequence[Case], seed: int) -> list[str]:
+    drawn = sorted(cases, key=lambda case: hashlib.blake2b(f"{seed}/{case.name}".encode()).digest())
+    rank: dict[str, int] = {}
+    seen: dict[str, int] = {}
+    for case in drawn:
+        rank[case.name] = seen.get(case.scenario, 0)
+        seen[case.scenario] = rank[case.name] + 1
+    return sorted(rank, key=lambda name: rank[name])
+
+
+# Some combinations are no case: their places are not free.
+def _first_that_fly(subject: Subject, lot: Sequence[str], *, n: int) -> list[str]:
+    once = Setting(name=subject.entry.name, parameters={})
+    n_tried = n
+    while True:
+        some = lot[:n_tried]
+        loaded = restricted(subject.loaded, some)
+        try:
+            plan = plan_of(derived(replace(subject, loaded=loaded), [once], name="cases"))
+            flown = {case.name for case in plan.cases}
+        except ScenarioError:
+            # Of those tried none may be a case; of all of them some has to be.
+            if n_tried >= len(lot):
+                raise
+            flown = set[str]()
+        found = [name for name in some if name in flown]
+        if len(found) >= n or n_tried >= len(lot):
+            return found[:n]
+        n_tried = 2 * n_tried
 
 
 class KeptPool:

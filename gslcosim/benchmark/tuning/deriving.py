@@ -1,15 +1,18 @@
 """Suites of one method with many settings, all in the same cases with the same seeds and plumes."""
 
 import itertools
+import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 from gslcosim.benchmark.suite.expanding import cases_of
 from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites, load_suite
-from gslcosim.benchmark.suite.models import ControlsSpec, DrawSpec, EntrySpec, RecordSpec
+from gslcosim.benchmark.suite.models import ControlsSpec, DrawSpec, EntrySpec, RecordSpec, ScenarioSpec
 from gslcosim.benchmark.suite.seeds import seed_of
+from gslcosim.benchmark.suite.trials import Case
 from gslcosim.benchmark.tuning.subject import Subject, changed
 from gslcosim.contract.knowledge import ParameterValue
 
@@ -44,6 +47,38 @@ def derived(subject: Subject, settings: Sequence[Setting], *, name: str) -> Load
     return LoadedSuite(
         suite=suite, path=bare.path, directory=bare.directory, shown_path=bare.shown_path, included=bare.included
     )
+
+
+def restricted(loaded: LoadedSuite, chosen: Collection[str]) -> LoadedSuite:
+    """Return a suite of some of a suite's cases, with their names, seeds and plumes: planning the others takes time.
+
+    Each scenario becomes a suite that is included, whose values go together instead of multiplying.
+
+    Args:
+        loaded: The suite.
+        chosen: Names of cases.
+    """
+    parts: dict[tuple[Path, str], tuple[LoadedSuite, list[Case]]] = {}
+    n_cases = 0
+    for owner, case in cases_of(loaded):
+        n_cases += 1
+        if case.name in chosen:
+            parts.setdefault((owner.path, case.scenario), (owner, []))[1].append(case)
+    if sum(len(cases) for _, cases in parts.values()) == n_cases:
+        return loaded
+    included = tuple(_part(owner, cases, f"part_{i + 1}") for i, (owner, cases) in enumerate(parts.values()))
+    outer = {"scenarios": (), "set": {}, "vary": (), "include": tuple(inner.suite.name for inner in included)}
+    return replace(loaded, suite=loaded.suite.model_copy(update=outer), included=included)
+
+
+def _part(owner: LoadedSuite, cases: Sequence[Case], name: str) -> LoadedSuite:
+    first = cases[0]
+    values = {path: json.loads(value) for path, _, value in (each.partition("=") for each in first.overrides)}
+    kept = {path: value for path, value in values.items() if path not in first.varied}
+    spec = ScenarioSpec(source=str(first.source), name=first.scenario, family=first.family, set=kept)
+    together = {path: tuple(case.varied[path] for case in cases) for path in first.varied}
+    update = {"name": name, "scenarios": (spec,), "set": {}, "vary": (together,) if together else (), "include": ()}
+    return replace(owner, suite=owner.suite.model_copy(update=update), included=())
 
 
 # A parameter for a single scenario would hide the values that are compared.

@@ -199,8 +199,10 @@ class Tuner:
 
     def courses(self) -> tuple[Course, Course]:
         """Return the flights of training and of validation: no seed is one of the other's or of a suite's."""
+        self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
         tests = seeds_of_tests(self._subject.loaded)
         training = course_of(self._subject, TRAINING, self._seed, n=self._budget.per_setting, taken=tests)
+        self._report(Progress(phase="planning", done=1, total=2, elapsed_s=0.0))
         taken = tests | seeds_of(training.subject.loaded)
         validation = course_of(self._subject, VALIDATION, self._seed, n=self._budget.per_validation, taken=taken)
         return training, validation

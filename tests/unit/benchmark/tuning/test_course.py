@@ -96,3 +96,22 @@ def test_a_kept_pool_starts_once_and_ends_once():
 
 def _no_pool():
     raise AssertionError("nothing is flown")
+
+
+def test_fewer_flights_than_cases_are_spread_over_scenarios_and_leave_out_what_is_no_case(tmp_path):
+    """A start outside the room is no case, and another one flies in its place."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "schema: gslcosim/suite/1\nname: mine\nscenarios: [tiny_room, {source: tiny_room, name: other}]\n"
+        "vary:\n  - agents[0].vehicle.start_m: [[4.5, 2.5, 0.2], [40, 1, 0.2], [4.5, 1, 0.2], [50, 1, 0.2]]\n"
+        "when: places_are_free\nentries: [{name: beetle, start: {python: dung_beetle}}]\n"
+    )
+    subject = find_subject(str(path), "beetle")
+    for n, cases in ((1, 1), (2, 2), (4, 4), (6, 4)):
+        slots = course_of(subject, "training", 0, n=n, taken=frozenset()).slots
+        assert len(slots) == len(set(slots)) == n
+        assert len({case for case, _ in slots}) == cases
+        assert not any("=40" in case or "=50" in case for case, _ in slots)
+    two = course_of(subject, "training", 0, n=2, taken=frozenset())
+    assert {case.partition("/")[0] for case, _ in two.slots} == {"tiny_room", "other"}
+    assert len(two.plan([DEFAULT]).trials) == 2

@@ -6,6 +6,7 @@ import pytest
 
 from gslcosim.benchmark.suite import Suite, load_suite, plan_of
 from gslcosim.benchmark.suite.seeds import seed_of
+from gslcosim.benchmark.suite.writing import write_suite
 from gslcosim.benchmark.tuning import deriving
 from gslcosim.benchmark.tuning.deriving import apart, derived, seeds_of, seeds_of_tests, settings_of
 from gslcosim.benchmark.tuning.subject import find_subject
@@ -96,3 +97,41 @@ def test_purposes_and_numbers_have_seeds_of_their_own(number):
     ]
     assert all(a.isdisjoint(b) for a, b in itertools.combinations(drawn, 2))
     assert all(each.isdisjoint(tests) for each in drawn)
+
+
+SUITE = """
+schema: gslcosim/suite/1
+name: several
+seed: 4
+scenarios:
+  - tiny_room
+  - {source: tiny_room, name: windy, family: wind, set: {wind.inlet_velocity_m_s: [1, 0, 0]}}
+set: {gas.tape: true}
+vary:
+  - agents[0].vehicle.start_m: [[4.5, 2.5, 0.2], [4.5, 1.0, 0.2]]
+  - agents[0].vehicle.hold_s: [0.5, 1.0]
+    gas.sources[0].filaments_per_s: [10, 20]
+repetitions: 2
+gas_seeds: 1
+anchors: []
+entries: [{name: beetle, start: {python: dung_beetle}}]
+"""
+
+
+def test_some_cases_of_a_suite_are_the_same_flights_as_in_all_of_it(tmp_path):
+    """To the id, which is a hash of all that decides a flight; also when the restricted suite is read from its file."""
+    (tmp_path / "suite.yaml").write_text(SUITE)
+    loaded = load_suite(tmp_path / "suite.yaml")
+    every = plan_of(loaded)
+    chosen = [case.name for case in every.cases][1:7:2]
+    some = deriving.restricted(loaded, chosen)
+    plan = plan_of(some)
+
+    def told(trials):
+        return {(t.id, t.case, t.scenario, t.family, t.varied, t.repetition, t.case_hash) for t in trials}
+
+    assert told(plan.trials) == told(t for t in every.trials if t.case in chosen)
+    assert {t.scenario for t in plan.trials} == {"tiny_room", "windy"}
+    write_suite(some, tmp_path / "written")
+    assert told(plan_of(load_suite(tmp_path / "written")).trials) == told(plan.trials)
+    assert deriving.restricted(loaded, {case.name for case in every.cases}) is loaded
