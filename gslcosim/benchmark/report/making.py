@@ -8,6 +8,7 @@ import numpy as np
 
 from gslcosim.benchmark.report.analysis import Analysis
 from gslcosim.benchmark.report.formats import duration
+from gslcosim.benchmark.report.reading import Material
 
 PARTS = ("preparing", "starting", "flying", "judging", "storing")
 
@@ -74,8 +75,8 @@ def _count(n: int, one: str, many: str = "") -> str:
 def _warnings(analysis: Analysis) -> list[str]:
     material, rows = analysis.material, analysis.material.rows
     found: list[str] = []
-    planned = material.manifest.get("n_planned")
-    if isinstance(planned, int) and planned > len(rows):
+    planned = material.n_planned
+    if planned is not None and planned > len(rows):
         found.append(
             f"Not complete: {len(rows)} of {planned} trials have been flown. Entries may not have met the same cases."
         )
@@ -96,9 +97,19 @@ def _warnings(analysis: Analysis) -> list[str]:
         found.append("There are no maps of the rooms: tracks and starts are drawn on bare ground.")
     if material.tracks is None:
         found.append("There are no tracks.")
-    if material.manifest.get("verified") is None:
-        found.append("Not verified: no sample of these trials has been flown again.")
+    if unverified := _unverified(material):
+        found.append(unverified)
     return found
+
+
+def _unverified(material: Material) -> str:
+    told = [entry for entry in material.entries if entry.is_verified is not None]
+    if told:
+        names = [entry.name for entry in told if not entry.is_verified]
+        return f"Not verified by flying a sample again: {', '.join(names)}." if names else ""
+    if material.manifest.get("verified") is None:
+        return "Not verified: no sample of these trials has been flown again."
+    return ""
 
 
 def _made(manifest: Mapping[str, Any], analysis: Analysis) -> list[tuple[str, str]]:
@@ -111,14 +122,15 @@ def _made(manifest: Mapping[str, Any], analysis: Analysis) -> list[tuple[str, st
         ("software", str(manifest.get("software_hash") or "")[:16]),
         ("seeds", f"{len(set(seeds.tolist()))} of runs, {len(set(rows['gas_seed'].tolist()))} of gas"),
         ("digests", f"{sum(map(bool, rows['digest'].tolist()))} of {len(rows)} trials have one (tables/trials.csv)"),
-        ("verified", _verified(manifest.get("verified"))),
+        ("verified", "" if "merged_from" in manifest else _verified(manifest.get("verified"))),
         ("machine", ", ".join(str(p) for p in (machine.get("cpu"), _cores(machine), machine.get("platform")) if p)),
         ("reference loop", _seconds(machine.get("reference_loop_s"), " in plain Python, to compare machines by")),
         ("begun", str(wall.get("started_at") or "")),
         ("wall time", _wall(wall)),
         ("workers", f"{wall['jobs']}, flying for {100 * wall['busy_share']:.0f} % of the time after preparation"
             if isinstance(wall.get("busy_share"), int | float) and "jobs" in wall else str(wall.get("jobs") or "")),
-        ("trials", f"{len(rows)} of {manifest.get('n_planned', '?')} planned"),
+        ("merged from", ", ".join(map(str, manifest.get("merged_from") or ()))),
+        ("trials", f"{len(rows)} of {analysis.material.n_planned or '?'} planned"),
     ]  # fmt: skip
     return [(what, how) for what, how in made if how]
 

@@ -42,12 +42,11 @@ class Look:
         return {-1: "var(--lower)", -2: "var(--upper)"}.get(self.color, f"var(--e{self.color})")
 
 
-def page_of(analysis: Analysis, command: str) -> str:
+def page_of(analysis: Analysis) -> str:
     """Return the page as HTML.
 
     Args:
         analysis: What it tells.
-        command: What stands before a trial's id in the command that flies it again.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -68,11 +67,10 @@ def page_of(analysis: Analysis, command: str) -> str:
         view=analysis.everything,
         facts=facts_of(analysis),
         columns=TRIAL_COLUMNS,
-        command=command,
         most_listed=_MOST_LISTED,
         css=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
-        data=Markup(_script_safe(json.dumps(_data(analysis, looks, command), separators=(",", ":"), allow_nan=False))),
+        data=Markup(_script_safe(json.dumps(_data(analysis, looks), separators=(",", ":"), allow_nan=False))),
     )
 
 
@@ -123,16 +121,18 @@ def _range(estimate: Estimate, look: Look) -> Markup:
     ).format(low, high, look.css, value, look.css)
 
 
-def _data(analysis: Analysis, looks: Sequence[Look], command: str) -> dict[str, Any]:
+def _data(analysis: Analysis, looks: Sequence[Look]) -> dict[str, Any]:
     material, rows = analysis.material, analysis.material.rows
     return {
         "entries": [
-            {"name": entry.name, "title": entry.name, "c": look.color, "d": look.dashes, "on": look.is_on}
-            for entry, look in zip(material.entries, looks, strict=True)
+            {
+                "name": entry.name, "title": entry.name, "c": look.color, "d": look.dashes, "on": look.is_on,
+                "command": material.command_of(i),
+            }
+            for i, (entry, look) in enumerate(zip(material.entries, looks, strict=True))
         ],
         "order": [row.entry for row in analysis.everything.standings],
         "limit": limit_s(rows),
-        "command": command,
         "quantum": QUANTUM_M,
         "views": [_view(view) for view in analysis.views],
         "rooms": [_room(room) for room in analysis.rooms],

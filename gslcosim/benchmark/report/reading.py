@@ -3,6 +3,7 @@
 import base64
 import json
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,7 +28,14 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A method under a name; `anchor` is `lower` (the oracle), `upper` (the walker) or empty."""
+    """A method under a name.
+
+    Attributes:
+        anchor: `lower` (the oracle), `upper` (the walker) or empty.
+        submission: Of merged results, the folder that its flights are of; else empty.
+        is_verified: Of merged results, whether a sample of its flights came out the same; None where that is told of
+            all flights together.
+    """
 
     name: str
     title: str
@@ -37,6 +45,8 @@ class Entry:
     parameters: Mapping[str, Any]
     agent_hash: str
     anchor: str
+    submission: str
+    is_verified: bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +125,7 @@ class Rows:
 class Material:
     """All that a report is made of."""
 
+    folder: Path
     name: str
     manifest: Mapping[str, Any]
     suite: Mapping[str, Any]
@@ -122,6 +133,17 @@ class Material:
     rows: Rows
     maps: tuple[RoomMap, ...]
     tracks: pa.Table | None
+
+    @property
+    def n_planned(self) -> int | None:
+        """How many trials there should be; None where that is not known, as of merged results."""
+        planned = self.manifest.get("n_planned")
+        return planned if isinstance(planned, int) and "merged_from" not in self.manifest else None
+
+    def command_of(self, entry: int) -> str:
+        """Return what stands before a trial's id in the command that flies it again."""
+        folder = self.entries[entry].submission or str(self.folder)
+        return f"gslcosim bench show {shlex.quote(folder)} --trial "
 
     def index_of_anchor(self, which: str) -> int | None:
         """Return the entry that bounds from below (`lower`) or above (`upper`); None where it has not flown."""
@@ -140,6 +162,7 @@ def read_material(results_dir: Path) -> Material:
     table = pa.Table.from_pylist(folder.rows(), schema=TRIALS)
     entries = _entries(manifest, table)
     return Material(
+        folder=results_dir,
         name=str(manifest.get("suite") or results_dir.resolve().name),
         manifest=manifest,
         suite=_suite(folder.suite),
@@ -188,6 +211,8 @@ def _entry(name: str, told: Mapping[str, Any], anchor: str) -> Entry:
         parameters=told.get("parameters") or {},
         agent_hash=str(told.get("agent_hash") or ""),
         anchor=anchor,
+        submission=str(told.get("submission") or ""),
+        is_verified=told.get("verified"),
     )
 
 

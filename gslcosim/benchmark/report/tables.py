@@ -36,13 +36,12 @@ _NOTES = (
 Table = Iterable[Sequence[Any]]
 
 
-def write_tables(analysis: Analysis, folder: Path, command: str) -> None:
+def write_tables(analysis: Analysis, folder: Path) -> None:
     """Write the CSV tables: numbers in full, a row of names first, empty where there is no value.
 
     Args:
         analysis: What they tell.
         folder: Where to; made if need be.
-        command: What stands before a trial's id in the command that flies it again.
     """
     folder.mkdir(exist_ok=True)
     tables = {
@@ -58,7 +57,7 @@ def write_tables(analysis: Analysis, folder: Path, command: str) -> None:
         "beliefs": _lines(analysis, "time_s", lambda view: list(view.beliefs.items()), "figure"),
         "last_beliefs": _last_beliefs(analysis),
         "difficulty": _difficulty(analysis),
-        "failures": _failures(analysis, command),
+        "failures": _failures(analysis),
         "trials": _trials(analysis),
     }
     for name, rows in tables.items():
@@ -186,13 +185,15 @@ def _difficulty(analysis: Analysis) -> Iterator[Sequence[Any]]:
         yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts]
 
 
-def _failures(analysis: Analysis, command: str) -> Iterator[Sequence[Any]]:
+def _failures(analysis: Analysis) -> Iterator[Sequence[Any]]:
     told = ("entry", "case", "repetition", "is_control", "status", "outcome", "nearest_m", "end_s", "agent_faults",
             "fault", "trial")  # fmt: skip
     yield [*told, "command"]
-    columns = [analysis.material.rows[name].tolist() for name in told]
+    material = analysis.material
+    columns = [material.rows[name].tolist() for name in told]
     for group in analysis.failures:
         for row in group.rows.tolist():
+            command = material.command_of(int(material.rows.entry[row]))
             yield [*(column[row] for column in columns), command + columns[-1][row]]
 
 
@@ -207,7 +208,6 @@ def leaderboard_json(analysis: Analysis) -> str:
     A figure is `{"value", "low", "high", "n"}`; null is undefined.
     """
     material, manifest = analysis.material, analysis.material.manifest
-    planned = manifest.get("n_planned")
     content = {
         "schema": LEADERBOARD_SCHEMA,
         "suite": material.name,
@@ -217,8 +217,8 @@ def leaderboard_json(analysis: Analysis) -> str:
         "sorted_by": "score",
         "level": LEVEL,
         "n_trials": len(material.rows),
-        "n_planned": planned,
-        "complete": planned is None or planned == len(material.rows),
+        "n_planned": material.n_planned,
+        "complete": material.n_planned in (None, len(material.rows)),
         "verified": manifest.get("verified"),
         "views": [
             {"key": view.key, "kind": view.kind, "label": view.label,
@@ -234,7 +234,8 @@ def _json_row(analysis: Analysis, row: Standing) -> dict[str, Any]:
     told = {
         "rank": row.rank, "entry": entry.name, "title": entry.title, "family": entry.family,
         "language": entry.language, "knows": entry.knows, "anchor": entry.anchor or None,
-        "agent_hash": entry.agent_hash or None, "n": row.n,
+        "agent_hash": entry.agent_hash or None, "submission": entry.submission or None, "verified": entry.is_verified,
+        "n": row.n,
     }  # fmt: skip
     return told | {name: _json_figure(getattr(row, name)) for name in FIGURES}
 

@@ -1,6 +1,5 @@
 """The report of a folder of results: a page, tables, a leaderboard for machines, a summary, and pictures for papers."""
 
-import shlex
 from pathlib import Path
 
 from gslcosim.benchmark.report.analysis import analyse
@@ -27,15 +26,14 @@ def write_report(results_dir: Path, *, figures: bool = False) -> Path:
         UsageError: the folder holds no results, a file is damaged or cannot be written, or matplotlib is missing.
     """
     analysis = analyse(read_material(results_dir))
-    command = f"gslcosim bench show {shlex.quote(str(results_dir))} --trial "
     page = results_dir / PAGE
     try:
-        write_tables(analysis, results_dir / "tables", command)
+        write_tables(analysis, results_dir / "tables")
         (results_dir / "leaderboard.json").write_text(leaderboard_json(analysis), encoding="utf-8")
         (results_dir / "summary.md").write_text(summary_of(analysis), encoding="utf-8")
         if figures:
             write_figures(analysis, results_dir / "figures")
-        page.write_text(page_of(analysis, command), encoding="utf-8")
+        page.write_text(page_of(analysis), encoding="utf-8")
     except OSError as error:
         raise UsageError(
             f"{results_dir}: expected a folder that can be written, was one that cannot ({error.strerror}). "

@@ -389,7 +389,7 @@
       const group = s("g", {}, line, wide, end, first);
       group.addEventListener("pointerenter", () => { line.setAttribute("stroke-width", 1.5 * unit); line.setAttribute("stroke-opacity", 1); });
       group.addEventListener("pointerleave", () => { line.setAttribute("stroke-width", (track.s ? 0.75 : 0.5) * unit); line.setAttribute("stroke-opacity", track.s ? 0.75 : 0.55); });
-      wide.addEventListener("click", () => { copy(D.command + track.id); spoken.textContent = "command copied"; });
+      wide.addEventListener("click", () => { copy(D.entries[e].command + track.id); spoken.textContent = "command copied"; });
       hover(group, () => [h("b", {}, `${name(e)}: ${track.o}`), h("div", {}, track.c), h("div", {}, `${seconds(track.t)}; a click copies the command that flies it again`), h("code", {}, track.id)]);
       svg.append(group);
     }

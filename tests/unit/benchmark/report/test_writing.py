@@ -326,6 +326,29 @@ def test_figures_are_written_and_always_the_same(tmp_path):
     assert first == {path.name: path.read_bytes() for path in (folder / "figures").iterdir()}
 
 
+def test_merged_results_say_whose_and_which_are_not_verified(tmp_path):
+    folder = synthetic.make_results(tmp_path / "results", SMALL)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    for entry in manifest["entries"]:
+        entry |= {
+            "submission": "of alice" if entry["name"] == "e_coli" else "bob",
+            "verified": entry["name"] != "e_coli",
+        }
+    del manifest["verified"]
+    manifest |= {"merged_from": ["of alice", "bob"], "n_planned": 10_000}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    text = "".join(Page(write_report(folder).read_text(encoding="utf-8")).text)
+    assert "Not verified by flying a sample again: e_coli." in text
+    assert "Not complete" not in text
+    rows = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))["views"][0]["rows"]
+    told = {row["entry"]: (row["submission"], row["verified"]) for row in rows}
+    assert told["e_coli"] == ("of alice", False)
+    assert told["infotaxis"] == ("bob", True)
+    commands = {row["entry"]: row["command"] for row in read_csv(folder / "tables" / "failures.csv")}
+    assert commands["random_walker"].startswith("gslcosim bench show bob --trial ")
+    assert commands["e_coli"].startswith("gslcosim bench show 'of alice' --trial ")
+
+
 def test_figures_without_matplotlib_name_the_extra(tmp_path, monkeypatch):
     folder = synthetic.make_results(tmp_path / "results", SMALL)
     real = importlib.import_module
