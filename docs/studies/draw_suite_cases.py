@@ -126,6 +126,8 @@ def plan_of_room(room: Room, height_m: float) -> np.ndarray:
 def draw_opening(axis: Any, opening: Opening) -> None:
     """Draw an inlet or outlet as a line, and an arrow at an inlet."""
     (x_m, y_m, _), (to_x_m, to_y_m, _) = opening.min_m, opening.max_m
+    if x_m != to_x_m and y_m != to_y_m:  # in the ceiling, or an open sky
+        return
     colour = "tab:blue" if opening.kind == "inlet" else "tab:cyan"
     axis.plot([x_m, to_x_m], [y_m, to_y_m], lw=4, color=colour, clip_on=False, solid_capstyle="butt")
     if opening.kind == "inlet":
