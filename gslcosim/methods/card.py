@@ -1,5 +1,6 @@
 """The card of a search method: a YAML file beside its program, read without running anything of it."""
 
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
@@ -178,6 +179,17 @@ def load_card(path: Path) -> MethodCard:
     Raises:
         MethodError: the file cannot be read, or is not what a card should be; all its problems in one text.
     """
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise MethodError(f"expected a method card that can be read, got: {error}.\nFile: {path}") from error
+    return _loaded(path.resolve(), stat.st_mtime_ns, stat.st_size)
+
+
+# Read once in a process as long as the file stays as it is: a suite flies the same methods thousands of times.
+@lru_cache(maxsize=256)
+def _loaded(path: Path, changed_ns: int, n_bytes: int) -> MethodCard:
+    del changed_ns, n_bytes
     try:
         fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -3,6 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -100,8 +101,13 @@ def load_vehicle(name: str) -> VehicleModel:
     Raises:
         ModelError: a parameter is missing, unknown, or has no origin.
     """
-    folder = VEHICLES_DIR / name
-    path = folder / "parameters.yaml"
+    return _loaded(VEHICLES_DIR / name)
+
+
+# Read once in a process: a suite flies the same vehicle thousands of times.
+@cache
+def _loaded(folder: Path) -> VehicleModel:
+    name, path = folder.name, folder / "parameters.yaml"
     sections: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
     problems: list[str] = []
     body = _parameters(BodyParameters, sections, "body", problems)

@@ -1,6 +1,9 @@
 """All sensor models by name, with quantity, unit and what they stand for; those of installed packages included."""
 
+import sys
+from functools import lru_cache
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.sensor_models import SENSOR_ENTRY_POINTS
@@ -53,8 +56,22 @@ def sensor_kind(name: str) -> SensorKind:
 
 def sensor_names() -> tuple[str, ...]:
     """Return the names of all sensor models: gslcosim's, then those of installed packages."""
-    offered = entry_points(group=SENSOR_ENTRY_POINTS).names
-    return (*SENSOR_MODELS, *sorted(offered - SENSOR_MODELS.keys()))
+    places = tuple(sys.path)
+    return (*SENSOR_MODELS, *sorted(_offered(places, tuple(_changed_ns(place) for place in places))))
+
+
+# Looked for again only where something was installed or taken away: that reads a file for each package there is.
+@lru_cache(maxsize=8)
+def _offered(places: tuple[str, ...], changed_ns: tuple[int, ...]) -> frozenset[str]:
+    del places, changed_ns
+    return frozenset(entry_points(group=SENSOR_ENTRY_POINTS).names - SENSOR_MODELS.keys())
+
+
+def _changed_ns(place: str) -> int:
+    try:
+        return Path(place).stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 __all__ = ["SENSOR_MODELS", "SensorKind", "SensorModel", "build_sensor", "sensor_kind", "sensor_names"]
