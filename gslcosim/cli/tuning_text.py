@@ -176,12 +176,12 @@ def _budget_lines(tuning: "Tuning") -> list[str]:
 # The best by training score, and the default wherever it stands.
 def _tried_table(tuning: "Tuning") -> str:
     ranked = sorted(tuning.tried, key=lambda tried: -tried.figures.score.value)
-    shown = ranked[:_BEST_SHOWN]
-    if tuning.default not in shown:
-        shown.append(tuning.default)
+    best = ranked[:_BEST_SHOWN]
+    is_apart = tuning.default not in best
+    shown = [*best, tuning.default] if is_apart else best
     heads = ["SETTING", "N", "SUCCESS %", "MEAN SCORE", "MEAN TIME s", "PARAMETERS"]
     rows = [[each.setting.name, *_figure_words(each.figures), _parameters(each)] for each in shown]
-    return f"In training, the best {len(shown)} of {len(ranked)}:\n{table(heads, rows)}"
+    return f"In training, the best {len(best)} of {len(ranked)}{' and the default' * is_apart}:\n{table(heads, rows)}"
 
 
 def _parameters(tried: "Tried") -> str:

@@ -13,7 +13,7 @@ from gslcosim.benchmark.tuning.budget import Budget
 from gslcosim.benchmark.tuning.course import Course, Flyer, KeptPool, Row, course_of
 from gslcosim.benchmark.tuning.deriving import DEFAULT, Setting, seeds_of, seeds_of_tests
 from gslcosim.benchmark.tuning.figures import Figures, Flights, difference_of, figures_of, flights_of, p_of
-from gslcosim.benchmark.tuning.searching import Search
+from gslcosim.benchmark.tuning.searching import Search, load_optuna
 from gslcosim.benchmark.tuning.subject import Subject
 from gslcosim.benchmark.tuning.values import Range
 
@@ -163,6 +163,7 @@ class Tuner:
             KeyboardInterrupt: it was interrupted; the same call goes on.
             GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be flown.
         """
+        load_optuna()
         with ResultsFolder(self._folder).locked():
             search = Search(self._ranges, seed=seed_of(self._seed, "search"), log=self._folder / STUDY)
             training, validation = self.courses()

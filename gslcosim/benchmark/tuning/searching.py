@@ -33,7 +33,7 @@ class Search:
         Raises:
             UsageError: Optuna is not installed.
         """
-        self._optuna = _optuna()
+        self._optuna = load_optuna()
         from optuna.storages import JournalStorage
         from optuna.storages.journal import JournalFileBackend
 
@@ -75,7 +75,12 @@ class Search:
         return self._optuna.distributions.FloatDistribution(float(each.low), float(each.high), log=each.is_log)
 
 
-def _optuna() -> Any:
+def load_optuna() -> Any:
+    """Return Optuna, which then tells nothing by itself.
+
+    Raises:
+        UsageError: it is not installed.
+    """
     try:
         import optuna
     except ModuleNotFoundError as error:

@@ -6,6 +6,7 @@ import pytest
 
 from gslcosim.benchmark.tuning.searching import STUDY, Search
 from gslcosim.benchmark.tuning.values import Range
+from gslcosim.cli.main import main
 from gslcosim.errors import UsageError
 
 RANGES = (
@@ -66,7 +67,7 @@ def test_the_study_is_one_that_optuna_reads(tmp_path):
     assert study.best_value == max([*map(score, asked), score({"x": 1.0, "n": 4})])
 
 
-def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch):
+def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch, capsys):
     found = builtins.__import__
 
     def no_optuna(name, *args, **kwargs):
@@ -77,3 +78,7 @@ def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch)
     monkeypatch.setattr(builtins, "__import__", no_optuna)
     with pytest.raises(UsageError, match=r"^tune: expected Optuna .* pip install 'gslcosim\[tune\]'$"):
         Search(RANGES, seed=0, log=tmp_path / "a.log")
+    folder = tmp_path / "results"
+    assert main(["tune", "tiny_room", "--entry", "dung_beetle", "--budget", "12", "--results", str(folder)]) == 2
+    assert "pip install 'gslcosim[tune]'" in capsys.readouterr().err
+    assert not folder.exists()
