@@ -95,13 +95,24 @@ def make_results(folder: Path, plan: Plan = Plan()) -> Path:
         rows, tracks = rows[: -plan.missing], tracks[: -plan.missing]
     pq.write_table(pa.Table.from_pylist(rows, schema=TRIALS), folder / "trials.parquet")
     if plan.tracks:
-        pq.write_table(pa.Table.from_pylist(tracks, schema=TRACKS), folder / "tracks.parquet")
+        pq.write_table(_table_of(tracks), folder / "tracks.parquet")
     if plan.maps:
         maps = [_map(scenario_name(i), rng) for i in range(plan.n_scenarios)]
         (folder / "maps.json").write_text(json.dumps({"schema": "gslcosim/maps/1", "maps": maps}))
     (folder / "manifest.json").write_text(json.dumps(_manifest(plan, n_planned), indent=2))
     (folder / "suite.yaml").write_text(f"schema: gslcosim/suite/1\nname: synthetic\nrepetitions: {plan.repetitions}\n")
     return folder
+
+
+def _table_of(tracks: list[dict]) -> pa.Table:
+    offsets = np.concatenate([[0], np.cumsum([len(track["t_s"]) for track in tracks])]).astype(np.int32)
+    columns = [
+        pa.array([track[name] for track in tracks])
+        if name in ("trial", "agent")
+        else pa.ListArray.from_arrays(offsets, np.concatenate([np.zeros(0, np.float32), *(t[name] for t in tracks)]))
+        for name in TRACKS.names
+    ]
+    return pa.Table.from_arrays([column.cast(kind) for column, kind in zip(columns, TRACKS.types)], schema=TRACKS)
 
 
 def scenario_name(index: int) -> str:
@@ -192,7 +203,7 @@ def _track(plan, method, row, start_m, near, rng):
         "t_s": t, "x_m": xy[:, 0], "y_m": xy[:, 1], "z_m": np.full(n, HEIGHT_M), "distance_m": distance_m,
         "gas_ppm": gas, "reading": gas * 1.1, "belief_distance_m": 8 * (1 - mass), "belief_mass_near": mass,
     }  # fmt: skip
-    return {"trial": row["trial"], "agent": "agent_0", **{k: v.astype(np.float32).tolist() for k, v in series.items()}}
+    return {"trial": row["trial"], "agent": "agent_0", **{k: v.astype(np.float32) for k, v in series.items()}}
 
 
 def _gas_ppm(x, y):

@@ -364,6 +364,7 @@ def test_figures_without_matplotlib_name_the_extra(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 def test_ten_thousand_trials_are_told_in_half_a_minute_and_ten_megabytes(tmp_path, benchmark_clock):
     plan = synthetic.Plan(n_scenarios=6, n_families=3, repetitions=22, controls_frac=0.4, n_points=150)
     folder = synthetic.make_results(tmp_path / "results", plan)
