@@ -382,7 +382,7 @@
     for (const track of [...tracks].sort((a, b) => a.s - b.s)) {
       let x = 0, y = 0, d = "";
       for (let i = 0; i < track.p.length; i += 2) { x += track.p[i]; y += track.p[i + 1]; d += `${i ? "L" : "M"}${(x * D.quantum).toFixed(2)} ${Y(y * D.quantum).toFixed(2)}`; }
-      const line = s("path", { d, fill: "none", stroke: track.s ? color(e) : "var(--faint)", "stroke-width": (track.s ? 0.75 : 0.5) * unit, "stroke-opacity": track.s ? 0.75 : 0.55, "stroke-linejoin": "round" });
+      const line = s("path", { d, fill: "none", stroke: !track.s ? "var(--faint)" : D.entries[e].c === -2 ? "var(--ink)" : color(e), "stroke-width": (track.s ? 0.75 : 0.5) * unit, "stroke-opacity": track.s ? 0.75 : 0.55, "stroke-linejoin": "round" });
       const wide = s("path", { d, fill: "none", stroke: "transparent", "stroke-width": 3 * unit, style: "cursor:pointer" });
       const end = track.s ? null : s("circle", { cx: x * D.quantum, cy: Y(y * D.quantum), r: 1 * unit, fill: "var(--faint)" });
       const first = s("circle", { cx: track.p[0] * D.quantum, cy: Y(track.p[1] * D.quantum), r: 1.25 * unit, fill: "var(--paper)", stroke: "var(--ink)", "stroke-width": 0.45 * unit });
