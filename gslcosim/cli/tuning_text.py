@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 RESULTS_DIR = Path("results")
 _BEST_SHOWN = 5
+# Bootstrap intervals of the mean of fewer flights than this cover clearly less than they say.
+_FEW = 10
 
 
 def add_what(parser: argparse.ArgumentParser) -> None:
@@ -126,8 +128,11 @@ def sweep_text(sweep: "Sweep", folder: Path) -> str:
     ]
     if n_lost:
         lines.append(f"{n_lost} flights without result count as failures: see status and fault in the rows.")
-    files = ", ".join(name for name in ("sweep.svg", "sweep.csv", "sweep.json"))
-    return "\n".join([*lines, f"Results: {folder} ({files})"])
+    if sweep.points[0].figures.n < _FEW:
+        lines.append(
+            f"Intervals of scores from fewer than {_FEW} flights are too narrow; more --repetitions mend that."
+        )
+    return "\n".join([*lines, f"Results: {folder} (sweep.svg, sweep.csv, sweep.json)"])
 
 
 def tuning_text(tuning: "Tuning", folder: Path, parameters: str) -> str:
@@ -168,6 +173,8 @@ def _budget_lines(tuning: "Tuning") -> list[str]:
     ]
     if n_same:
         lines.append(f"{n_same} settings were asked for that had been flown already; they cost nothing.")
+    if n_lost := sum(tried.figures.n_without_result for tried in tuning.tried):
+        lines.append(f"{n_lost} flights without result count as failures: see status and fault in the rows.")
     if tuning.n_flown_before:
         lines.append(f"{tuning.n_flown_before} of these flights were there already.")
     return lines
