@@ -91,6 +91,8 @@ class Node:
         env = {**os.environ, "XDG_CACHE_HOME": str(self.cache)}
         env |= {"HOME": str(self.folder), "PYTHONUNBUFFERED": "1", "RAY_USAGE_STATS_ENABLED": "0"}
         env |= {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0", "RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": TOKEN}
+        # Workers are nice otherwise, and wait for whatever else the machine does.
+        env |= {"RAY_worker_niceness": "0"}
         call = ["ip", "netns", "exec", self.name, "sh", "-c", f'{self.hides} && exec "$@"', "sh", sys.executable]
         program = subprocess.Popen([*call, *words], env=env, cwd=self.folder, text=True, **more)
         self.started.append(program)
