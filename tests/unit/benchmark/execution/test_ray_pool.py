@@ -1,7 +1,7 @@
 """The books of a Ray cluster's work, with a cluster that is only played: who gets what, and what an end means."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -92,16 +92,20 @@ def trial() -> Trial:
 
 
 @pytest.fixture
-def played(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[RayPool, PlayedRay]]:
+def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., tuple[RayPool, PlayedRay]]]:
     """Make a pool on played nodes."""
     monkeypatch.setattr(RayPool, "_on", lambda _, node: node.id)
+    pools: list[RayPool] = []
 
     def make(act: Act, **n_cpus: int) -> tuple[RayPool, PlayedRay]:
         ray = PlayedRay(n_cpus, act)
         monkeypatch.setattr(ray_pool, "_ray", lambda _: ray)
-        return RayPool("local", LimitsSpec()), ray
+        pools.append(RayPool("local", LimitsSpec()))
+        return pools[-1], ray
 
-    return make
+    yield make
+    for pool in pools:
+        pool.close()
 
 
 def all_done(pool: RayPool, n: int) -> list[Ended]:
