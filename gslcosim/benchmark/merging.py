@@ -191,7 +191,6 @@ def _manifest(
         **{key: first[key] for key in kept if key in first},
         "merged_from": [submission.label for submission in submissions],
         "entries": list(entries.values()),
-        "n_planned": sum(len(submission.results) for submission in submissions),
     }
 
 

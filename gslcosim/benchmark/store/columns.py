@@ -58,7 +58,7 @@ TRIAL_COLUMNS = (
     Column("time_to_source_s", _REAL, "first success of any agent [s]; absent without one"),
     Column("time_s", _REAL, "min(time to source, T), and T for every failure, collisions too [s]"),
     Column("end_s", _REAL, "simulated time at the end of the run [s]"),
-    Column("score", _REAL, "q = S (1 - 0.5 t / T), halved per false declaration, 0 after a collision that ends the run"),
+    Column("score", _REAL, "q = S (1 - 0.5 t / T), halved per false declaration, 0 if a collision ended the run"),
     Column("share_arrived", _REAL, "share of the agents that succeeded"),
     # Ways; of the agent that succeeded first, otherwise the one that came nearest.
     Column("steps", _WHOLE, "commands that took effect"),
