@@ -38,10 +38,17 @@ def program_of(entry: EntrySpec, directory: Path) -> Path | None:
     if entry.start.python is not None:
         beside = directory / entry.start.python
         return beside if beside.is_file() else bundled_agents().get(entry.start.python)
-    for word in entry.start.command or ():
-        if (directory / word).is_file():
-            return directory / word
-    return None
+    return next(iter(files_named(entry, directory)), None)
+
+
+def files_named(entry: EntrySpec, directory: Path) -> list[Path]:
+    """Return the files that the words of an entry's command name, the program first.
+
+    An interpreter that is named by its absolute path belongs to the machine, and is left out.
+    """
+    words = [word for word in entry.start.command or () if (directory / word).is_file()]
+    has_interpreter = len(words) > 1 and Path(words[0]).is_absolute()
+    return [directory / word for word in words[has_interpreter:]]
 
 
 def with_entry(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim._kernel_cache import PACKAGE_DIR
-from gslcosim.benchmark.suite.equipping import program_of
+from gslcosim.benchmark.suite.equipping import files_named, program_of
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.methods.card import CARD_FILE
 from gslcosim.scenario import Scenario
@@ -57,7 +57,7 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
 
 def files_of(entry: EntrySpec, directory: Path) -> list[Path]:
     """Return the files that an entry's program is made of: those it names, and what Python and cards lie beside it."""
-    named = {(directory / word).resolve() for word in entry.start.command or () if (directory / word).is_file()}
+    named = {path.resolve() for path in files_named(entry, directory)}
     program = program_of(entry, directory)
     if program is not None:
         named.add(program.resolve())

@@ -170,6 +170,18 @@ def test_two_entries_with_programs_in_one_folder_are_two(tmp_path: Path) -> None
     assert before.trials[0].id != after.trials[0].id
 
 
+def test_an_interpreter_by_its_path_is_not_the_program(tmp_path: Path) -> None:
+    from gslcosim.benchmark.suite.equipping import files_named
+    from gslcosim.benchmark.suite.identity import files_of
+
+    (tmp_path / "agent.py").write_text("")
+    shell = str(Path("/bin/sh").resolve())
+    entry = f"entries: [{{name: a, start: {{command: [{shell}, agent.py], door: stdio}}}}]\n"
+    (spec,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).loaded.suite.entries
+    assert files_named(spec, tmp_path) == [tmp_path / "agent.py"]
+    assert files_of(spec, tmp_path) == [(tmp_path / "agent.py").resolve()]
+
+
 WRONG = {
     "an unknown key": ("scenarios: [tiny_room]\nrepetition: 3\n" + ONE_ENTRY, "Did you mean repetitions?"),
     "no scenarios": (ONE_ENTRY, "scenarios: expected at least one scenario"),
