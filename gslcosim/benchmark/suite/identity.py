@@ -17,7 +17,7 @@ from gslcosim.scenario.dumping import plain_values
 
 PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack")
 # Code that shows flights, or counts over them, decides none.
-_NO_MATTER = ("cli", "benchmark/report", "benchmark/statistics", "recording", "conformance")
+_NO_MATTER = ("cli", "benchmark/report", "benchmark/statistics", "benchmark/tuning", "recording", "conformance")
 _HEAD_BYTES = 65_536
 _DIGITS = 24
 
