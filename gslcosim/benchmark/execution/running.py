@@ -193,7 +193,8 @@ class Run:
         return wall
 
     def _prepare(self, pool: Pool, todo: Sequence[Trial]) -> None:
-        rooms = _firsts(todo, lambda trial: trial.room)
+        unmapped = self._unmapped()
+        rooms = _firsts([*todo, *(trial for trial, _ in unmapped)], lambda trial: trial.room)
         jobs = [Job(key=room, kind="room", trial=trial) for room, trial in rooms.items()]
         for ended in self._all_done(pool, jobs, "rooms"):
             self._environments[ended.job.key] = ended.result
@@ -206,22 +207,29 @@ class Run:
             for tape, trial in tapes.items()
         ]
         list(self._all_done(pool, jobs, "plumes"))
-        self._draw_maps(pool, todo)
+        self._draw_maps(pool, unmapped)
 
-    def _draw_maps(self, pool: Pool, todo: Sequence[Trial]) -> None:
-        known = {_key_of_map(each): each for each in self._folder.read_json(self._folder.maps).get("maps", [])}
-        wanted = [
+    def _maps(self) -> dict[tuple[str, str], dict[str, Any]]:
+        maps = self._folder.read_json(self._folder.maps).get("maps", [])
+        return {(each["scenario"], each["varied"]): each for each in maps}
+
+    def _unmapped(self) -> list[tuple[Trial, str]]:
+        known = self._maps()
+        return [(trial, varied) for trial, varied in map_keys(self._chosen) if (trial.scenario, varied) not in known]
+
+    def _draw_maps(self, pool: Pool, unmapped: Sequence[tuple[Trial, str]]) -> None:
+        maps = self._maps()
+        jobs = [
             Job(
                 key=f"map {trial.id}", kind="map", trial=trial,
                 environment_dir=self._environments[trial.room], varied=varied,
             )
-            for trial, varied in map_keys(list(todo))
-            if (trial.scenario, varied, self._hashes[trial.room]) not in known
+            for trial, varied in unmapped
         ]  # fmt: skip
-        for ended in self._all_done(pool, wanted, "maps"):
-            known[_key_of_map(ended.result)] = ended.result
-        if wanted:
-            self._folder.write_json(self._folder.maps, {"schema": "gslcosim/maps/1", "maps": list(known.values())})
+        for ended in self._all_done(pool, jobs, "maps"):
+            maps[ended.result["scenario"], ended.result["varied"]] = ended.result
+        if jobs:
+            self._folder.write_json(self._folder.maps, {"schema": "gslcosim/maps/1", "maps": list(maps.values())})
 
     def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[Ended]:
         began = time.perf_counter()
@@ -386,10 +394,6 @@ def _firsts(trials: Iterable[Trial], key_of: Callable[[Trial], str | None]) -> d
         if key is not None:
             firsts.setdefault(key, trial)
     return firsts
-
-
-def _key_of_map(each: dict[str, Any]) -> tuple[str, str, str]:
-    return each["scenario"], each["varied"], each["environment_hash"]
 
 
 def _machine(sessions: list[dict[str, Any]]) -> dict[str, Any]:
