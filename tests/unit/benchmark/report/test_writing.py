@@ -230,6 +230,7 @@ def test_summary_has_question_leaderboard_and_verdicts(usual):
     assert "q = S (1 - 0.5 t / T)" in text
 
 
+@pytest.mark.slow
 def test_the_same_rows_make_the_same_report(tmp_path):
     folder = synthetic.make_results(tmp_path / "results", SMALL)
     write_report(folder)
@@ -256,8 +257,10 @@ TINY = {
 }
 
 
+# The smallest of each kind of folder is quick enough to be tried each time.
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == SIXTY else []) for name in TINY]
+    "name",
+    [pytest.param(name, marks=[] if name in ("one trial", "only faults") else [pytest.mark.slow]) for name in TINY],
 )
 def test_every_folder_gets_a_page(name, tmp_path):
     folder = synthetic.make_results(tmp_path / "results", TINY[name])
@@ -326,6 +329,7 @@ def test_figures_are_written_and_always_the_same(tmp_path):
     assert first == {path.name: path.read_bytes() for path in (folder / "figures").iterdir()}
 
 
+@pytest.mark.slow
 def test_merged_results_say_whose_and_which_are_not_verified(tmp_path):
     folder = synthetic.make_results(tmp_path / "results", SMALL)
     manifest = json.loads((folder / "manifest.json").read_text())

@@ -102,6 +102,7 @@ def test_bootstrapped_times_cover_the_truth(figure):
     assert within_error(coverage(estimates, truth), 0.95, 400, more=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repetitions", [2, 10])
 def test_stratified_bootstrap_covers_the_mean_of_many_cells(repetitions):
     """54 cells, each with its own difficulty; with two repetitions too."""
@@ -148,6 +149,7 @@ def test_a_bootstrap_that_knows_of_shared_gas_covers_and_one_that_does_not_falls
     assert coverage(naive, 0.8) < 0.7
 
 
+@pytest.mark.slow
 def test_rates_of_cells_cover_their_mean():
     rng = np.random.default_rng(8)
     p = rng.beta(1.0, 2.0, 54)

@@ -125,6 +125,7 @@ def test_the_readme_links_to_what_there_is(name: str) -> None:
         assert (bundled_suites()[name].parent / target).is_file(), target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SUITES)
 def test_all_methods_are_bundled_and_their_parameters_allowed(name: str) -> None:
     for entry in loaded(name).suite.entries_with_anchors:

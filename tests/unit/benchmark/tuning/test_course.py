@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import pytest
+
 from gslcosim.benchmark.suite import load_suite, plan_of
 from gslcosim.benchmark.tuning.budget import budget_of
 from gslcosim.benchmark.tuning.course import KeptPool, course_of
@@ -18,6 +20,7 @@ def course(n, number=0):
     return course_of(subject, "training", number, n=n, taken=seeds_of_tests(subject.loaded))
 
 
+@pytest.mark.slow
 def test_cases_are_flown_equally_often_and_the_rest_by_lot():
     slots = course(5).slots
     assert len(slots) == len(set(slots)) == 5
@@ -26,6 +29,7 @@ def test_cases_are_flown_equally_often_and_the_rest_by_lot():
     assert len({course(1, number).slots[0][0] for number in (1, 2)}) == 2
 
 
+@pytest.mark.slow
 def test_no_seed_of_training_or_validation_is_one_of_a_suite(tmp_path):
     """Of the tuned suite and of a bundled one, by their plans."""
     path = tmp_path / "mine.yaml"
@@ -49,6 +53,7 @@ def seeds(plan):
     return {seed for trial in plan.trials for seed in (trial.resolved.seed, trial.resolved.gas.seed)}
 
 
+@pytest.mark.slow
 def test_a_plan_that_grows_is_that_of_all_settings_at_once():
     settings = [DEFAULT, *(Setting(name=f"s_{i}", parameters={"leg_m": i / 2}) for i in (1, 2, 3))]
     short = course(3)
@@ -98,6 +103,7 @@ def _no_pool():
     raise AssertionError("nothing is flown")
 
 
+@pytest.mark.slow
 def test_fewer_flights_than_cases_are_spread_over_scenarios_and_leave_out_what_is_no_case(tmp_path):
     """A start outside the room is no case, and another one flies in its place."""
     path = tmp_path / "mine.yaml"
