@@ -252,6 +252,7 @@ def test_two_nodes_bring_the_rows_of_one_machine(
         node.wait_for(lambda node=node: not node.pids("RayWorker") and not node.pids("benchmark.execution.worker"))
 
 
+@pytest.mark.soak
 def test_a_worker_that_is_killed_costs_no_trial(
     nodes: tuple[Node, Node], suite: Path, folder: Path, flown_here: Path
 ) -> None:
@@ -266,6 +267,7 @@ def test_a_worker_that_is_killed_costs_no_trial(
     assert rows_of(folder / "killed") == rows_of(flown_here)
 
 
+@pytest.mark.soak
 def test_an_interruption_leaves_no_actor(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
     """Ctrl-C ends the actors and the workers behind them on all nodes, and leaves whole tables."""
     here, _ = nodes
@@ -280,6 +282,7 @@ def test_an_interruption_leaves_no_actor(nodes: tuple[Node, Node], suite: Path, 
         node.wait_for(lambda node=node: not node.pids("RayWorker") and not node.pids("benchmark.execution.worker"))
 
 
+@pytest.mark.soak
 def test_a_node_with_other_software_is_refused(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
     """The sentence names the node, what is expected, what was found, and what to do."""
     here, there = nodes
