@@ -1,6 +1,5 @@
 """Results in Python: tables of pyarrow, arrays by column, and the comparison of two entries on their pairs."""
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -194,16 +193,3 @@ def compare(results: Results, a: str, b: str) -> Comparison:
         time_p=sign_flip(time_a, time_b),
         better=probability_better(time_a, time_b),
     )
-
-
-def merged_tables(all_results: Sequence[Results]) -> pa.Table:
-    """Return the rows of several results in one table."""
-    return pa.concat_tables(_unique(all_results))
-
-
-def _unique(all_results: Sequence[Results]) -> Iterable[pa.Table]:
-    seen: set[str] = set()
-    for results in all_results:
-        is_new = [trial not in seen for trial in results.trials["trial"].to_pylist()]
-        seen |= set(results.trials["trial"].to_pylist())
-        yield results.trials.filter(pa.array(is_new, pa.bool_()))

@@ -1,10 +1,9 @@
 """A suite flown from Python, as `gslcosim bench run` does."""
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gslcosim.benchmark.execution.pool import LocalPool
+from gslcosim.benchmark.execution.pool import LocalPool, n_cores
 from gslcosim.benchmark.execution.running import Progress, Run
 from gslcosim.benchmark.execution.selection import Selection
 from gslcosim.benchmark.results import Results
@@ -36,7 +35,7 @@ def run(
         KeyboardInterrupt: it was interrupted; what was flown is kept.
     """
     loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite)
-    n_workers = jobs or os.cpu_count() or 1
+    n_workers = jobs or n_cores()
     summary = Run(
         plan_of(loaded),
         ResultsFolder(Path(folder)),

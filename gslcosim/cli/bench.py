@@ -1,11 +1,10 @@
 """`gslcosim bench`: suites of flights, from the plan to the report."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.run_dirs import RECORDING
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 from gslcosim.errors import UsageError
@@ -96,7 +95,7 @@ def _add_trust(action: Any) -> None:
         _verify,
     )
     _add_results(verify)
-    verify.add_argument("--sample", type=_at_least_one, default=20, metavar="N", help="how many (default: 20)")
+    verify.add_argument("--sample", type=at_least_one, default=20, metavar="N", help="how many (default: 20)")
     verify.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of the lot (default: 0)")
     _add_workers(verify)
     rank = action(
@@ -132,7 +131,7 @@ def _add_selection(parser: argparse.ArgumentParser) -> None:
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
-        "--jobs", type=_at_least_one, metavar="N", help="how many workers on this machine (default: one for each core)"
+        "--jobs", type=at_least_one, metavar="N", help="how many workers on this machine (default: one for each core)"
     )
     where.add_argument(
         "--ray", metavar="ADDRESS", help="fly on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
@@ -141,13 +140,6 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 def _add_results(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", type=Path, metavar="RESULTS", help="a folder of results, for example results/smoke")
-
-
-def _at_least_one(text: str) -> int:
-    number = whole_number(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, was '{text}'")
-    return number
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -166,12 +158,13 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.execution.pool import n_cores
     from gslcosim.benchmark.execution.selection import Selection
     from gslcosim.cli.bench_text import plan_fields, plan_text
 
     _, plan = _planned(arguments, is_quiet=arguments.json)
     selection = Selection.of(arguments.only, arguments.filter)
-    fields = plan_fields(plan, selection, n_workers=_usual_jobs())
+    fields = plan_fields(plan, selection, n_workers=n_cores())
     if arguments.json:
         write_json(fields)
     else:
@@ -302,16 +295,12 @@ def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
         from gslcosim.benchmark.execution.ray_pool import RayPool
 
         return RayPool(arguments.ray, limits)
-    from gslcosim.benchmark.execution.pool import LocalPool
+    from gslcosim.benchmark.execution.pool import LocalPool, n_cores
 
-    n_jobs = arguments.jobs or _usual_jobs()
-    if n_jobs > 4 * _usual_jobs():
-        write_note(f"--jobs: {n_jobs} workers on {_usual_jobs()} cores take turns.")
+    n_jobs = arguments.jobs or n_cores()
+    if n_jobs > 4 * n_cores():
+        write_note(f"--jobs: {n_jobs} workers on {n_cores()} cores take turns.")
     return LocalPool(n_jobs, limits)
-
-
-def _usual_jobs() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 COMMAND = Command(

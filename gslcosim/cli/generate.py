@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.scenarios import check_places
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
@@ -34,8 +34,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="the environment's folder, or that of all"
     )
-    parser.add_argument("--count", type=_at_least_one, default=1, metavar="N", help="how many, each with the next seed")
-    parser.add_argument("--jobs", type=_at_least_one, default=1, metavar="N", help="how many at the same time")
+    parser.add_argument("--count", type=at_least_one, default=1, metavar="N", help="how many, each with the next seed")
+    parser.add_argument("--jobs", type=at_least_one, default=1, metavar="N", help="how many at the same time")
     parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the layout's seed, that of the first")
     parser.add_argument(
         "--set",
@@ -85,13 +85,6 @@ def _numbers(text: str) -> tuple[float, ...]:
     except ValueError:
         return ()
     return numbers if all(math.isfinite(number) for number in numbers) else ()
-
-
-def _at_least_one(text: str) -> int:
-    number = whole_number(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, was '{text}'")
-    return number
 
 
 def _run(arguments: argparse.Namespace) -> int:

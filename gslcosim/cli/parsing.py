@@ -84,6 +84,14 @@ def whole_number(text: str) -> int:
     return int(text)
 
 
+def at_least_one(text: str) -> int:
+    """Return a whole number of at least 1 from the command line."""
+    number = whole_number(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, was '{text}'")
+    return number
+
+
 def _unknown_words(parser: Parser, command: str | None, unknown: list[str]) -> str:
     program = f"{parser.prog} {command}" if command else parser.prog
     option = next((word for word in unknown if word.startswith("-")), None)

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, at_least_one, start_pool, sweep_text
+from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, start_pool, sweep_text
 
 if TYPE_CHECKING:
     from gslcosim.benchmark.tuning.sweeping import Sweep

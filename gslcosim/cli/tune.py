@@ -2,9 +2,9 @@
 
 import argparse
 
-from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, at_least_one, start_pool, tuning_text, watched_tuning
+from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, start_pool, tuning_text, watched_tuning
 
 EXAMPLES = """  gslcosim tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
   gslcosim tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400 --jobs 2

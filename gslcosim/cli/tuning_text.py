@@ -3,14 +3,13 @@
 import argparse
 import contextlib
 import math
-import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.bench_text import watched_count
-from gslcosim.cli.parsing import whole_number
+from gslcosim.cli.parsing import at_least_one
 from gslcosim.cli.terminal import table, write_note
 
 if TYPE_CHECKING:
@@ -40,20 +39,11 @@ def add_what(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: below results/)")
 
 
-def at_least_one(text: str) -> int:
-    """Return a whole number of at least 1 from the command line."""
-    number = whole_number(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, was '{text}'")
-    return number
-
-
 def start_pool(jobs: int | None, limits: "LimitsSpec") -> "Pool":
     """Return started workers: as many as told, or one for each core."""
-    from gslcosim.benchmark.execution.pool import LocalPool
+    from gslcosim.benchmark.execution.pool import LocalPool, n_cores
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return LocalPool(jobs or cores, limits)
+    return LocalPool(jobs or n_cores(), limits)
 
 
 class TuningWatch:

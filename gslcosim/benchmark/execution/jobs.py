@@ -1,5 +1,6 @@
 """The work that a pool hands to its workers, and what comes back."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -7,6 +8,9 @@ from typing import Any, Literal, Protocol
 from gslcosim.benchmark.execution.flying import Rooms, fly_trial, record_trial
 from gslcosim.benchmark.execution.preparing import Progress, map_of, prepare_room, record_tape
 from gslcosim.benchmark.suite.trials import Trial
+
+# How long to wait before a person is told again how things stand.
+LOOK_EVERY_S = 0.5
 
 Failure = Literal["crashed", "hung", "out_of_memory", "fault"]
 
@@ -78,3 +82,14 @@ class Pool(Protocol):
     def close(self) -> None:
         """End all workers at once; jobs in the air are lost."""
         ...
+
+
+def each_ended(pool: Pool, jobs: Sequence[Job]) -> Iterator[Ended]:
+    """Hand jobs to a pool, and yield each when it has ended."""
+    for job in jobs:
+        pool.submit(job)
+    left = len(jobs)
+    while left:
+        for ended in pool.wait(LOOK_EVERY_S):
+            left -= 1
+            yield ended

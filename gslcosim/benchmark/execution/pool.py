@@ -28,6 +28,11 @@ _MOST_FAILED_STARTS = 3
 _WORKER = "gslcosim.benchmark.execution.worker"
 
 
+def n_cores() -> int:
+    """Return how many cores this process may use: as many workers as there are unless told otherwise."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass(eq=False)
 class _Worker:
     """A process with the jobs it was given, oldest first."""

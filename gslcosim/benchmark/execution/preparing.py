@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from gslcosim.scenario import Scenario
 Progress = Callable[[str, float], None]
 # A map is the mean of so many moments, spread evenly over the time limit, seen as recorded slices are.
 N_MOMENTS = 60
+# What a map of a scenario holds for where its cases do not differ in what it shows, as JSON.
+ALL_CASES = "{}"
 CUTOFF_SIGMA = 3.0
 # Cells of a map along its longer side, at most.
 MAX_CELLS = 80
@@ -104,7 +106,7 @@ def _text(values: NDArray[Any]) -> str:
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
 
 
-def map_keys(trials: list[Trial]) -> list[tuple[Trial, str]]:
+def map_keys(trials: Sequence[Trial]) -> list[tuple[Trial, str]]:
     """Return a trial for each map that the report needs, and what of its case the map holds for.
 
     A scenario has one map where its room, sources and height are the same in all its cases, otherwise one a case.
@@ -117,7 +119,7 @@ def map_keys(trials: list[Trial]) -> list[tuple[Trial, str]]:
     for by_case in by_scenario.values():
         shown = {varied: _what_a_map_shows(trial) for varied, trial in by_case.items()}
         if len(set(shown.values())) == 1:
-            keys.append((next(iter(by_case.values())), "{}"))
+            keys.append((next(iter(by_case.values())), ALL_CASES))
         else:
             keys += [(trial, varied) for varied, trial in by_case.items()]
     return keys

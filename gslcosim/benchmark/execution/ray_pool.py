@@ -2,14 +2,11 @@
 
 import importlib
 import logging
-import os
-import secrets
 import shutil
-import socket
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,17 +14,25 @@ from typing import Any
 
 from gslcosim.benchmark.execution.jobs import Ended, Failure, Job
 from gslcosim.benchmark.execution.luggage import Contents, Luggage, Packer
+from gslcosim.benchmark.execution.pool import n_cores
+from gslcosim.benchmark.execution.ray_connection import (
+    AUTO,
+    LOCAL,
+    brief,
+    check_address,
+    question,
+    ray_module,
+    software_text,
+)
 from gslcosim.benchmark.execution.ray_worker import Done, RayWorker, Recorded, Room, installed
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.errors import GslCosimError, SimulationFault, UsageError
 
-AUTO, LOCAL = "auto", "local"
 # As in `LocalPool`: the next flight waits at the worker.
 _AHEAD = 2
 _LOOK_EVERY_S = 0.5
 _START_S = 60.0
 _END_S = 3.0
-_LISTENS_S = 10.0
 _MOST_FAILED_STARTS = 3
 # Rows travel through it, and the files of agents.
 _LOCAL_STORE_BYTES = 200_000_000
@@ -115,7 +120,7 @@ class RayPool:
         self._n_started = 0
         self._n_failed_starts = 0
         self._scratch: Path | None = None
-        self._ray = _ray(address)
+        self._ray = ray_module(address)
         try:
             self._connect()
             self._here = self._ray.get_runtime_context().get_node_id()
@@ -181,9 +186,8 @@ class RayPool:
         if self._address == LOCAL:
             # Not the usual place for temporary files: names of sockets must be short.
             self._scratch = Path(tempfile.mkdtemp(prefix="gslcosim-ray-", dir="/tmp"))
-            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
             self._ray.init(
-                num_cpus=cores,
+                num_cpus=n_cores(),
                 include_dashboard=False,
                 object_store_memory=_LOCAL_STORE_BYTES,
                 _temp_dir=str(self._scratch),
@@ -192,12 +196,12 @@ class RayPool:
             return
         try:
             if self._address != AUTO:
-                _check_address(self._address)
+                check_address(self._address)
             self._ray.init(address=self._address, **quiet)
         except Exception as error:  # of many kinds, none of them Ray's own
             raise UsageError(
                 f"--ray {self._address}: expected auto, local, or the host:port of a Ray cluster that this machine is "
-                f"part of, was none: {_brief(error)} Start one with `ray start --head` here, and "
+                f"part of, was none: {brief(error)} Start one with `ray start --head` here, and "
                 "`ray start --address=HERE:6379` on the other machines; or take --ray local."
             ) from error
 
@@ -209,7 +213,7 @@ class RayPool:
         ]
 
     def _check_software(self, nodes: Sequence[_Node]) -> None:
-        here, ask = installed(), self._ray.remote(_question())
+        here, ask = installed(), self._ray.remote(question())
         asked = {
             ask.options(num_cpus=0, max_retries=0, scheduling_strategy=self._on(node)).remote(): node for node in nodes
         }
@@ -218,12 +222,12 @@ class RayPool:
                 found = self._ray.get(answer, timeout=_START_S)
             except self._ray.exceptions.RayError as error:
                 raise UsageError(
-                    f"--ray {self._address}: node {node.address} does not answer: {_brief(error)}"
+                    f"--ray {self._address}: node {node.address} does not answer: {brief(error)}"
                 ) from error
             if found != here:
                 raise UsageError(
                     f"--ray {self._address}: expected on node {node.address} the same software as here, "
-                    f"{_software_text(here)}, found {_software_text(found)}. Install there what is installed here, "
+                    f"{software_text(here)}, found {software_text(found)}. Install there what is installed here, "
                     "with the same Python, numpy, numba and mujoco, into the Python that runs Ray."
                 )
 
@@ -301,14 +305,14 @@ class RayPool:
         try:
             heard = self._ray.get(answer)
         except GslCosimError as error:
-            raise SimulationFault(f"--ray {self._address}: node {worker.node.address}: {_brief(error)}") from error
+            raise SimulationFault(f"--ray {self._address}: node {worker.node.address}: {brief(error)}") from error
         except self._ray.exceptions.RayTaskError as error:
             if not worker.is_up:
-                self._lose(worker, _brief(error))
+                self._lose(worker, brief(error))
                 return
             heard = Done(taken_s=0.0, failure="fault", text=str(error))
         except self._ray.exceptions.RayError as error:
-            self._lose(worker, _brief(error))
+            self._lose(worker, brief(error))
             return
         if not worker.is_up:
             worker.is_up, self._n_failed_starts = True, 0
@@ -398,60 +402,8 @@ class RayPool:
                 self._finish(task.order, worker.name)
 
 
-def _ray(address: str) -> Any:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    # What nodes say goes to standard output otherwise, in the middle of ours.
-    os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".*")
-    # Ray announces a change to come otherwise.
-    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-    if address == LOCAL:
-        # Ray's way not to be heard outside of this machine; it is read when Ray is imported.
-        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
-        # Other users of the machine stay out; Ray would leave a token in the home folder instead.
-        os.environ.setdefault("RAY_AUTH_MODE", "token")
-        os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
-    try:
-        ray = importlib.import_module("ray")
-    except ModuleNotFoundError:
-        ray = None
-    # A folder that happens to be called ray can be imported too.
-    if not hasattr(ray, "init"):
-        raise UsageError("--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'")
-    return ray
-
-
-# Ray asks for minutes where nobody listens.
-def _check_address(address: str) -> None:
-    host, _, port = address.rpartition(":")
-    try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=_LISTENS_S).close()
-    except ValueError as error:
-        raise UsageError("it has no port.") from error
-    except OSError as error:
-        raise UsageError(f"nobody listens there ({error.strerror or error}).") from error
-
-
 def _fetched(parcel: list[Any]) -> Contents | None:
     return importlib.import_module("ray").get(parcel[0])
-
-
-# Made here, so that it travels as code: a node without gslcosim can still say so.
-def _question() -> Callable[[], dict[str, str]]:
-    def tell() -> dict[str, str]:
-        try:
-            from gslcosim.benchmark.execution.ray_worker import installed as found
-
-            return found()
-        except ImportError as error:
-            return {"missing": str(error)}
-
-    return tell
-
-
-def _software_text(found: dict[str, str]) -> str:
-    if "missing" in found:
-        return f"none that can be used ({found['missing']})"
-    return f"gslcosim {found['version']} with the hashes {found['software']} and, of its agents, {found['agents']}"
 
 
 def _kept(recorded: Recorded, job: Job) -> Any:
@@ -462,8 +414,3 @@ def _kept(recorded: Recorded, job: Job) -> Any:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
     return replace(recorded.flight, run_dir=run_dir)
-
-
-def _brief(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return " ".join(lines[-3:] if isinstance(error, GslCosimError) else lines[:3])[:600]

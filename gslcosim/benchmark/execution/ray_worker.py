@@ -15,11 +15,10 @@ from gslcosim.benchmark.execution.flying import Flown
 from gslcosim.benchmark.execution.jobs import Ended, Failure, Job
 from gslcosim.benchmark.execution.luggage import Contents, Luggage, moved, unpacked
 from gslcosim.benchmark.execution.pool import LocalPool
-from gslcosim.benchmark.suite.identity import software_hash
+from gslcosim.benchmark.suite.identity import files_beside, software_hash
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError
-from gslcosim.methods.card import CARD_FILE
 from gslcosim.runtime.status import FlightResult
 from gslcosim.scenario.bundled import bundled_agents
 
@@ -173,8 +172,7 @@ def _without(root: str, text: str) -> str:
 def _agents_hash() -> str:
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
     for name, program in bundled_agents().items():
-        for pattern in ("*.py", "*.npz", CARD_FILE):
-            for path in sorted(program.parent.glob(pattern)):
-                digest.update(f"{name}/{path.name}".encode())
-                digest.update(path.read_bytes())
+        for path in files_beside(program):
+            digest.update(f"{name}/{path.name}".encode())
+            digest.update(path.read_bytes())
     return digest.hexdigest()

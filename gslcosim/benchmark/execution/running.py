@@ -1,32 +1,24 @@
 """A suite flown: rooms and tapes first and once, then trials, each row on the disk before the next is begun."""
 
-import json
-import os
-import platform
 import statistics
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import gslcosim
 from gslcosim.benchmark.execution.flying import Flown
-from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
+from gslcosim.benchmark.execution.jobs import LOOK_EVERY_S, Ended, Job, Pool, each_ended
 from gslcosim.benchmark.execution.judging import FLOWN, Row, row_without_result
+from gslcosim.benchmark.execution.manifest import manifest_of
 from gslcosim.benchmark.execution.pace import keep_pace
-from gslcosim.benchmark.execution.preparing import map_keys
+from gslcosim.benchmark.execution.preparing import ALL_CASES, map_keys
 from gslcosim.benchmark.execution.recordings import kept_trials
 from gslcosim.benchmark.execution.selection import Selection
-from gslcosim.benchmark.store.columns import is_of_the_machine
-from gslcosim.benchmark.store.folder import RESULTS_SCHEMA, ResultsFolder
+from gslcosim.benchmark.store.folder import ResultsFolder
 from gslcosim.benchmark.store.journal import Entry, Journal
-from gslcosim.benchmark.suite.identity import PACKAGES
-from gslcosim.benchmark.suite.models import LOWER_ANCHOR, UPPER_ANCHOR
 from gslcosim.benchmark.suite.planning import Plan
 from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.benchmark.suite.writing import write_suite
@@ -34,7 +26,6 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import SimulationFault
 
 _TRIES = 2
-_LOOK_EVERY_S = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +96,9 @@ class Run:
         self._flies_failures_again = flies_failures_again
         self._report = report
         self._entries: dict[str, Entry] = {}
+        self._flown: Counter[str] = Counter()
+        self._found: Counter[str] = Counter()
+        self._n_without_result = 0
         self._environments: dict[str, Path] = {}
         self._hashes: dict[str, str] = {}
         self._is_interrupted = False
@@ -162,6 +156,11 @@ class Run:
         if self._flies_failures_again:
             valid = {key: entry for key, entry in valid.items() if entry.row["status"] == FLOWN}
         self._entries = valid
+        for entry in valid.values():
+            self._count(entry.row)
+        if not valid:
+            # Of a run that was killed before its first row, perhaps by other software.
+            self._folder.maps.unlink(missing_ok=True)
         return aside
 
     def _fly_with_pool(self, todo: Sequence[Trial]) -> dict[str, Any]:
@@ -215,7 +214,12 @@ class Run:
 
     def _unmapped(self) -> list[tuple[Trial, str]]:
         known = self._maps()
-        return [(trial, varied) for trial, varied in map_keys(self._chosen) if (trial.scenario, varied) not in known]
+        chosen = {(trial.scenario, varied) for trial in self._chosen for varied in (trial.varied, ALL_CASES)}
+        return [
+            (trial, varied)
+            for trial, varied in map_keys(self._plan.trials)
+            if (trial.scenario, varied) in chosen and (trial.scenario, varied) not in known
+        ]
 
     def _draw_maps(self, pool: Pool, unmapped: Sequence[tuple[Trial, str]]) -> None:
         maps = self._maps()
@@ -233,30 +237,32 @@ class Run:
 
     def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[Ended]:
         began = time.perf_counter()
-        for job in jobs:
-            pool.submit(job)
-        n_done = 0
-        while n_done < len(jobs):
-            self._report(Progress(phase=phase, done=n_done, total=len(jobs), elapsed_s=time.perf_counter() - began))
-            for ended in pool.wait(_LOOK_EVERY_S):
-                n_done += 1
-                if ended.failure is not None:
-                    raise SimulationFault(
-                        f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
-                    )
-                yield ended
+
+        def tell(n_done: int) -> None:
+            elapsed_s = time.perf_counter() - began
+            self._report(Progress(phase=phase, done=n_done, total=len(jobs), elapsed_s=elapsed_s))
+
+        if jobs:
+            tell(0)
+        for i, ended in enumerate(each_ended(pool, jobs)):
+            if ended.failure is not None:
+                raise SimulationFault(
+                    f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
+                )
+            tell(i + 1)
+            yield ended
 
     def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
         began = time.perf_counter()
         tries = Counter[str]()
-        by_room = sorted(todo, key=lambda trial: list(self._environments).index(trial.room))
-        for trial in by_room:
+        place_of = {room: i for i, room in enumerate(self._environments)}
+        for trial in sorted(todo, key=lambda trial: place_of[trial.room]):
             self._submit(pool, trial)
         left = len(todo)
         with Journal(self._folder.journal) as journal:
             while left:
                 self._tell(len(todo) - left, len(todo), began)
-                for ended in pool.wait(_LOOK_EVERY_S):
+                for ended in pool.wait(LOOK_EVERY_S):
                     trial = ended.job.trial
                     tries[trial.id] += 1
                     self._busy_s += ended.taken_s
@@ -266,6 +272,7 @@ class Run:
                         continue
                     journal.append(entry)
                     self._entries[trial.id] = entry
+                    self._count(entry.row)
                     self._flying_s += entry.row["wall_flying_s"] or 0.0
                     left -= 1
             self._tell(len(todo), len(todo), began)
@@ -281,19 +288,23 @@ class Run:
         row = row_without_result(trial, self._hashes[trial.room], status=ended.failure, fault=ended.text)
         return Entry(row | {"wall_worker": ended.worker}, None)
 
+    # Counted as they come: a suite has tens of thousands, and is looked at twice a second.
+    def _count(self, row: Row) -> None:
+        self._n_without_result += row["status"] != FLOWN
+        if not row["is_control"]:
+            self._flown[row["entry"]] += 1
+            self._found[row["entry"]] += bool(row["success"])
+
     def _tell(self, done: int, total: int, began: float) -> None:
-        rows = [entry.row for entry in self._entries.values()]
-        flown = Counter(row["entry"] for row in rows if not row["is_control"])
-        successes = Counter(row["entry"] for row in rows if row["success"] and not row["is_control"])
         self._report(
             Progress(
                 phase="trials",
                 done=done,
                 total=total,
                 elapsed_s=time.perf_counter() - began,
-                successes=dict(successes),
-                flown=dict(flown),
-                n_without_result=sum(row["status"] != FLOWN for row in rows),
+                successes=dict(self._found),
+                flown=dict(self._flown),
+                n_without_result=self._n_without_result,
             )
         )
 
@@ -338,53 +349,9 @@ class Run:
     def _write_manifest(self, wall: dict[str, Any]) -> None:
         before = self._folder.read_json(self._folder.manifest)
         sessions = [*before.get("sessions", []), *([wall] if wall.get("n_trials") else [])]
-        self._folder.write_json(self._folder.manifest, self._manifest(sessions, before))
-
-    def _manifest(self, sessions: list[dict[str, Any]], before: dict[str, Any]) -> dict[str, Any]:
-        plan, suite = self._plan, self._plan.loaded.suite
-        names = {entry.spec.name for entry in plan.entries}
-        anchors = {"lower": LOWER_ANCHOR, "upper": UPPER_ANCHOR}
-        titles = {trial.scenario: trial.family for trial in plan.trials}
-        recordings = self._folder.recordings
-        return {
-            "schema": RESULTS_SCHEMA,
-            "suite": suite.name,
-            "title": suite.title,
-            "question": suite.question,
-            "seed": suite.seed,
-            "suite_hash": plan.suite_hash,
-            "software_hash": plan.software_hash,
-            "versions": {
-                "gslcosim": gslcosim.__version__,
-                "python": sys.version.split()[0],
-                **{name: version(name) for name in PACKAGES},
-            },
-            "machine": _machine(sessions),
-            "entries": [
-                {
-                    "name": entry.spec.name,
-                    "title": entry.card.title if entry.card else entry.spec.name,
-                    "family": entry.card.family if entry.card else "",
-                    "agent_hash": entry.agent_hash,
-                    "language": "python" if entry.spec.start.python else "command",
-                    "parameters": json.loads(entry.spec.model_dump_json())["parameters"],
-                    "robots": entry.spec.robots,
-                }
-                for entry in plan.entries
-            ],
-            "scenarios": [{"name": name, "family": family, "title": name} for name, family in titles.items()],
-            "n_planned": len(plan.trials),
-            "n_dropped": len(plan.dropped),
-            "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
-            "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
-            "anchors": {side: name for side, name in anchors.items() if name in names},
-            "wall": _totals(sessions),
-            "sessions": sessions,
-            "recordings": {
-                path.name: f"recordings/{path.name}" for path in sorted(recordings.glob("*")) if len(path.name) == 24
-            },
-            "verified": before.get("verified") if before.get("software_hash") == plan.software_hash else None,
-        }
+        recorded = [path.name for path in sorted(self._folder.recordings.glob("*")) if path.name in self._entries]
+        manifest = manifest_of(self._plan, sessions, before=before, recorded=recorded)
+        self._folder.write_json(self._folder.manifest, manifest)
 
 
 def _firsts(trials: Iterable[Trial], key_of: Callable[[Trial], str | None]) -> dict[str, Trial]:
@@ -394,44 +361,3 @@ def _firsts(trials: Iterable[Trial], key_of: Callable[[Trial], str | None]) -> d
         if key is not None:
             firsts.setdefault(key, trial)
     return firsts
-
-
-def _machine(sessions: list[dict[str, Any]]) -> dict[str, Any]:
-    loops_s = [each["reference_loop_s"] for each in sessions if each.get("reference_loop_s")]
-    return {
-        "cpu": _cpu_name(),
-        "cores": os.cpu_count(),
-        "platform": platform.platform(),
-        "reference_loop_s": statistics.median(loops_s) if loops_s else None,
-    }
-
-
-def _totals(sessions: list[dict[str, Any]]) -> dict[str, Any]:
-    if not sessions:
-        return {}
-    totals: dict[str, Any] = {
-        key: sum(each.get(key) or 0.0 for each in sessions)
-        for key in ("total_s", "preparing_s", "flying_s", "n_trials")
-    }
-    for key in ("busy_share", "flying_share"):
-        weighted = sum((each.get(key) or 0.0) * (each.get("flying_s") or 0.0) for each in sessions)
-        totals[key] = weighted / totals["flying_s"] if totals["flying_s"] else None
-    return {
-        "started_at": sessions[0]["started_at"],
-        **totals,
-        "jobs": sessions[-1]["jobs"],
-        "peak_worker_mb": max(each.get("peak_worker_mb") or 0.0 for each in sessions),
-    }
-
-
-def _cpu_name() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
-
-
-def same_but_for_the_machine(a: Row, b: Row) -> list[str]:
-    """Return the columns in which two rows of one trial differ, those of the machine's clock apart."""
-    return [name for name in a if not is_of_the_machine(name) and a[name] != b.get(name)]

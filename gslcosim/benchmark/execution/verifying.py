@@ -1,22 +1,20 @@
 """Flights of a results folder flown again: one to look at it, or a sample to see whether they come out the same."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gslcosim.benchmark.execution.jobs import Ended, Job, Pool
+from gslcosim.benchmark.execution.jobs import Job, Pool, each_ended
 from gslcosim.benchmark.execution.judging import Row
-from gslcosim.benchmark.execution.running import same_but_for_the_machine
+from gslcosim.benchmark.store.columns import is_of_the_machine
 from gslcosim.benchmark.store.folder import ResultsFolder
 from gslcosim.benchmark.suite.loading import load_suite
 from gslcosim.benchmark.suite.planning import Plan, plan_of
 from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.errors import UsageError
 from gslcosim.rng import stream
-
-_LOOK_EVERY_S = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,14 +94,14 @@ def verify(
     rooms = _rooms(trials, pool)
     differences: list[Difference] = []
     jobs = [Job(key=trial.id, kind="fly", trial=trial, environment_dir=rooms[trial.room]) for trial in trials]
-    for i, ended in enumerate(_done(jobs, pool)):
+    for i, ended in enumerate(each_ended(pool, jobs)):
         report(i + 1, len(jobs))
         trial, before = ended.job.trial, again.rows[ended.job.trial.id]
         if ended.failure is not None:
             columns: dict[str, tuple[Any, Any]] = {"status": (before["status"], f"{ended.failure}: {ended.text}")}
         else:
             now = ended.result.row
-            columns = {name: (before[name], now[name]) for name in same_but_for_the_machine(now, before)}
+            columns = {name: (before[name], now[name]) for name in _differing(now, before)}
         if columns:
             differences.append(Difference(trial=trial.id, case=trial.case, entry=trial.entry, columns=columns))
     manifest = again.folder.read_json(again.folder.manifest)
@@ -129,7 +127,7 @@ def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
     job = Job(
         key="record", kind="record", trial=trial, environment_dir=rooms[trial.room], runs_dir=again.folder.recordings
     )
-    (ended,) = _done([job], pool)
+    (ended,) = each_ended(pool, [job])
     if ended.failure is not None:
         raise UsageError(f"{trial.case}, {trial.entry}: {ended.failure} again: {ended.text}")
     ended.result.run_dir.rename(place)
@@ -139,18 +137,13 @@ def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
 def _rooms(trials: Sequence[Trial], pool: Pool) -> dict[str, Path]:
     firsts = {trial.room: trial for trial in reversed(trials)}
     rooms: dict[str, Path] = {}
-    for ended in _done([Job(key=room, kind="room", trial=trial) for room, trial in firsts.items()], pool):
+    for ended in each_ended(pool, [Job(key=room, kind="room", trial=trial) for room, trial in firsts.items()]):
         if ended.failure is not None:
             raise UsageError(f"{ended.job.trial.case}: its room cannot be made: {ended.text}")
         rooms[ended.job.key] = ended.result
     return rooms
 
 
-def _done(jobs: Sequence[Job], pool: Pool) -> Iterator[Ended]:
-    for job in jobs:
-        pool.submit(job)
-    left = len(jobs)
-    while left:
-        for ended in pool.wait(_LOOK_EVERY_S):
-            left -= 1
-            yield ended
+# Those of the machine's clock apart.
+def _differing(a: Row, b: Row) -> list[str]:
+    return [name for name in a if not is_of_the_machine(name) and a[name] != b.get(name)]

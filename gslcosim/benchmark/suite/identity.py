@@ -61,9 +61,13 @@ def files_of(entry: EntrySpec, directory: Path) -> list[Path]:
     program = program_of(entry, directory)
     if program is not None:
         named.add(program.resolve())
-        named |= {path.resolve() for ending in ("*.py", "*.npz") for path in program.parent.glob(ending)}
-        named |= {path.resolve() for path in program.parent.glob(CARD_FILE)}
+        named |= {path.resolve() for path in files_beside(program)}
     return sorted(named)
+
+
+def files_beside(program: Path) -> list[Path]:
+    """Return the files of a program's folder that count as part of it: Python, arrays, and its card."""
+    return sorted(path for pattern in ("*.py", "*.npz", CARD_FILE) for path in program.parent.glob(pattern))
 
 
 def case_hash(scenario: Scenario, room: str, *, is_control: bool, repetition: int) -> str:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,10 +43,9 @@ class PlannedEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """All trials of a suite in order, what was left out, and what has to be prepared.
+    """All trials of a suite in order, and what was left out or moved.
 
-    `rooms` and `tapes` give, by key, a trial that has them. `suite_hash` is equal for all who meet the same cases,
-    whatever they enter.
+    `suite_hash` is equal for all who meet the same cases, whatever they enter.
     """
 
     loaded: LoadedSuite
@@ -55,8 +54,6 @@ class Plan:
     dropped: tuple[Dropped, ...]
     moved: tuple[Moved, ...]
     entries: tuple[PlannedEntry, ...]
-    rooms: Mapping[str, Trial]
-    tapes: Mapping[str, Trial]
     suite_hash: str
     software_hash: str
 
@@ -102,8 +99,6 @@ def plan_of(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan
         dropped=tuple(dropped),
         moved=tuple(planner.moved),
         entries=tuple(planner.entries.values()),
-        rooms=_firsts(trials, lambda trial: trial.room),
-        tapes=_firsts(trials, lambda trial: trial.tape),
         suite_hash=_hash_of_texts(sorted({trial.case_hash for trial in trials})),
         software_hash=software_hash(),
     )
@@ -289,15 +284,6 @@ def _with_seeds(scenario: Scenario, seed: int, gas_seed: int) -> Scenario:
 def _tape_key(scenario: Scenario, room: str) -> str:
     gas = scenario.gas.model_dump_json()
     return _hash_of_texts([room, gas, f"{scenario.tick_ms}/{scenario.referee.stop.time_limit_s}"])
-
-
-def _firsts(trials: list[Trial], key_of: Callable[[Trial], str | None]) -> dict[str, Trial]:
-    firsts: dict[str, Trial] = {}
-    for trial in trials:
-        key = key_of(trial)
-        if key is not None:
-            firsts.setdefault(key, trial)
-    return firsts
 
 
 def _hash_of_texts(texts: Sequence[str]) -> str:

@@ -99,7 +99,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., tuple[RayP
 
     def make(act: Act, **n_cpus: int) -> tuple[RayPool, PlayedRay]:
         ray = PlayedRay(n_cpus, act)
-        monkeypatch.setattr(ray_pool, "_ray", lambda _: ray)
+        monkeypatch.setattr(ray_pool, "ray_module", lambda _: ray)
         pools.append(RayPool("local", LimitsSpec()))
         return pools[-1], ray
 

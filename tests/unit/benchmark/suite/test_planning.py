@@ -59,8 +59,8 @@ def test_one_gas_seed_is_shared_by_all_repetitions_of_a_scenario(tmp_path: Path)
         tmp_path, "scenarios: [tiny_room]\nrepetitions: 4\ngas_seeds: 2\nset: {gas.tape: true}\n" + ONE_ENTRY
     )
     assert len({trial.resolved.gas.seed for trial in plan.trials}) == 2
-    assert len(plan.tapes) == 2
-    assert len(plan.rooms) == 1
+    assert len({trial.tape for trial in plan.trials}) == 2
+    assert len({trial.room for trial in plan.trials}) == 1
 
 
 def test_controls_have_no_gas_and_the_same_seeds(tmp_path: Path) -> None:
