@@ -18,13 +18,12 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
-from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ModelError
 from gslcosim.fields.assembly import gas_field_of, gas_seed
 from gslcosim.fields.beams import Beams
 from gslcosim.fields.downwash import Downwash
 from gslcosim.fields.filament_field import FilamentField
-from gslcosim.fields.gas_field import GasField, PointGrid
+from gslcosim.fields.gas_field import GasField, PointGrid, wind_m_s_at
 from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
 from gslcosim.fields.timing import gas_timing
@@ -61,7 +60,6 @@ class FieldsCore:
         self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step)
         self._beams = Beams(scenario, environment)
         self._downwash = Downwash(scenario)
-        self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
@@ -137,13 +135,8 @@ class FieldsCore:
         return sample.model_copy(update={"gases": tuple(amounts), "beam_m": beam_m})
 
     def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
-        own_m_s = self._gas.wind_m_s_at(places_m)
-        if own_m_s is not None:
-            return own_m_s
         time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
-        grid = self._environment.grid
-        frame = self._wind_m_s[self._environment.wind.frame_at(time_s)]
-        return trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, places_m)
+        return wind_m_s_at(self._gas, self._environment, places_m, time_s)
 
     def _cloud(self, tick: int) -> FilamentCloud:
         filaments = self._gas.filaments

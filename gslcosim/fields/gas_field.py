@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Vec3
+from gslcosim.environment.model import Environment
+from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls
 from gslcosim.fields.filaments import Filaments
 
@@ -91,3 +93,25 @@ NO_FILAMENTS = Filaments(
     amount_mol=np.zeros(1),
     gas_index=np.zeros(1, np.int32),
 )
+
+
+def wind_m_s_at(
+    gas: GasField, environment: Environment, points_world_m: NDArray[np.float64], time_s: float
+) -> NDArray[np.float64]:
+    """Return the wind at points: that of the gas's own model if it has one, otherwise that of the room.
+
+    Args:
+        gas: It stands at the time that is asked for.
+        environment: The room.
+        points_world_m: (n, 3) points, world frame [m].
+        time_s: Time since the sources opened [s].
+
+    Returns:
+        (n, 3) wind, world frame [m/s].
+    """
+    own_m_s = gas.wind_m_s_at(points_world_m)
+    if own_m_s is not None:
+        return own_m_s
+    grid, wind = environment.grid, environment.wind
+    frame = np.asarray(wind.velocity_m_s[wind.frame_at(time_s)])
+    return trilinear_wind_at_points(frame, grid.origin_m, grid.cell_m, points_world_m)

@@ -13,7 +13,7 @@ from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.fields.assembly import gas_field_of, gas_seed
-from gslcosim.fields.gas_field import GasField, PointGrid
+from gslcosim.fields.gas_field import GasField, PointGrid, wind_m_s_at
 from gslcosim.fields.timing import gas_timing
 from gslcosim.generation import prepare_environment
 from gslcosim.referee.case import GAS_CONTACT_PPM
@@ -48,7 +48,8 @@ def record_tape(trial: Trial, environment_dir: Path) -> None:
 def map_of(trial: Trial, environment_dir: Path, *, varied: str) -> dict[str, Any]:
     """Return the map of a trial's room and gas at its search height, as `maps.json` has it.
 
-    Gas is the mean over the time limit, and how often there is enough for the weakest sensor.
+    Gas is the mean over the time limit, and how often there is enough for the weakest sensor; wind is the mean of the
+    unit vectors to which it blows.
 
     Args:
         trial: One with gas; its tape is recorded now if there is none.
@@ -64,7 +65,7 @@ def map_of(trial: Trial, environment_dir: Path, *, varied: str) -> dict[str, Any
     cell_m = grid.cell_m * step
     first_m = (grid.origin_m[0] + 0.5 * grid.cell_m, grid.origin_m[1] + 0.5 * grid.cell_m, height_m)
     points = PointGrid(first_m=first_m, spacing_m=cell_m, shape=(*occupied.shape, 1))
-    mean_ppm, intermittency = _gas_on(scenario, environment, points)
+    mean_ppm, intermittency, toward = _air_on(scenario, environment, points)
     return {
         "scenario": trial.scenario,
         "varied": varied,
@@ -76,26 +77,31 @@ def map_of(trial: Trial, environment_dir: Path, *, varied: str) -> dict[str, Any
         "occupied": _text(occupied.astype(np.uint8)),
         "mean_gas_ppm": _text(mean_ppm.astype("<f4")),
         "intermittency": _text(intermittency.astype("<f4")),
+        "wind_toward": _text(toward.astype("<f4")),
         "sources_m": [list(source.position_m) for source in scenario.gas.sources],
     }
 
 
-def _gas_on(
+def _air_on(
     scenario: Scenario, environment: Environment, points: PointGrid
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     field, timing = gas_field_of(scenario, environment), gas_timing(scenario)
     field.reset(gas_seed(scenario, scenario.seed))
     field.advance(timing.warm_up_steps)
     n_ticks = round(scenario.referee.stop.time_limit_s * 1000 / scenario.tick_ms)
     stride_ticks = max(1, n_ticks // N_MOMENTS // timing.ticks_per_step) * timing.ticks_per_step
     total_ppm, share, n = np.zeros(points.shape[:2]), np.zeros(points.shape[:2]), 0
+    places_m, toward = points.points_m(), np.zeros((*points.shape[:2], 2))
     for _ in range(0, n_ticks, stride_ticks):
         field.advance(stride_ticks // timing.ticks_per_step * timing.steps_per_tick)
         ppm = _slice_ppm(field, points)
         total_ppm += ppm
         share += ppm > GAS_CONTACT_PPM
+        wind_m_s = wind_m_s_at(field, environment, places_m, field.step * timing.step_s)[:, :2]
+        speed_m_s = np.hypot(*wind_m_s.T)
+        toward += (wind_m_s / np.where(speed_m_s > 0.0, speed_m_s, 1.0)[:, None]).reshape(toward.shape)
         n += 1
-    return total_ppm / n, share / n
+    return total_ppm / n, share / n, toward / n
 
 
 def _slice_ppm(field: GasField, points: PointGrid) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslcosim.benchmark.report.causes import Causes, causes_of
 from gslcosim.benchmark.report.reading import Floats, Ints, Material
 from gslcosim.benchmark.statistics.difficulty import fit_rasch, grades
 from gslcosim.benchmark.statistics.estimates import UNDEFINED, Estimate
@@ -27,6 +28,7 @@ class CaseGrade:
         oracle_s: Restricted mean time of the oracle [s]; undefined without one.
         walker: Success of the random walker; undefined without one.
         contact: Share of flights that met gas.
+        causes: What makes it difficult.
     """
 
     case: str
@@ -39,6 +41,7 @@ class CaseGrade:
     walker: Estimate
     contact: Estimate
     shortest_m: float
+    causes: Causes
     n: int
 
 
@@ -73,6 +76,7 @@ def case_grades(material: Material) -> tuple[CaseGrade, ...]:
     rounded = np.round(fit.difficulty, 6)
     graded = grades(rounded) if np.ptp(rounded) > 0 else [""] * cells.size
     half = two_sided_z(0.95) * fit.difficulty_error
+    causes = causes_of(material, cells)
     found: list[CaseGrade] = []
     for k, cell in enumerate(cells.tolist()):
         some = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
@@ -83,7 +87,7 @@ def case_grades(material: Material) -> tuple[CaseGrade, ...]:
                 difficulty=Estimate(d, d - half[k], d + half[k], n), is_informative=bool(fit.is_informative[k]),
                 success=wilson(int(successes[k].sum()), n), oracle_s=_time_of(material, some, oracle),
                 walker=_rate_of(material, some, walker), contact=_contact(material, some),
-                shortest_m=_first_known(rows["shortest_path_m"][some]), n=n,
+                shortest_m=_first_known(rows["shortest_path_m"][some]), causes=causes[k], n=n,
             )
         )  # fmt: skip
     return tuple(found)

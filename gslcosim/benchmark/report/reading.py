@@ -56,6 +56,8 @@ class RoomMap:
     Attributes:
         occupied: (nx, ny) whether something solid is there.
         mean_gas_ppm: (nx, ny) mean of the gas [ppm]; None without gas.
+        intermittency: (nx, ny) share of time with gas; None without gas.
+        wind_toward: (nx, ny, 2) mean over time of the unit vector to which the wind blows; None where it is not told.
         origin_m: Corner of the first cell, world frame, x and y [m].
         sources_m: World frame, xyz [m].
     """
@@ -68,6 +70,7 @@ class RoomMap:
     occupied: Flags
     mean_gas_ppm: Floats | None
     intermittency: Floats | None
+    wind_toward: Floats | None
     sources_m: tuple[tuple[float, float, float], ...]
 
 
@@ -274,13 +277,14 @@ def _map(told: Mapping[str, Any]) -> RoomMap:
         occupied=_grid(told["occupied"], np.dtype("u1"), (nx, ny)) > 0,
         mean_gas_ppm=_optional_grid(told.get("mean_gas_ppm"), (nx, ny)),
         intermittency=_optional_grid(told.get("intermittency"), (nx, ny)),
+        wind_toward=_optional_grid(told.get("wind_toward"), (nx, ny, 2)),
         sources_m=tuple((float(x), float(y), float(z)) for x, y, z in told.get("sources_m") or ()),
     )
 
 
-def _optional_grid(text: str | None, shape: tuple[int, int]) -> Floats | None:
+def _optional_grid(text: str | None, shape: tuple[int, ...]) -> Floats | None:
     return None if text is None else _grid(text, np.dtype("<f4"), shape).astype(np.float64)
 
 
-def _grid(text: str, dtype: np.dtype[Any], shape: tuple[int, int]) -> NDArray[Any]:
+def _grid(text: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     return np.frombuffer(base64.b64decode(text, validate=True), dtype=dtype).reshape(shape)

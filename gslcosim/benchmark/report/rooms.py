@@ -30,7 +30,7 @@ _DECADES = 2.5
 class Room:
     """A plan to draw on: (nx, ny) bytes, 255 solid, else how much gas there is, 0 to 250 on a logarithmic scale.
 
-    `rows` are the flights in it; `box_m` is what is shown, (x0, y0, x1, y1) [m]. `greatest_ppm` is 0 without gas.
+    `rows` are the flights in it; `plan` is the map it was drawn from, if there is one; `box_m` is what is shown, (x0, y0, x1, y1) [m]. `greatest_ppm` is 0 without gas.
     """
 
     scenario: str
@@ -43,6 +43,7 @@ class Room:
     height_m: float | None
     sources_m: tuple[tuple[float, float], ...]
     rows: Ints
+    plan: RoomMap | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +103,7 @@ def _mapped(label: str, room: RoomMap, some: Ints) -> Room:
         scenario=room.scenario, label=label, origin_m=room.origin_m, extent_m=(nx * cell_m, ny * cell_m),
         box_m=(x0, y0, x0 + room.occupied.shape[0] * room.cell_m, y0 + room.occupied.shape[1] * room.cell_m),
         cells=cells, greatest_ppm=greatest, height_m=room.height_m,
-        sources_m=tuple((x, y) for x, y, _ in room.sources_m), rows=some,
+        sources_m=tuple((x, y) for x, y, _ in room.sources_m), rows=some, plan=room,
     )  # fmt: skip
 
 
@@ -117,7 +118,7 @@ def _bare(material: Material, label: str, some: Ints) -> Room:
         scenario=str(rows["scenario"][some[0]]), label=label, origin_m=(float(low[0]), float(low[1])),
         extent_m=(float(high[0] - low[0]), float(high[1] - low[1])),
         box_m=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
-        cells=None, greatest_ppm=0.0, height_m=None, sources_m=tuple(sorted(sources)), rows=some,
+        cells=None, greatest_ppm=0.0, height_m=None, sources_m=tuple(sorted(sources)), rows=some, plan=None,
     )  # fmt: skip
 
 

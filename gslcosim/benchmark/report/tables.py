@@ -6,11 +6,13 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from gslcosim.benchmark.report import formats
 from gslcosim.benchmark.report.analysis import Analysis
+from gslcosim.benchmark.report.causes import Causes
 from gslcosim.benchmark.report.curves import BELIEF_FIGURES, Line
 from gslcosim.benchmark.report.making import facts_of
 from gslcosim.benchmark.report.standings import Standing
@@ -179,10 +181,12 @@ def _last_beliefs(analysis: Analysis) -> Iterator[Sequence[Any]]:
 def _difficulty(analysis: Analysis) -> Iterator[Sequence[Any]]:
     figures = ("difficulty", "success", "walker", "oracle_s", "contact")
     heads = [head for name in figures for head in _heads(name)]
-    yield ["case", "family", "grade", "is_informative", "shortest_m", *heads]
+    causes = [field.name for field in fields(Causes)]
+    yield ["case", "family", "grade", "is_informative", "shortest_m", *heads, *(f"cause_{name}" for name in causes)]
     for g in analysis.grades:
         parts = [part for name in figures for part in _parts(getattr(g, name))]
-        yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts]
+        told = [getattr(g.causes, name) for name in causes]
+        yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts, *told]
 
 
 def _failures(analysis: Analysis) -> Iterator[Sequence[Any]]:

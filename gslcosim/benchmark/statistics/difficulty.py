@@ -166,22 +166,28 @@ def plume_legibility(upwind_gradient: np.ndarray, gas_free_frac: np.ndarray) -> 
     return float(np.mean(upwind_gradient > 0.0) * (1.0 - gas_free_frac.mean()))
 
 
-def wind_difficulty(direction_rad: np.ndarray) -> float:
+def wind_difficulty(toward: np.ndarray) -> float:
     """Return D5: the circular standard deviation of the wind's direction along the oracle's way, over pi.
 
-    sd = sqrt(-2 ln R), R = |mean(exp(i direction))|; at most 1 is returned, though sd has no limit as R goes to 0
+    sd = sqrt(-2 ln R), R = |mean(toward)|; at most 1 is returned, though sd has no limit as R goes to 0
 
     Args:
-        direction_rad: (n,) directions [rad].
+        toward: (n, 2) at each point of the way the unit vector to which the wind blows; where it was averaged over
+            time, its length is the share that does not cancel, dimensionless.
 
     Returns:
-        0 to 1; nan without directions.
+        0 to 1; nan without points.
+
+    Raises:
+        ShapeError: the vectors are not (n, 2).
 
     Source:
         Mardia 1972, Statistics of Directional Data.
     """
-    direction_rad = numbers(direction_rad, "direction_rad")
-    if direction_rad.size == 0:
+    toward = np.asarray(toward, dtype=np.float64)
+    if toward.ndim != 2 or toward.shape[1] != 2:
+        raise ShapeError(f"toward: expected (n, 2) unit vectors, was {toward.shape}.")
+    if len(toward) == 0:
         return math.nan
-    length = min(1.0, math.hypot(float(np.cos(direction_rad).mean()), float(np.sin(direction_rad).mean())))
+    length = min(1.0, float(np.hypot(*toward.mean(axis=0))))
     return min(1.0, math.sqrt(-2.0 * math.log(length)) / math.pi) if length > 0.0 else 1.0

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -220,11 +221,14 @@ def _map(scenario: str, rng: np.random.Generator) -> dict:
     for x0 in rng.choice(np.arange(15, 60, 15), 2, replace=False):
         occupied[x0 : x0 + 4, 25:50] = 1
     gas = np.where(occupied == 0, _gas_ppm(x, y), 0.0).astype("<f4")
+    # Along the plume's axis.
+    toward = np.broadcast_to(np.array([1.0, 0.35]) / math.hypot(1.0, 0.35), (n, n, 2)).astype("<f4")
     return {
         "scenario": scenario, "varied": "{}", "environment_hash": "0" * 64, "height_m": HEIGHT_M,
         "origin_m": [0.0, 0.0],
         "cell_m": cell_m, "shape": [n, n], "occupied": _base64(occupied), "mean_gas_ppm": _base64(gas),
-        "intermittency": _base64((gas > 1).astype("<f4")), "sources_m": [list(SOURCE_M)],
+        "intermittency": _base64((gas > 1).astype("<f4")), "wind_toward": _base64(toward),
+        "sources_m": [list(SOURCE_M)],
     }  # fmt: skip
 
 

@@ -104,7 +104,22 @@ def test_hand_computed_explanations():
 
 def test_wind_difficulty_is_scipys_circular_standard_deviation():
     direction_rad = np.random.default_rng(2).normal(3.0, 0.4, 100)
-    assert wind_difficulty(direction_rad) == pytest.approx(stats.circstd(direction_rad) / math.pi)
-    assert wind_difficulty(np.full(4, 1.0)) == pytest.approx(0.0, abs=1e-7)
-    assert wind_difficulty(np.array([0.0, math.pi])) == 1.0
-    assert math.isnan(wind_difficulty(np.array([])))
+    assert wind_difficulty(toward(direction_rad)) == pytest.approx(stats.circstd(direction_rad) / math.pi)
+    assert wind_difficulty(toward(np.full(4, 1.0))) == pytest.approx(0.0, abs=1e-7)
+    assert wind_difficulty(toward(np.array([0.0, math.pi]))) == 1.0
+    assert math.isnan(wind_difficulty(np.empty((0, 2))))
+
+
+def test_wind_that_turns_in_time_counts_as_wind_that_turns_along_the_way():
+    direction_rad = np.random.default_rng(3).normal(1.0, 0.7, (20, 50))
+    means = toward(direction_rad.reshape(-1)).reshape(20, 50, 2).mean(axis=1)
+    assert wind_difficulty(means) == pytest.approx(wind_difficulty(toward(direction_rad.reshape(-1))))
+
+
+def test_wind_must_be_vectors():
+    with pytest.raises(ShapeError, match=r"toward: expected \(n, 2\)"):
+        wind_difficulty(np.zeros(4))
+
+
+def toward(direction_rad):
+    return np.stack([np.cos(direction_rad), np.sin(direction_rad)], axis=-1)
