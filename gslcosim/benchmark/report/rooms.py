@@ -30,7 +30,8 @@ _DECADES = 2.5
 class Room:
     """A plan to draw on: (nx, ny) bytes, 255 solid, else how much gas there is, 0 to 250 on a logarithmic scale.
 
-    `rows` are the flights in it; `plan` is the map it was drawn from, if there is one; `box_m` is what is shown, (x0, y0, x1, y1) [m]. `greatest_ppm` is 0 without gas.
+    `rows` are the flights in it; `plan` is the map it was drawn from, if there is one; `box_m` is what is shown,
+    (x0, y0, x1, y1) [m]. `greatest_ppm` is 0 without gas.
     """
 
     scenario: str
