@@ -61,8 +61,8 @@ golden: .venv/ready-dev     # rewrite the golden files; review the diff
 	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden
 
 docs: .venv/ready-dev contract    # rewrite the generated pages
-	$(BIN)/python -m gslcosim.contract.reference > docs/messages.md
-	$(BIN)/python -m gslcosim.sensing.reference docs/sensors.md
+	$(BIN)/python -m gslcosim.contract.publish.messages_page > docs/messages.md
+	$(BIN)/python -m gslcosim.sensing.sensors_page docs/sensors.md
 	$(BIN)/python -m gslcosim.methods.page agents docs
 	$(BIN)/python -m gslcosim.methods.blocks_page > docs/search.md
 

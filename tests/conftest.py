@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, settings
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, WindFrames
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 
 # The same examples every time: a law that fails must fail for everyone, and a slow machine is no failure.
 # `HYPOTHESIS_PROFILE=explore` looks for new examples.

@@ -3,13 +3,13 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.declaring import ReactiveDeclarer
 from gslcosim.search.draws import Draws
-from gslcosim.search.hits import GasLevel, RunningRange
-from gslcosim.search.instruments import Nose, noses_of
-from gslcosim.search.legs import Room, next_leg
 from gslcosim.search.method import settings_of
-from gslcosim.search.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
+from gslcosim.search.moving.declaring import ReactiveDeclarer
+from gslcosim.search.moving.legs import Room, next_leg
+from gslcosim.search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
+from gslcosim.search.senses.hits import GasLevel, RunningRange
+from gslcosim.search.senses.instruments import Nose, noses_of
 
 # A range of gas smaller than so many thresholds counts as one of so many: noise is not to be spread over it.
 LEAST_RANGE = 5.0

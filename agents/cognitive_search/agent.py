@@ -1,8 +1,8 @@
 """Cognitive search: weighs stops by a Renyi divergence of beliefs, or by free energy."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, free_energy_cost, renyi_cost
+from gslcosim.search.information.gains import Array, free_energy_cost, renyi_cost
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

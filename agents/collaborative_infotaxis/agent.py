@@ -9,21 +9,21 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.declaring import Declared, by_entropy, by_mass
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import declaration
-from gslcosim.search.gas_evidence import Finding, GasEvidence
-from gslcosim.search.grid_search import arrival_radius_m, direction_spread_rad, dispersal_of
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information import best_of
-from gslcosim.search.instruments import noses_of, vane_of
-from gslcosim.search.legs import leg_end
+from gslcosim.search.information.gains import best_of
+from gslcosim.search.information.grid_search import arrival_radius_m, direction_spread_rad, dispersal_of
 from gslcosim.search.method import settings_of
-from gslcosim.search.piloting import Pilot
-from gslcosim.search.radio import Report, Team
-from gslcosim.search.rounds import as_heard
-from gslcosim.search.shared_belief import SharedBelief, SharedFinding, assigned_costs
-from gslcosim.search.wind_field import WindRecord
+from gslcosim.search.moving.declaring import Declared, by_entropy, by_mass
+from gslcosim.search.moving.flying import declaration
+from gslcosim.search.moving.legs import leg_end
+from gslcosim.search.moving.piloting import Pilot
+from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
+from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.wind_field import WindRecord
+from gslcosim.search.swarms.radio import Report, Team
+from gslcosim.search.swarms.rounds import as_heard
+from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 
 WIND_STEP_S = 1.0
 # Who was not heard for so long has no plan any more.

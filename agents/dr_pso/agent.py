@@ -5,8 +5,8 @@ After Jatmiko et al. README.md beside this file has the rules.
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting, Stagnation, Weights
-from gslcosim.search.swarming import Particle, Vector
+from gslcosim.search.swarms.particle_swarm import Sighting, Stagnation, Weights
+from gslcosim.search.swarms.swarming import Particle, Vector
 
 
 class DrPso(Agent):

@@ -1,8 +1,8 @@
 """Dual control: nears the mean of its belief and shrinks the variance of it, weighed as one cost."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, dual_control_cost
+from gslcosim.search.information.gains import Array, dual_control_cost
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

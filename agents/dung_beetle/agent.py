@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
-from gslcosim.search.pacing import Pacer
+from gslcosim.search.moving.pacing import Pacer
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 HALF_TURN_RAD = 3.141592653589793

@@ -1,14 +1,14 @@
 """E. coli: on with more gas, otherwise anywhere. README.md beside this file has the rules and the exact arithmetic."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.declaring import ReactiveDeclarer
 from gslcosim.search.draws import Draws
-from gslcosim.search.instruments import noses_of
-from gslcosim.search.legs import Room
-from gslcosim.search.measuring import MoreGas
 from gslcosim.search.method import settings_of
-from gslcosim.search.pacing import Pacer
-from gslcosim.search.walks import RunAndTumble
+from gslcosim.search.moving.declaring import ReactiveDeclarer
+from gslcosim.search.moving.legs import Room
+from gslcosim.search.moving.pacing import Pacer
+from gslcosim.search.reactive.walks import RunAndTumble
+from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.senses.measuring import MoreGas
 
 
 class EColi(Agent):

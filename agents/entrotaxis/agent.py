@@ -1,8 +1,8 @@
 """Entrotaxis: goes where it can tell the next reading least."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, entrotaxis_cost
+from gslcosim.search.information.gains import Array, entrotaxis_cost
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

@@ -6,8 +6,9 @@ After Zarzhitsky and Spears. README.md beside this file has the rules and the de
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.declaring import Estimate
-from gslcosim.search.fluxes import (
+from gslcosim.search.method import settings_of
+from gslcosim.search.moving.declaring import Estimate
+from gslcosim.search.swarms.fluxes import (
     REACH,
     OutflowRule,
     RingFlow,
@@ -16,10 +17,9 @@ from gslcosim.search.fluxes import (
     relaxed_lattice,
     ring_flow,
 )
-from gslcosim.search.formation_flight import FormationFlight
-from gslcosim.search.formations import fit_plane, formation, mixed_direction, odour_offset_m
-from gslcosim.search.method import settings_of
-from gslcosim.search.rounds import Round
+from gslcosim.search.swarms.formation_flight import FormationFlight
+from gslcosim.search.swarms.formations import fit_plane, formation, mixed_direction, odour_offset_m
+from gslcosim.search.swarms.rounds import Round
 
 NO_FLOW = RingFlow(inward=0.0, outward=0.0)
 

@@ -5,13 +5,13 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.declaring import Declared, by_variance
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import declaration
-from gslcosim.search.gr_gsl import GrGsl, GrGslSettings, warm_up
-from gslcosim.search.map_flights import MapFlights, Stop, StopWatch
+from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
+from gslcosim.search.maps.wind_map import WindMap, WindWeights
 from gslcosim.search.method import settings_of
-from gslcosim.search.wind_map import WindMap, WindWeights
+from gslcosim.search.moving.declaring import Declared, by_variance
+from gslcosim.search.moving.flying import declaration
+from gslcosim.search.moving.map_flights import MapFlights, Stop, StopWatch
 
 
 class GrGslAgent(Agent):

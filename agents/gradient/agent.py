@@ -1,15 +1,15 @@
 """Gradient: a plane fitted to the last readings tells where there is more gas. README.md beside this has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.declaring import ReactiveDeclarer
 from gslcosim.search.draws import Draws
-from gslcosim.search.hits import GasLevel
-from gslcosim.search.instruments import noses_of
-from gslcosim.search.legs import Room, next_leg
-from gslcosim.search.measuring import StopAndMeasure
 from gslcosim.search.method import settings_of
-from gslcosim.search.pacing import Pacer
-from gslcosim.search.taxis import RecentReadings, place_of_mount_m
+from gslcosim.search.moving.declaring import ReactiveDeclarer
+from gslcosim.search.moving.legs import Room, next_leg
+from gslcosim.search.moving.pacing import Pacer
+from gslcosim.search.reactive.taxis import RecentReadings, place_of_mount_m
+from gslcosim.search.senses.hits import GasLevel
+from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.senses.measuring import StopAndMeasure
 
 
 class Gradient(Agent):

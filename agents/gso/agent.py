@@ -6,9 +6,9 @@ After Krishnanand and Ghose, and the odour version of their group. README.md bes
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.glowworm_robot import Glowworm, Vector
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting
+from gslcosim.search.swarms.glowworm_robot import Glowworm, Vector
+from gslcosim.search.swarms.particle_swarm import Sighting
 
 
 class Gso(Agent):

@@ -6,13 +6,13 @@ After Farrell, Pang and Li 2003. README.md beside this file has the rules, metho
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search import hidden_markov, puff_tracing
-from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes import hidden_markov, puff_tracing
+from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.hidden_markov import Plume, arrivals, likeliest_path, place_along_m, shares
+from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import distances_m
-from gslcosim.search.gas_evidence import Finding
-from gslcosim.search.hidden_markov import Plume, arrivals, likeliest_path, place_along_m, shares
 from gslcosim.search.method import settings_of
-from gslcosim.search.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
+from gslcosim.search.senses.gas_evidence import Finding
 
 
 class HiddenMarkov(Agent):

@@ -1,8 +1,8 @@
 """Information gain: goes where the next reading is expected to change its belief most."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, information_gain_cost
+from gslcosim.search.information.gains import Array, information_gain_cost
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

@@ -1,8 +1,8 @@
 """Infotaxis in space: goes, also up and down, where the entropy of its belief is expected to be least."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, infotaxis_cost
+from gslcosim.search.information.gains import Array, infotaxis_cost
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

@@ -8,16 +8,16 @@ from collections.abc import Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, normalised
-from gslcosim.search.declaring import Declared, Estimate, UnchangedRule
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import declaration
-from gslcosim.search.gas_mapping import ReadingsOnTheWay, most_worth
-from gslcosim.search.grid_paths import path_field
-from gslcosim.search.instruments import noses_of, vane_of
-from gslcosim.search.kernel_dm import GasMaps, KernelMap, KernelWidths, warm_up
-from gslcosim.search.lanes import lanes_m
-from gslcosim.search.map_flights import MapFlights
+from gslcosim.search.maps.gas_mapping import ReadingsOnTheWay, most_worth
+from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths, warm_up
 from gslcosim.search.method import settings_of
+from gslcosim.search.moving.declaring import Declared, Estimate, UnchangedRule
+from gslcosim.search.moving.flying import declaration
+from gslcosim.search.moving.grid_paths import path_field
+from gslcosim.search.moving.lanes import lanes_m
+from gslcosim.search.moving.map_flights import MapFlights
+from gslcosim.search.senses.instruments import noses_of, vane_of
 
 
 class KernelDmvw(Agent):

@@ -6,10 +6,10 @@ After Soares, Aguiar, Pascoal and Martinoli. README.md beside this file has the 
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.formation_flight import FormationFlight
-from gslcosim.search.formations import formation, in_world, laplacian_leg_m, next_width, odour_offset_m
 from gslcosim.search.method import settings_of
-from gslcosim.search.rounds import Round
+from gslcosim.search.swarms.formation_flight import FormationFlight
+from gslcosim.search.swarms.formations import formation, in_world, laplacian_leg_m, next_width, odour_offset_m
+from gslcosim.search.swarms.rounds import Round
 
 LEAST_WIDTH, MOST_WIDTH = 0.5, 2.0
 

@@ -2,10 +2,10 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.legs import Room
 from gslcosim.search.method import settings_of
-from gslcosim.search.pacing import Pacer
-from gslcosim.search.walks import LevyWalk
+from gslcosim.search.moving.legs import Room
+from gslcosim.search.moving.pacing import Pacer
+from gslcosim.search.reactive.walks import LevyWalk
 
 
 class LevyWalker(Agent):

@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.formation_flight import FormationFlight
-from gslcosim.search.formations import diagonal_line, in_world
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting
-from gslcosim.search.plume_finding import crosswind_course, nearest_axis_rad, place_on_course
-from gslcosim.search.rounds import Round
+from gslcosim.search.swarms.formation_flight import FormationFlight
+from gslcosim.search.swarms.formations import diagonal_line, in_world
+from gslcosim.search.swarms.particle_swarm import Sighting
+from gslcosim.search.swarms.plume_finding import crosswind_course, nearest_axis_rad, place_on_course
+from gslcosim.search.swarms.rounds import Round
 
 NOWHERE_M = (math.inf, math.inf)
 

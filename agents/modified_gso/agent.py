@@ -6,10 +6,10 @@ After Zhang et al., as told in the thesis on GSL-Bench. README.md beside this fi
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.glowworm_robot import Glowworm, Vector
-from gslcosim.search.glowworms import in_forbidden
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting, of_length, turned
+from gslcosim.search.swarms.glowworm_robot import Glowworm, Vector
+from gslcosim.search.swarms.glowworms import in_forbidden
+from gslcosim.search.swarms.particle_swarm import Sighting, of_length, turned
 
 
 class ModifiedGso(Agent):

@@ -6,13 +6,13 @@ After Li, Farrell et al. 2006. README.md beside this file has the rules.
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.clover import Clover
-from gslcosim.search.contacts import Contact
 from gslcosim.search.draws import Draws
 from gslcosim.search.method import settings_of
-from gslcosim.search.scout import Scout, ScoutSettings
-from gslcosim.search.spirals import random_side
-from gslcosim.search.surging import oblique_place_m
+from gslcosim.search.reactive.clover import Clover
+from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.reactive.spirals import random_side
+from gslcosim.search.reactive.surging import oblique_place_m
+from gslcosim.search.senses.contacts import Contact
 
 LEAST_LEG_M = 0.1
 

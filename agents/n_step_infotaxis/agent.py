@@ -1,8 +1,8 @@
 """N-step infotaxis: goes where the best sequences of several stops are expected to tell most."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, n_step_costs
+from gslcosim.search.information.gains import Array, n_step_costs
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

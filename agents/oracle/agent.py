@@ -3,9 +3,9 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim.search.flying import declaration
-from gslcosim.search.known_ways import KnownWays
 from gslcosim.search.method import settings_of
+from gslcosim.search.moving.flying import declaration
+from gslcosim.search.moving.known_ways import KnownWays
 
 # How far from the room's bounds a way ends, tried in this order [m]; at last it stays at the height of the search.
 MARGINS_M = (0.0, 0.4, None)

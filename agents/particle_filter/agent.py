@@ -9,16 +9,16 @@ from collections import deque
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search import particle_filter
-from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
-from gslcosim.search.declaring import Estimate, by_spread
+from gslcosim.search.bayes import particle_filter
+from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
+from gslcosim.search.bayes.puff_tracing import partial_sums_m
 from gslcosim.search.draws import Draws
-from gslcosim.search.gas_evidence import Finding
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
-from gslcosim.search.puff_tracing import partial_sums_m
-from gslcosim.search.spirals import ArchimedeanSpiral, random_side
-from gslcosim.search.unseen import UnseenSquares
+from gslcosim.search.moving.declaring import Estimate, by_spread
+from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
+from gslcosim.search.senses.gas_evidence import Finding
 
 
 class ParticleFilter(Agent):

@@ -6,10 +6,10 @@ README.md beside this file has the rules and the deviations from the literature.
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.formation_flight import FormationFlight
-from gslcosim.search.formations import fit_plane, formation, mixed_direction
 from gslcosim.search.method import settings_of
-from gslcosim.search.rounds import Round
+from gslcosim.search.swarms.formation_flight import FormationFlight
+from gslcosim.search.swarms.formations import fit_plane, formation, mixed_direction
+from gslcosim.search.swarms.rounds import Round
 
 
 class PlaneFit(Agent):

@@ -9,8 +9,8 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting, Weights, slowed_downwind, turned_out_of_downwind
-from gslcosim.search.swarming import Particle, Vector
+from gslcosim.search.swarms.particle_swarm import Sighting, Weights, slowed_downwind, turned_out_of_downwind
+from gslcosim.search.swarms.swarming import Particle, Vector
 
 
 class PsoWu(Agent):

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.hits import GasHits
-from gslcosim.search.instruments import noses_of, vane_of
 from gslcosim.search.method import settings_of
-from gslcosim.search.recovery import STEPS, Recovery, recovery_named
-from gslcosim.search.scout import Scout, ScoutSettings
-from gslcosim.search.silkmoth import TrueWind
-from gslcosim.search.temporal_memory import N_GAS_STATES, TemporalMemory, best_move, load_policies
+from gslcosim.search.reactive.recovery import STEPS, Recovery, recovery_named
+from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.reactive.silkmoth import TrueWind
+from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, TemporalMemory, best_move, load_policies
+from gslcosim.search.senses.hits import GasHits
+from gslcosim.search.senses.instruments import noses_of, vane_of
 
 POLICIES = Path(__file__).with_name("policies.json")
 

@@ -1,6 +1,6 @@
 """A search planned as a partially observable decision problem: a learned plume, a belief, and QMDP or Perseus.
 
-README.md beside this file has the rules; the arithmetic is in gslcosim.search.offsets and gslcosim.search.pomdp.
+README.md beside this file has the rules; the arithmetic is in gslcosim.search.information, offsets and pomdp.
 """
 
 import math
@@ -10,15 +10,15 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.declaring import Declared, by_mass
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import declaration, waypoint
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.instruments import noses_of, vane_of
-from gslcosim.search.legs import Room, leg_end, next_leg
-from gslcosim.search.measuring import StopAndMeasure
+from gslcosim.search.information.offsets import MOVES, PlumeTable, RunningWind, headings_rad, offsets_m, updated_belief
 from gslcosim.search.method import settings_of
-from gslcosim.search.offsets import MOVES, PlumeTable, RunningWind, headings_rad, offsets_m, updated_belief
+from gslcosim.search.moving.declaring import Declared, by_mass
+from gslcosim.search.moving.flying import declaration, waypoint
+from gslcosim.search.moving.legs import Room, leg_end, next_leg
+from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.measuring import StopAndMeasure
 
 TABLE = Path(__file__).with_name("plumes.npz")
 MAX_CELLS = 20_000

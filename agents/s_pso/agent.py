@@ -5,8 +5,8 @@ After Kennedy and Eberhart, and Jatmiko et al. for robots. README.md beside this
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting, Weights
-from gslcosim.search.swarming import Particle, Vector
+from gslcosim.search.swarms.particle_swarm import Sighting, Weights
+from gslcosim.search.swarms.swarming import Particle, Vector
 
 
 class SPso(Agent):

@@ -7,13 +7,13 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.hits import GasHits
-from gslcosim.search.instruments import noses_of, vane_of
-from gslcosim.search.legs import Room
 from gslcosim.search.method import settings_of
-from gslcosim.search.silkmoth import SURGE, TrueWind, heading_after, phase_at
-from gslcosim.search.spirals import random_side
-from gslcosim.search.unseen import UnseenSquares
+from gslcosim.search.moving.legs import Room
+from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.reactive.silkmoth import SURGE, TrueWind, heading_after, phase_at
+from gslcosim.search.reactive.spirals import random_side
+from gslcosim.search.senses.hits import GasHits
+from gslcosim.search.senses.instruments import noses_of, vane_of
 
 CLIMBS_PER_S = 1.0
 MOST_CLIMB_M_S = 0.5

@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.legs import Room
 from gslcosim.search.method import settings_of
-from gslcosim.search.particle_swarm import Sighting, limited
-from gslcosim.search.sniffy_bug import (
+from gslcosim.search.moving.legs import Room
+from gslcosim.search.swarms.particle_swarm import Sighting, limited
+from gslcosim.search.swarms.sniffy_bug import (
     TABLES,
     Bug,
     four_ranges_of,
@@ -19,7 +19,7 @@ from gslcosim.search.sniffy_bug import (
     searching_waypoint,
     tracking_waypoint,
 )
-from gslcosim.search.swarming import Member, Vector
+from gslcosim.search.swarms.swarming import Member, Vector
 
 # How fast it goes back to its height: so much per metre, at most so fast.
 CLIMB_PER_S = 1.0

@@ -9,12 +9,15 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.declaring import Declared, by_variance
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import declaration
-from gslcosim.search.gr_gsl import GrGsl, GrGslSettings, warm_up
-from gslcosim.search.instruments import noses_of, vane_of
-from gslcosim.search.langevin import (
+from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
+from gslcosim.search.method import settings_of
+from gslcosim.search.moving.declaring import Declared, by_variance
+from gslcosim.search.moving.flying import declaration
+from gslcosim.search.moving.map_flights import MapFlights, StopWatch
+from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.measuring import Measurement
+from gslcosim.search.swarms.langevin import (
     langevin_step_m,
     potential_of,
     potential_slope,
@@ -22,10 +25,7 @@ from gslcosim.search.langevin import (
     swapped_roles,
     temperature_ladder,
 )
-from gslcosim.search.map_flights import MapFlights, StopWatch
-from gslcosim.search.measuring import Measurement
-from gslcosim.search.method import settings_of
-from gslcosim.search.rounds import Round, Rounds
+from gslcosim.search.swarms.rounds import Round, Rounds
 
 HIT, CLEAN, UNCLEAR = 1.0, 0.0, -1.0
 N_REDRAWS = 20

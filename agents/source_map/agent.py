@@ -4,10 +4,10 @@ After Pang and Farrell 2006. README.md beside this file has the rules, method.ya
 """
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search import puff_tracing
-from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes import puff_tracing
+from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.method import settings_of
-from gslcosim.search.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 
 
 class SourceMapAgent(Agent):

@@ -8,15 +8,15 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search import source_terms
-from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
-from gslcosim.search.declaring import by_spread
+from gslcosim.search.bayes import source_terms
+from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.source_terms import PlumeSensor, Prior, SourceTermFilter, Spread
 from gslcosim.search.draws import Draws
-from gslcosim.search.gas_evidence import Finding
-from gslcosim.search.instruments import noses_of
 from gslcosim.search.method import settings_of
-from gslcosim.search.source_terms import PlumeSensor, Prior, SourceTermFilter, Spread
-from gslcosim.search.unseen import UnseenSquares
+from gslcosim.search.moving.declaring import by_spread
+from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.senses.gas_evidence import Finding
+from gslcosim.search.senses.instruments import noses_of
 
 N_DIRECTIONS = 8
 NEAR_AND_FAR = (1.0, 3.0)  # candidate places lie so many steps away

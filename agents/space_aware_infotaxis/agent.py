@@ -1,8 +1,8 @@
 """Space-aware infotaxis: goes where fewest steps to the source are expected to remain."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.grid_search import GridSearch, Outlook
-from gslcosim.search.information import Array, space_aware_cost
+from gslcosim.search.information.gains import Array, space_aware_cost
+from gslcosim.search.information.grid_search import GridSearch, Outlook
 from gslcosim.search.method import settings_of
 
 

@@ -5,11 +5,11 @@ After Ferri et al. 2009. README.md beside this file has the rules.
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.instruments import noses_of
 from gslcosim.search.method import settings_of
-from gslcosim.search.proximity import BestProximity, proximity_index
-from gslcosim.search.scout import Scout, ScoutSettings
-from gslcosim.search.spirals import SpiralCourse, SquareSpiral, random_side
+from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.reactive.spirals import SpiralCourse, SquareSpiral, random_side
+from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.senses.proximity import BestProximity, proximity_index
 
 
 class Spiral(Agent):

@@ -4,12 +4,12 @@ After Rahbar et al. 2017. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.casting import PlaneCastSequence, side_or_random
-from gslcosim.search.contacts import Contact
 from gslcosim.search.draws import Draws
 from gslcosim.search.method import settings_of
-from gslcosim.search.scout import Scout, ScoutSettings
-from gslcosim.search.surging import surge_place_m
+from gslcosim.search.reactive.casting import PlaneCastSequence, side_or_random
+from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.reactive.surging import surge_place_m
+from gslcosim.search.senses.contacts import Contact
 
 LEAST_LEG_M = 0.1
 Vec3 = tuple[float, float, float]

@@ -4,12 +4,12 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.contacts import Contact
 from gslcosim.search.draws import Draws
 from gslcosim.search.method import settings_of
-from gslcosim.search.scout import Scout, ScoutSettings
-from gslcosim.search.spirals import ArchimedeanSpiral, SpiralCourse, SquareSpiral, random_side
-from gslcosim.search.surging import surge_place_m
+from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.reactive.spirals import ArchimedeanSpiral, SpiralCourse, SquareSpiral, random_side
+from gslcosim.search.reactive.surging import surge_place_m
+from gslcosim.search.senses.contacts import Contact
 
 LEAST_LEG_M = 0.1
 

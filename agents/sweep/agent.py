@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim.search.flying import waypoint
-from gslcosim.search.lanes import lanes_m
-from gslcosim.search.legs import Room
 from gslcosim.search.method import settings_of
+from gslcosim.search.moving.flying import waypoint
+from gslcosim.search.moving.lanes import lanes_m
+from gslcosim.search.moving.legs import Room
 
 THERE_M = 0.3
 # From rest to 1 m/s within half the acceleration of the slowest vehicle in the air, and a bit [m].

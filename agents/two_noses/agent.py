@@ -8,9 +8,9 @@ import math
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
 from gslcosim.search.method import settings_of
-from gslcosim.search.scout import Scout, ScoutSettings
-from gslcosim.search.spirals import random_side
-from gslcosim.search.two_noses import TwoNoses, bearing_rad, turn_rad
+from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.reactive.spirals import random_side
+from gslcosim.search.reactive.two_noses import TwoNoses, bearing_rad, turn_rad
 
 
 class TwoNosesAgent(Agent):

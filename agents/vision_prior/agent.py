@@ -8,13 +8,13 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search import puff_tracing
-from gslcosim.search.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes import puff_tracing
+from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import normalised_from_log
-from gslcosim.search.instruments import cameras_of
 from gslcosim.search.method import settings_of
-from gslcosim.search.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
-from gslcosim.search.vision import SeenThings, Viewpoint, prior_from_objects, seen_objects
+from gslcosim.search.senses.instruments import cameras_of
+from gslcosim.search.senses.vision import SeenThings, Viewpoint, prior_from_objects, seen_objects
 
 N_POSES = 100  # so many ticks a picture may be late
 

@@ -2,9 +2,9 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import waypoint
-from gslcosim.search.instruments import noses_of
-from gslcosim.search.legs import Room, next_leg, random_headings
+from gslcosim.search.moving.flying import waypoint
+from gslcosim.search.moving.legs import Room, next_leg, random_headings
+from gslcosim.search.senses.instruments import noses_of
 
 
 class Wanderer(Agent):

@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 
 from gslcosim.environment.model import Environment
-from gslcosim.environment.planning import free_space
+from gslcosim.environment.paths.planning import free_space
 from gslcosim.environment.store import load_environment
 from gslcosim.generation import prepare_environment
 from gslcosim.runtime.flight import fly
 from gslcosim.scenario.loading import LoadedScenario
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 
 HERE = Path(__file__).parent
 STARTS = tuple(itertools.product((3.0, 7.5, 12.0), repeat=2))

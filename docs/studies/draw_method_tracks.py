@@ -25,15 +25,15 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
 from gslcosim.environment.store import load_environment
-from gslcosim.fields.truth import GroundTruth, ground_truth
+from gslcosim.fields.offline.truth import GroundTruth, ground_truth
 from gslcosim.generation import prepare_environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, load_card
-from gslcosim.runtime.agents import load_python_agent
+from gslcosim.runtime.agents.starting import load_python_agent
 from gslcosim.runtime.flight import fly
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.loading import LoadedScenario
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 
 HERE = Path(__file__).parent
 PICTURES = HERE.parent / "images" / "methods"

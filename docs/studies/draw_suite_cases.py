@@ -22,8 +22,8 @@ from gslcosim.benchmark.suite import load_suite, plan_of
 from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites
 from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.environment.model import Cell, Opening
+from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.environment.room import Room
-from gslcosim.environment.sources import room_of
 from gslcosim.environment.store import load_environment
 from gslcosim.generation import prepare_environment
 

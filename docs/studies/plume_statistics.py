@@ -33,7 +33,7 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
 from gslcosim.fields.assembly import gas_field_of
 from gslcosim.rng import stream
-from gslcosim.scenario.models import Scenario, SensorSpec
+from gslcosim.scenario.models.scenario import Scenario, SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.mox import MOX_PARAMETERS, estimated_ppm
 

@@ -20,13 +20,13 @@ from gslcosim.contract.messages import BodyState, Command, DriveSetpoint, Waypoi
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
-from gslcosim.scenario.models import Scenario
-from gslcosim.world import records
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
-from gslcosim.world.flight_kernels import fly_substeps_inplace
-from gslcosim.world.mujoco_kernels import step_address
-from gslcosim.world.scene import GRAVITY_M_S2, build_scene
-from gslcosim.world.trajectory import stay_at
+from gslcosim.world.paths.trajectory import stay_at
+from gslcosim.world.physics import records
+from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
+from gslcosim.world.physics.mujoco_kernels import step_address
+from gslcosim.world.physics.scene import GRAVITY_M_S2, build_scene
 from gslcosim.world.vehicle import load_vehicle
 
 DT_S = PHYSICS_STEP_MS * 1e-3

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
 from gslcosim.fields.assembly import gas_field_of
-from gslcosim.fields.concentration import CUTOFF_SIGMA
 from gslcosim.fields.gas_field import GasField, PointGrid
-from gslcosim.scenario.models import Scenario
-from gslcosim.search.offsets import OffsetGrid, PlumeTable, offsets_m
-from gslcosim.search.pomdp import (
+from gslcosim.fields.reading.concentration import CUTOFF_SIGMA
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.search.information.offsets import OffsetGrid, PlumeTable, offsets_m
+from gslcosim.search.information.pomdp import (
     Pomdp,
     beliefs_met,
     improved_by_perseus,

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from gslcosim import __version__
-from gslcosim.cli import (
+from gslcosim.cli.commands import (
     agent,
     bench,
     compare,

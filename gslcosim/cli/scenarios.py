@@ -31,7 +31,7 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     Raises:
         ScenarioError: there is none, or it has problems.
     """
-    from gslcosim.environment.random_places import draw_places
+    from gslcosim.environment.of_scenario.random_places import draw_places
     from gslcosim.scenario import load_scenario
 
     return load_scenario(
@@ -45,7 +45,7 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
 
 def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
     """Return what is wrong with the room of a scenario and with the places in it."""
-    from gslcosim.environment.placement import problems_of_places
+    from gslcosim.environment.of_scenario.places import problems_of_places
 
     return problems_of_places(scenario, scenario_dir=directory)
 

@@ -13,7 +13,7 @@ from gslcosim.contract.commands import AGENT_KINDS
 from gslcosim.contract.compatibility import check_contract
 from gslcosim.contract.messages import Command
 from gslcosim.errors import ContractError
-from gslcosim.runtime.door import MAX_COMMAND_BYTES
+from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES
 
 MAX_SHOWN = 200
 # No length [m], speed [m/s], duration [s] or probability of a search is beyond these, unless its bytes are swapped.

@@ -10,8 +10,8 @@ from gslcosim.conformance.scripted_world import TICK_NS, ScriptedWorld, briefing
 from gslcosim.conformance.wiring import Event, Wire
 from gslcosim.contract.messages import Command, Ending, Message, Observation
 from gslcosim.methods.card import Needs
-from gslcosim.runtime.door import BELIEF_EVERY_S, Door
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.runtime.agents.door import BELIEF_EVERY_S, Door
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.ticks import NS_PER_S
 
 Variation = Literal["plain", "unknown fields", "optional fields", "repeats", "ending at once", "lost link"]

@@ -22,7 +22,7 @@ from gslcosim.gateway.link import EventKind, Link
 from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.methods.card import Needs, card_beside
-from gslcosim.runtime.guests import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.agents.guests import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.processes import Children
 
 DoorKind = Literal["zenoh", "stdio", "tcp", "unix"]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid, point_text
-from gslcosim.environment.layouts import LAYOUT_PATH, Plan
 from gslcosim.environment.model import Box, Cell, Opening
 from gslcosim.environment.occupancy_kernels import reachable_cells
 from gslcosim.environment.openings import cells_at, snapped_range
+from gslcosim.environment.plan import LAYOUT_PATH, Plan
 from gslcosim.scenario.problems import Problem
 
 

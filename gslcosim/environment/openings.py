@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gslcosim.environment.grid import Grid, Vec3, point_text
 from gslcosim.environment.model import Opening
-from gslcosim.scenario.models import OpeningSpec
+from gslcosim.scenario.models.scenario import OpeningSpec
 from gslcosim.scenario.problems import Problem
 
 # Width (along y) and height of inlet and outlet, Table 9.2 of the GSL-Bench thesis.

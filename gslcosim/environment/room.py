@@ -9,13 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.layouts import plan_room, problems_of_layout
 from gslcosim.environment.model import Box, Environment, Light, Opening, VisualMesh, WindFrames
-from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
-from gslcosim.environment.problems import raise_if_any
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models import Layout, WindSpec
-from gslcosim.scenario.problems import Problem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,41 +30,13 @@ class Room:
     meshes: tuple[VisualMesh, ...] = ()
 
 
-def build_room(layout: Layout, wind: WindSpec) -> Room:
-    """Generate a room from its layout, without solving its wind.
-
-    Args:
-        layout: What the scenario says of the room.
-        wind: Gives the cell of the grid and the velocity at the inlet.
-
-    Raises:
-        ScenarioError: the layout is impossible; the text lists all reasons.
-    """
-    plan = plan_room(layout, wind)
-    raise_if_any(problems_of_occupancy(plan))
-    return Room(
-        name=plan.name,
-        grid=plan.grid,
-        occupancy=_frozen(occupancy_of(plan)),
-        boxes=plan.boxes,
-        openings=plan.openings,
-        notices=plan.notices,
-        lights=plan.lights,
-    )
-
-
-def problems_of_room(layout: Layout, wind: WindSpec) -> list[Problem]:
-    """Return all that makes a room impossible, with the places in the scenario; empty when it can be built."""
-    return problems_of_layout(layout, wind) or problems_of_occupancy(plan_room(layout, wind))
-
-
 def with_wind(room: Room, wind: WindFrames) -> Environment:
     """Return the environment that a room and its wind make; its arrays are read-only and in C order.
 
     Raises:
         EnvironmentDataError: the wind is not (t, nx, ny, nz, 3) of the room's grid.
     """
-    velocity_m_s = _frozen(np.ascontiguousarray(wind.velocity_m_s, dtype=np.float32))
+    velocity_m_s = frozen(np.ascontiguousarray(wind.velocity_m_s, dtype=np.float32))
     if velocity_m_s.shape[1:] != (*room.grid.shape, 3) or not len(velocity_m_s):
         raise EnvironmentDataError(
             f"wind of {room.name}: expected (t, nx, ny, nz, 3) with cells {room.grid.shape} and at least one frame, "
@@ -109,6 +76,7 @@ def content_hash_of(room: Room | Environment, wind: WindFrames) -> str:
     return digest.hexdigest()
 
 
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, which nobody can write to from now on."""
     array.setflags(write=False)
     return array

@@ -22,7 +22,7 @@ def to_next_border(start, i, direction):
         Both ways in lengths of the direction [cells].
 
     Held by:
-        tests/unit/fields/test_beams.py, tests/unit/sensing/test_ray_kernels.py (walks that use it)
+        tests/unit/fields/reading/test_beams.py, tests/unit/sensing/test_ray_kernels.py (walks that use it)
     """
     if direction > 0.0:
         return (i + 1.0 - start) / direction, 1.0 / direction

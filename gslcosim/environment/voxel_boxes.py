@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.layouts import OBSTACLE_RGBA
 from gslcosim.environment.model import Box
+from gslcosim.environment.shell import OBSTACLE_RGBA
 
 Cells = tuple[slice, slice, slice]
 

@@ -10,19 +10,9 @@ from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ScenarioError
-from gslcosim.fields.buoyancy import NEUTRAL, Buoyancy, gaden_3, terminal_velocity
-from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls
-from gslcosim.fields.farrell import FarrellWind, Gusts, OpenFieldPlume, open_field
-from gslcosim.fields.filament_field import READINGS_WORTH_AN_INDEX, FilamentField
-from gslcosim.fields.filaments import FilamentPlume, GasSource, WindAt, amount_of_filament_mol
-from gslcosim.fields.frame import GasFrame
-from gslcosim.fields.gas_field import GasField, Sight
-from gslcosim.fields.gases import air_density_mol_m3, gas_named
-from gslcosim.fields.gaussian_plume import GaussianPlume, MeanderingPlume
-from gslcosim.fields.movie import MOVIE_SUFFIX, GasMovie
-from gslcosim.fields.playback import GasPlayback, usual_period_s
-from gslcosim.fields.plume_fields import FormulaField, PlaybackField, Plume
-from gslcosim.fields.release import (
+from gslcosim.fields.filament.buoyancy import NEUTRAL, Buoyancy, gaden_3, terminal_velocity
+from gslcosim.fields.filament.plume import FilamentPlume, GasSource, WindAt, amount_of_filament_mol
+from gslcosim.fields.filament.release import (
     ConstantRelease,
     IntermittentRelease,
     PoissonRelease,
@@ -30,11 +20,21 @@ from gslcosim.fields.release import (
     ScheduledRelease,
     VariableRelease,
 )
-from gslcosim.fields.source_shapes import SourceShape
-from gslcosim.fields.tape import MOST_SOURCES, TapedPlume
+from gslcosim.fields.filament.source_shapes import SourceShape
+from gslcosim.fields.gas_field import GasField, Sight
+from gslcosim.fields.gases import air_density_mol_m3, gas_named
+from gslcosim.fields.models.farrell import FarrellWind, Gusts, OpenFieldPlume, open_field
+from gslcosim.fields.models.formula_fields import FormulaField, PlaybackField, Plume
+from gslcosim.fields.models.gaussian_plume import GaussianPlume, MeanderingPlume
+from gslcosim.fields.reading.concentration import CUTOFF_SIGMA, Walls
+from gslcosim.fields.reading.filament_field import READINGS_WORTH_AN_INDEX, FilamentField
+from gslcosim.fields.stored.frame import GasFrame
+from gslcosim.fields.stored.movie import MOVIE_SUFFIX, GasMovie
+from gslcosim.fields.stored.playback import GasPlayback, usual_period_s
+from gslcosim.fields.stored.tape import MOST_SOURCES, TapedPlume
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.gas_models import GasSpec, PlaybackSpec, SourceSpec
+from gslcosim.scenario.models.gas import GasSpec, PlaybackSpec, SourceSpec
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
 GADEN_3_NOISE_PER_S = 10.0

@@ -20,12 +20,12 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError
 from gslcosim.fields.assembly import gas_field_of, gas_seed
-from gslcosim.fields.beams import Beams
-from gslcosim.fields.downwash import Downwash
-from gslcosim.fields.filament_field import FilamentField
+from gslcosim.fields.filament.downwash import Downwash
 from gslcosim.fields.gas_field import GasField, PointGrid, wind_m_s_at
-from gslcosim.fields.mounts import MountPlaces
 from gslcosim.fields.ports import fields_spec
+from gslcosim.fields.reading.beams import Beams
+from gslcosim.fields.reading.filament_field import FilamentField
+from gslcosim.fields.reading.mounts import MountPlaces
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import exact_ticks_from_seconds, seconds_from_ticks

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
-from gslcosim.fields.concentration import CUTOFF_SIGMA, Walls
-from gslcosim.fields.filaments import Filaments
+from gslcosim.fields.filament.plume import Filaments
+from gslcosim.fields.reading.concentration import CUTOFF_SIGMA, Walls
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow.boundary import clear_ghosts
-from gslcosim.flow.domain import Domain, build_domain
-from gslcosim.flow.patches import Inlet, Patch
-from gslcosim.flow.placement import PlacedPatch
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, SettlingWatch, settling_window_s
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, Velocity, make_model, still_velocity
+from gslcosim.flow.walls.boundary import clear_ghosts
+from gslcosim.flow.walls.domain import Domain, build_domain
+from gslcosim.flow.walls.patches import Inlet, Patch
+from gslcosim.flow.walls.placement import PlacedPatch
 
 # Below so many cells a flow from still air develops in seconds of computing; chosen.
 LEAST_CELLS = 30_000

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import ShapeError
 from gslcosim.flow.openfoam import find_installation, solve_wind_openfoam
-from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence, solve_wind
+from gslcosim.flow.walls.patches import Patch
 
 
 @dataclass(frozen=True, kw_only=True)

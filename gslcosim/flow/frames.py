@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow.domain import Domain
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solver import FlowSolver, StepRecord
+from gslcosim.flow.walls.domain import Domain
 
 MAX_FRAMES_BYTES = 8e9  # chosen: fits beside the solver into 16 GB
 _FRAME_BYTES_PER_CELL = 12

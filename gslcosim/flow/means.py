@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gslcosim.flow.domain import Domain
 from gslcosim.flow.solver import FlowSolver, StepRecord
 from gslcosim.flow.turbulence import Velocity, still_velocity
+from gslcosim.flow.walls.domain import Domain
 
 
 class FieldMean:

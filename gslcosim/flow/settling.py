@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.flow.domain import Domain
 from gslcosim.flow.means import FieldMean
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.solver import FlowSolver, StepRecord
 from gslcosim.flow.turbulence import Velocity
+from gslcosim.flow.walls.domain import Domain
 
 # In the empty 15 x 15 x 8 m warehouse the means of successive windows (75 s) go on differing by a fifth to a quarter,
 # because the largest eddies live for minutes, while the energy keeps within a twentieth.

@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow.boundary import clear_ghosts
 from gslcosim.flow.coarse_start import Numerics, continue_on_fine_cells, develop_on_coarse_cells
-from gslcosim.flow.domain import build_domain
 from gslcosim.flow.frames import FrameKeeper
 from gslcosim.flow.means import MeanFrom
-from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.report import WindReport
 from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, Settling, SettlingWatch
 from gslcosim.flow.solver import FlowSolver, StepRecord, mass_balance
 from gslcosim.flow.turbulence import Velocity
+from gslcosim.flow.walls.boundary import clear_ghosts
+from gslcosim.flow.walls.domain import build_domain
+from gslcosim.flow.walls.patches import Patch
 
 AIR_NU_M2_S = 1.5e-5
 MAX_TIME_S = 600.0

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow import lip_kernels, momentum_kernels, pressure_kernels, wall_kernels
-from gslcosim.flow.boundary import fill_padding, impose_inlets, impose_open_pressure
-from gslcosim.flow.domain import Domain
+from gslcosim.flow import momentum_kernels, pressure_kernels
 from gslcosim.flow.pressure import F32, PressureSolver, SolveStats, padded
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.turbulence import TurbulenceModel, Velocity, still_velocity
+from gslcosim.flow.walls import lip_kernels, wall_kernels
+from gslcosim.flow.walls.boundary import fill_padding, impose_inlets, impose_open_pressure
+from gslcosim.flow.walls.domain import Domain
 
 _RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
 _VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress acts on a not yet projected field

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.flow import turbulence_kernels as kernels
-from gslcosim.flow import wall_kernels
-from gslcosim.flow.domain import Domain
-from gslcosim.flow.patches import Inlet
-from gslcosim.flow.placement import PlacedPatch
 from gslcosim.flow.pressure import F32, padded
 from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.walls import wall_kernels
+from gslcosim.flow.walls.domain import Domain
+from gslcosim.flow.walls.patches import Inlet
+from gslcosim.flow.walls.placement import PlacedPatch
 
 Velocity = tuple[F32, F32, F32]
 

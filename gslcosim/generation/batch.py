@@ -10,12 +10,12 @@ from pathlib import Path
 
 from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell
-from gslcosim.environment.placement import random_free_point_m
+from gslcosim.environment.of_scenario.places import random_free_point_m
 from gslcosim.errors import GslCosimError
 from gslcosim.generation.making import generate_environment
 from gslcosim.generation.winds import Progress, no_progress
 from gslcosim.rng import stream
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim.scenario.recipes import Recipe
 
 

@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim import flow
+from gslcosim.environment.exchange.mjcf import mjcf_of
+from gslcosim.environment.exchange.picture import top_view_png
 from gslcosim.environment.grid import Vec3
-from gslcosim.environment.mjcf import mjcf_of
 from gslcosim.environment.model import Environment
-from gslcosim.environment.picture import top_view_png
+from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.environment.room import with_wind
-from gslcosim.environment.sources import room_of
 from gslcosim.environment.store import HISTORY_FILE, PICTURE_FILE, REPORT_FILE, SCENE_FILE, save_environment
 from gslcosim.errors import FlowError
 from gslcosim.generation.recipe_hash import recipe
 from gslcosim.generation.winds import Progress, no_progress, wind_of
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 _log = logging.getLogger(__name__)
 

@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Vec3, point_text
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.placement import problems_of_points
+from gslcosim.environment.of_scenario.places import problems_of_points
 from gslcosim.environment.problems import raise_if_any
-from gslcosim.environment.room import build_room, with_wind
+from gslcosim.environment.room import with_wind
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import UsageError
 from gslcosim.generation.convergence import Convergence, convergence_of
 from gslcosim.generation.winds import Progress, no_progress, wind_of
-from gslcosim.scenario.layout_models import Layout
-from gslcosim.scenario.models import EnvironmentSpec
+from gslcosim.scenario.models.layouts import Layout
+from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.recipes import Recipe
 
 # Where the room is looked at unless told otherwise, as shares of its size: before, between and behind, and high up.

@@ -4,13 +4,13 @@ import logging
 from pathlib import Path
 
 from gslcosim._kernel_cache import cache_root
-from gslcosim.environment.sources import folder_of
+from gslcosim.environment.of_scenario.room_origin import folder_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.generation.making import generate_environment
 from gslcosim.generation.recipe_hash import recipe_hash
 from gslcosim.generation.winds import Progress
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 
 _log = logging.getLogger(__name__)
 

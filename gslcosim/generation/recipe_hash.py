@@ -7,10 +7,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gslcosim._kernel_cache import PACKAGE_DIR
-from gslcosim.environment.sources import folder_of, wind_file
+from gslcosim._code_identity import code_hash, package_files
+from gslcosim.environment.of_scenario.room_origin import folder_of, wind_file
 from gslcosim.environment.store import FORMAT
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 # Of the wind, what has no meaning where none is solved.
 _OF_SOLVING = {
@@ -32,9 +32,7 @@ def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
         scenario_dir: What relative paths are relative to.
     """
     digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
-    for path in sources(wind):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
+    digest.update(code_hash(sources(environment, wind)).encode())
     for path in _files_read(environment, wind, scenario_dir):
         digest.update(path.name.encode())
         _update_with(digest, path)
@@ -51,10 +49,16 @@ def recipe(environment: EnvironmentSpec, wind: WindSpec) -> dict[str, Any]:
     return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
 
 
-def sources(wind: WindSpec) -> list[Path]:
-    """Return the code that decides what a generated environment holds: when it changes, environments are made anew."""
-    folders = ["environment", "flow"] if wind.solves else ["environment"]
-    return [path for folder in folders for path in sorted((PACKAGE_DIR / folder).rglob("*.py"))]
+def sources(environment: EnvironmentSpec, wind: WindSpec) -> list[Path]:
+    """Return the code that decides what an environment holds: when it changes, environments are made anew."""
+    parts = ["environment/*", "environment/layouts", "environment/of_scenario/room_origin.py"]
+    if environment.geometry is not None:
+        parts.append("environment/geometry")
+    if environment.folder_key is not None or wind.file is not None:
+        parts.append("environment/exchange")
+    if wind.solves:
+        parts += ["flow"] if wind.solver == "openfoam" else ["flow/*", "flow/walls"]
+    return package_files(*parts)
 
 
 def _files_read(environment: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None) -> Iterator[Path]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gslcosim.environment.model import Cell, WindFrames
+from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.environment.room import with_wind
-from gslcosim.environment.sources import room_of
 from gslcosim.errors import UsageError
 from gslcosim.flow.comparison import SolverComparison, compare_solvers
 from gslcosim.generation.making import save_with_views

@@ -31,14 +31,15 @@ def blocks_markdown(root: Path) -> str:
         root: The repository, for the example.
     """
     head = _HEAD.format(example=EXAMPLE.as_posix(), program=(root / EXAMPLE).read_text(encoding="utf-8"))
-    modules = [path for path in sorted(SEARCH.glob("*.py")) if not path.stem.endswith(("_kernels", "__init__"))]
+    modules = [path for path in sorted(SEARCH.rglob("*.py")) if not path.stem.endswith(("_kernels", "__init__"))]
     return "\n".join([head, *map(_section, modules)])
 
 
 def _section(module: Path) -> str:
     tree = ast.parse(module.read_text(encoding="utf-8"))
     rows = [f"| `{name}` | {text} |" for name, text in _blocks(tree)]
-    lines = [f"### gslcosim.search.{module.stem}\n", f"{_first_sentence(tree)}\n"]
+    name = ".".join(module.relative_to(SEARCH).with_suffix("").parts)
+    lines = [f"### gslcosim.search.{name}\n", f"{_first_sentence(tree)}\n"]
     return "\n".join([*lines, "| name | |", "|---|---|", *rows, ""] if rows else lines)
 
 

@@ -22,7 +22,7 @@ from gslcosim.errors import ModelError
 from gslcosim.radio.ports import radio_spec
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import ChannelSpec
+from gslcosim.scenario.models.scenario import ChannelSpec
 
 TO_ALL = "all"
 

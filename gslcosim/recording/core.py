@@ -20,17 +20,17 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.recording import entities
-from gslcosim.recording.agent_rows import AgentRows
-from gslcosim.recording.blueprint import default_blueprint
 from gslcosim.recording.colors import GasScale
-from gslcosim.recording.contacts import ContactNotes
 from gslcosim.recording.entities import entities_of, gases_in
+from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.ports import recorder_spec
-from gslcosim.recording.rows import FilamentRows, Rows, SliceRows, TextRows
+from gslcosim.recording.rows.agents import AgentRows
+from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
+from gslcosim.recording.rows.contacts import ContactNotes
+from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import draw_map, draw_room, draw_sources
 from gslcosim.recording.summary import summary_text, title
-from gslcosim.recording.wind_layer import WindLayer, WindRows
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 

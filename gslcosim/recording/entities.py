@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from gslcosim.recording.colors import Rgb, agent_color
 from gslcosim.recording.instruments import Curves, is_of_wind, is_on_board, on_board_curves
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec, SensorSpec
-from gslcosim.scenario.sensor_models import CAMERA_SENSORS
+from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
+from gslcosim.scenario.models.sensors import CAMERA_SENSORS
 
 FILAMENTS = "gas/filaments"
 SLICES = "gas/slices"

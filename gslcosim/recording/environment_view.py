@@ -7,14 +7,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from gslcosim.environment.exchange.streamlines import streamlines
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.streamlines import streamlines
 from gslcosim.environment.voxel_boxes import boxes_from_solid
 from gslcosim.recording import colors, entities
-from gslcosim.recording.eyes import eye_on_room
+from gslcosim.recording.layout.eyes import eye_on_room
+from gslcosim.recording.rows.wind_layer import WindLayer
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import WIRE, draw_room, floor_grid_m
-from gslcosim.recording.wind_layer import WindLayer
 from gslcosim.rng import stream
 
 OCCUPANCY, STREAMLINES = "occupancy", "streamlines"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from gslcosim.contract.messages import Reading
 from gslcosim.recording.colors import AXES, Rgb, agent_color
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.anemometer import QUANTITY as WIND
 from gslcosim.sensing.table import kind_in
 

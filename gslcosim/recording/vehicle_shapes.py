@@ -12,7 +12,7 @@ import rerun as rr
 from gslcosim.contract.messages import Vec3
 from gslcosim.recording.colors import Rgb
 from gslcosim.recording.run_file import RunFile
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 
 SOLID = rr.components.FillMode.Solid
 WHITE: Rgb = (255, 255, 255)

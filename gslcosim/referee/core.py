@@ -17,7 +17,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
-from gslcosim.environment.paths import shortest_level_path_m, shortest_path_m
+from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
 from gslcosim.errors import ModelError
 from gslcosim.referee.case import AgentCase, Outcome, Rules
 from gslcosim.referee.ports import referee_spec

@@ -11,12 +11,12 @@ from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Core, Episode, ParticipantSpec, Read, Write
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import MESHES_FILE, load_environment
+from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.dataflow import Dataflow
-from gslcosim.runtime.door import door_name
 from gslcosim.runtime.rehearsal import REHEARSED, rehearse
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 
 RECORDER = "recorder"
 RADIO = "radio"
@@ -82,12 +82,12 @@ def dataflow_of(scenario: Scenario) -> Dataflow:
     Raises:
         DataflowError: it cannot run; see `Dataflow`.
     """
+    from gslcosim.cameras.ports import cameras_spec
     from gslcosim.fields.ports import fields_spec
     from gslcosim.radio.ports import radio_spec
     from gslcosim.recording.ports import recorder_spec
     from gslcosim.referee.ports import referee_spec
     from gslcosim.sensing.ports import sensing_spec
-    from gslcosim.world.camera_ports import cameras_spec
     from gslcosim.world.ports import world_spec
 
     specs = {
@@ -125,7 +125,7 @@ def _build(name: str, setup: Setup) -> Core:
 
         return RadioCore(setup.scenario)
     if name == CAMERAS:
-        from gslcosim.world.cameras import CamerasCore
+        from gslcosim.cameras.core import CamerasCore
 
         return CamerasCore(setup.scenario, setup.environment)
     if name == "sensing":

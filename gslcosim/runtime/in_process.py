@@ -14,18 +14,18 @@ from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Message, Observation, Verdict
 from gslcosim.errors import GslCosimError, UsageError
-from gslcosim.runtime.agents import find_python_agent, load_python_agent
+from gslcosim.runtime.agents.door import Door, door_name, door_of, faults_of
+from gslcosim.runtime.agents.guests import COMMAND, GONE, READY, REFUSED, Guests
+from gslcosim.runtime.agents.starting import find_python_agent, load_python_agent
 from gslcosim.runtime.assembly import Setup, build_core, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import Door, door_name, door_of, faults_of
-from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Stepper
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.ticks import seconds_from_ticks
 
 REPORT_EVERY_TICKS = 64

@@ -6,8 +6,8 @@ from enum import IntEnum
 from typing import Any
 
 from gslcosim.contract.messages import Ending, Verdict
+from gslcosim.runtime.agents.door import AgentFault
 from gslcosim.runtime.digest import RunDigest
-from gslcosim.runtime.door import AgentFault
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 

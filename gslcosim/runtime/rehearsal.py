@@ -19,7 +19,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 
 REHEARSED = ("world", "fields", "sensing")
 N_TICKS = 2

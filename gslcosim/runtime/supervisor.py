@@ -13,19 +13,19 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Command, Ending, Observation, Verdict
 from gslcosim.contract.schema import contract_hash
 from gslcosim.runtime import control
-from gslcosim.runtime.agents import start_command
+from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES, door_name, door_of, faults_of
+from gslcosim.runtime.agents.guests import COMMAND, GONE, READY, REFUSED, Guests
+from gslcosim.runtime.agents.inlet import Inlet
+from gslcosim.runtime.agents.seat import Seat
+from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.door import MAX_COMMAND_BYTES, door_name, door_of, faults_of
-from gslcosim.runtime.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS
-from gslcosim.runtime.inlet import Inlet
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault, ending_of
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text, python_command
-from gslcosim.runtime.seat import Seat
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent
 from gslcosim.ticks import seconds_from_ticks

@@ -2,6 +2,6 @@
 
 from gslcosim.scenario.dumping import dump_resolved
 from gslcosim.scenario.loading import LoadedScenario, load_scenario
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 
 __all__ = ["LoadedScenario", "Scenario", "dump_resolved", "load_scenario"]

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from gslcosim.scenario.gas_models import GASES
-from gslcosim.scenario.models import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, SensorSpec, Spec, StopSpec
+from gslcosim.scenario.models.gas import GASES
+from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, SensorSpec, Spec, StopSpec
+from gslcosim.scenario.models.sensors import sensor_names
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
-from gslcosim.scenario.sensor_models import sensor_names
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 

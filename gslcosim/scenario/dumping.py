@@ -7,7 +7,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from gslcosim.scenario.models import AgentSpec, Scenario
+from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.scenario.yaml_tree import CoreLoader
 
 

@@ -8,9 +8,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.rules import RULE
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import Problem, child_path, parent_of
-from gslcosim.scenario.rules import RULE
 from gslcosim.scenario.schema_walk import (
     Segment,
     Slot,

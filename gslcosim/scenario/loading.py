@@ -13,7 +13,7 @@ from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.cross_checks import problems_between_parts
 from gslcosim.scenario.dumping import dump_resolved, with_absolute_gas
 from gslcosim.scenario.explain import problems_of, shown
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.places import values_of_places
 from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, Problem, ProblemLike, locate
@@ -64,7 +64,8 @@ def load_scenario(
         seed: Replaces the scenario's seed.
         checks: Further rules, for example about places in the room. Each is given the scenario and its folder, and is
             asked even when other parts of the file have problems, as long as the places are known.
-        placer: Draws the places that are `random`, for example `gslcosim.environment.random_places.draw_places`.
+        placer: Draws the places that are `random`, for example
+            `gslcosim.environment.of_scenario.random_places.draw_places`.
         set_in: Where problems with overrides are said to stand.
 
     Raises:

@@ -8,9 +8,9 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from gslcosim.scenario.models import EnvironmentSpec, VehicleSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, VehicleSpec, WindSpec
+from gslcosim.scenario.models.spec import Vec3
 from gslcosim.scenario.problems import Problem, ProblemLike
-from gslcosim.scenario.spec import Vec3
 
 RANDOM = "random"
 # What a place that cannot be drawn yet is refused with; told only where nothing else is wrong.

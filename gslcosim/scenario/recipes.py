@@ -12,12 +12,12 @@ from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.explain import problems_of
 from gslcosim.scenario.loading import Check, load_scenario
-from gslcosim.scenario.models import SCHEMA, EnvironmentSpec, Scenario, WindSpec
+from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, WindSpec
+from gslcosim.scenario.models.spec import Vec3
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
 from gslcosim.scenario.random_places import Placer
 from gslcosim.scenario.schema_walk import kinds_of, slot_at
-from gslcosim.scenario.spec import Vec3
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import read_yaml
 

@@ -10,7 +10,7 @@ import annotated_types
 from pydantic import BaseModel, StringConstraints, Tag
 from pydantic.fields import FieldInfo
 
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import child_path
 from gslcosim.scenario.units import unit_of
 

@@ -5,7 +5,7 @@ from gslcosim.contract.schema import contract_hash
 from gslcosim.environment.model import Environment
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.sensing.granted import map_for, nominal_plume
 from gslcosim.sensing.table import descriptions_of
 

@@ -23,7 +23,7 @@ from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.briefings import briefing_of
 from gslcosim.sensing.models import SensorModel, build_sensor, sensor_names
 from gslcosim.sensing.models.base import Estimator

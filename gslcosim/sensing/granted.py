@@ -8,7 +8,7 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import KnownMap, NominalPlume
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 
 
 def map_for(agent: AgentSpec, environment: Environment) -> KnownMap | None:

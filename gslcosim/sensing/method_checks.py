@@ -8,7 +8,7 @@ from gslcosim.methods.card import CARD_FILE, MethodCard, card_beside
 from gslcosim.methods.needs import shortages_of
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents
-from gslcosim.scenario.models import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.problems import Problem
 from gslcosim.sensing.models import sensor_names
 from gslcosim.sensing.table import descriptions_of

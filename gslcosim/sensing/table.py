@@ -5,7 +5,7 @@ import numpy as np
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import SensorDescription
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import AgentSpec, SensorSpec
+from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
 from gslcosim.sensing.models import SensorKind, sensor_kind
 from gslcosim.sensing.models.base import estimate_name
 from gslcosim.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT

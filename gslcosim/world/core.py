@@ -15,22 +15,22 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import BodyPoses, BodyState, Command
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
-from gslcosim.environment.planning import rehearse_planning
+from gslcosim.environment.paths.planning import rehearse_planning
 from gslcosim.errors import ModelError, ScenarioError
-from gslcosim.scenario.models import AgentSpec, Scenario
+from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
-from gslcosim.world import records
-from gslcosim.world.abilities import Abilities, abilities_of
-from gslcosim.world.avoidance import Avoidance
-from gslcosim.world.flight_kernels import fly_substeps_inplace
-from gslcosim.world.mission import Mission
-from gslcosim.world.mujoco_kernels import step_address
+from gslcosim.world.guidance.abilities import Abilities, abilities_of
+from gslcosim.world.guidance.avoidance import Avoidance
+from gslcosim.world.guidance.mission import Mission
+from gslcosim.world.guidance.separation import Neighbours, rehearse_separation
+from gslcosim.world.guidance.starts import check_overlaps, check_starts
+from gslcosim.world.paths.routes import Routes, routes_of
+from gslcosim.world.paths.space import CLEARANCE_M, FlightSpace
+from gslcosim.world.physics import records
+from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
+from gslcosim.world.physics.mujoco_kernels import step_address
+from gslcosim.world.physics.scene import GRAVITY_M_S2, Scene, build_scene
 from gslcosim.world.ports import world_spec
-from gslcosim.world.routes import Routes, routes_of
-from gslcosim.world.scene import GRAVITY_M_S2, Scene, build_scene
-from gslcosim.world.separation import Neighbours, rehearse_separation
-from gslcosim.world.space import CLEARANCE_M, FlightSpace
-from gslcosim.world.starts import check_overlaps, check_starts
 from gslcosim.world.vehicle import VehicleModel, load_vehicle
 
 Vec3 = tuple[float, float, float]

@@ -7,9 +7,9 @@ import pytest
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
-from gslcosim.fields.concentration import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid, strength_ppm_m3
-from gslcosim.fields.filaments import FilamentPlume, Filaments, GasSource, amount_of_filament_mol
-from gslcosim.fields.release import ConstantRelease
+from gslcosim.fields.filament.plume import FilamentPlume, Filaments, GasSource, amount_of_filament_mol
+from gslcosim.fields.filament.release import ConstantRelease
+from gslcosim.fields.reading.concentration import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid, strength_ppm_m3
 
 WIND_M_S = 0.5
 GROWTH_M2_S = 0.004

@@ -6,7 +6,7 @@ import pytest
 
 from gslcosim.contract.participant import Episode
 from gslcosim.world.core import WorldCore
-from gslcosim.world.scene import GRAVITY_M_S2
+from gslcosim.world.physics.scene import GRAVITY_M_S2
 
 DT_S = 0.004
 MODELS = ("iris", "crazyflie", "holonomic")

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.world.trajectory import Limits, fly_at, fly_through, fly_to, stay_at
-from gslcosim.world.trajectory_kernels import (
+from gslcosim.world.paths.trajectory import Limits, fly_at, fly_through, fly_to, stay_at
+from gslcosim.world.paths.trajectory_kernels import (
     peak_speed_and_acceleration,
     polynomial_at,
     rest_to_rest_duration,

@@ -10,7 +10,7 @@ import yaml
 
 from gslcosim.cli.main import main
 from gslcosim.environment.store import load_environment
-from gslcosim.scenario.models import EnvironmentSpec, Scenario, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, WindSpec
 from gslcosim.scenario.schema_walk import kinds_of, slot_at, words_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "environments.md"

@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from gslcosim.cli.main import main
-from gslcosim.scenario.gas_models import GasSpec
 from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.sensor_models import SENSORS, SensorSpec
-from gslcosim.sensing.reference import with_tables
+from gslcosim.scenario.models.gas import GasSpec
+from gslcosim.scenario.models.sensors import SENSORS, SensorSpec
+from gslcosim.sensing.sensors_page import with_tables
 
 ROOT = Path(__file__).parents[2]
 GAS, SENSORS_PAGE = ROOT / "docs" / "gas.md", ROOT / "docs" / "sensors.md"

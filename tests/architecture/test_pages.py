@@ -9,7 +9,7 @@ import pytest
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim.contract.vectors import rejected_of
+from gslcosim.contract.publish.vectors import rejected_of
 from gslcosim.errors import ContractError
 
 ROOT = Path(__file__).parents[2]

@@ -12,8 +12,8 @@ import yaml
 
 from gslcosim.contract import codec
 from gslcosim.contract.channels import AGENT, CHANNELS
-from gslcosim.contract.export import contract_files
 from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.publish.export import contract_files
 from gslcosim.contract.schema import contract_hash, message_types
 from gslcosim.errors import ContractError
 from gslcosim.gateway import framing

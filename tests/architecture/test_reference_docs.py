@@ -7,7 +7,7 @@ import pytest
 from gslcosim.contract import keys, messages
 from gslcosim.contract.channels import AGENT, CHANNELS
 from gslcosim.contract.messages import Record
-from gslcosim.contract.reference import MESSAGE_OF_KEY, messages_markdown
+from gslcosim.contract.publish.messages_page import MESSAGE_OF_KEY, messages_markdown
 from gslcosim.contract.schema import message_types
 from gslcosim.runtime.assembly import dataflow_of
 from gslcosim.scenario import load_scenario

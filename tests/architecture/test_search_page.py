@@ -17,9 +17,10 @@ def test_the_page_is_what_the_docstrings_say():
 
 def test_every_module_and_every_public_block_has_a_sentence():
     text = PAGE.read_text()
-    for module in SEARCH.glob("*.py"):
+    for module in SEARCH.rglob("*.py"):
         if not module.stem.endswith(("_kernels", "__init__")):
-            assert f"### gslcosim.search.{module.stem}\n" in text
+            name = ".".join(module.relative_to(SEARCH).with_suffix("").parts)
+            assert f"### gslcosim.search.{name}\n" in text
     assert not [line for line in text.splitlines() if line.startswith("| `") and line.endswith("|  |")]
 
 

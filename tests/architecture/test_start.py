@@ -9,7 +9,7 @@ import pytest
 OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
 CORES = {
     "world": "gslcosim.world.core",
-    "cameras": "gslcosim.world.cameras",
+    "cameras": "gslcosim.cameras.core",
     "fields": "gslcosim.fields.core",
     "radio": "gslcosim.radio.core",
     "sensing": "gslcosim.sensing.core",

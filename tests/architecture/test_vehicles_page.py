@@ -9,7 +9,7 @@ from typing import get_args
 import yaml
 
 from gslcosim.contract.commands import AGENT_KINDS
-from gslcosim.scenario.models import VehicleSpec
+from gslcosim.scenario.models.scenario import VehicleSpec
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "vehicles.md").read_text()

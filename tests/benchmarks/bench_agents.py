@@ -24,7 +24,7 @@ from gslcosim.conformance.wiring import Wire, Wiring  # noqa: E402
 from gslcosim.contract import codec  # noqa: E402
 from gslcosim.contract.messages import Briefing, Message, Observation  # noqa: E402
 from gslcosim.gateway.framing import FrameFormat, frame_of_message  # noqa: E402
-from gslcosim.runtime.door import Door  # noqa: E402
+from gslcosim.runtime.agents.door import Door  # noqa: E402
 
 N_WARM = 50
 LIMIT_S = 60.0

@@ -22,7 +22,7 @@ from gslcosim.runtime import in_process
 from gslcosim.runtime.flight import fly
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.scenario.loading import LoadedScenario, load_scenario
-from gslcosim.scenario.models import Scenario, SensorSpec
+from gslcosim.scenario.models.scenario import Scenario, SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models import build_sensor
 from gslcosim.sensing.models.surroundings import Surroundings

@@ -12,7 +12,7 @@ from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
 
 TICK_MS = 100

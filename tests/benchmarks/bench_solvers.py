@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import Cell
-from gslcosim.environment.room import build_room
 from gslcosim.flow import Inlet, Outlet
 from gslcosim.flow.comparison import compare_solvers
-from gslcosim.scenario.models import Layout, WindSpec
+from gslcosim.scenario.models.scenario import Layout, WindSpec
 
 ROOMS = runpy.run_path(str(Path(__file__).parents[1] / "analytic/flow/test_pimplefoam_rooms.py"))
 LAYOUTS = ("warehouse_simple", "warehouse_complex", "home", "office")

@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 
 from gslcosim.contract import codec
-from gslcosim.contract.examples import EXAMPLES
 from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.schema import json_schema_of, message_types
 
 PASTS = [json.loads(path.read_text()) for path in sorted(Path(__file__).parent.glob("contract_*.json"))]

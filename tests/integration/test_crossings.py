@@ -11,11 +11,12 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import WindFrames
-from gslcosim.environment.planning import free_space
-from gslcosim.environment.room import build_room, with_wind
-from gslcosim.scenario.layout_models import ComplexWarehouseSpec
-from gslcosim.scenario.models import WindSpec
+from gslcosim.environment.paths.planning import free_space
+from gslcosim.environment.room import with_wind
+from gslcosim.scenario.models.layouts import ComplexWarehouseSpec
+from gslcosim.scenario.models.scenario import WindSpec
 from gslcosim.world.core import WorldCore
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[3] / "shared" / "reference"))

@@ -8,8 +8,8 @@ import pytest
 
 from gslcosim.runtime.flight import fly
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.models import Scenario
-from gslcosim.world.arrival import OVERTURNED
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.world.guidance.arrival import OVERTURNED
 
 HERE = Path(__file__).parent
 AROUND_A_WALL = HERE.parent / "end_to_end" / "around_a_wall.yaml"

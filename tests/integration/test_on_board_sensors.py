@@ -13,8 +13,8 @@ from gslcosim.generation import prepare_environment
 from gslcosim.runtime.assembly import Setup, build_core, service_names
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.models import Scenario
-from gslcosim.scenario.sensor_models import CAMERA_SENSORS, ON_BOARD_SENSORS
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
 from gslcosim.sensing import SENSOR_MODELS
 
 N_TICKS = 21

@@ -9,8 +9,8 @@ import yaml
 
 from gslcosim.cli.main import main
 from gslcosim.environment.model import Cell
-from gslcosim.environment.sources import room_of
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.environment.of_scenario.room_origin import room_of
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[3] / "shared" / "reference"))
 ROOMS = REFERENCE_DIR / "gsl-bench" / "environments"

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from gslcosim.environment.data_files import LARGEST_SPEED_M_S
-from gslcosim.environment.exporting import export_environment
-from gslcosim.environment.gaden import load_gaden_room
+from gslcosim.environment.exchange.exporting import export_environment
+from gslcosim.environment.exchange.gaden import load_gaden_room
+from gslcosim.environment.exchange.grid_room import room_of_grid
+from gslcosim.environment.exchange.gsl_bench import load_gsl_bench_room
+from gslcosim.environment.exchange.wind_files import NoWindWarning, WindGapsWarning, load_wind
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.grid_room import room_of_grid
-from gslcosim.environment.gsl_bench import load_gsl_bench_room
 from gslcosim.environment.model import WindFrames
 from gslcosim.environment.room import with_wind
 from gslcosim.environment.store import load_environment, save_environment
-from gslcosim.environment.wind_files import NoWindWarning, WindGapsWarning, load_wind
 from gslcosim.errors import EnvironmentDataError
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(4, 3, 2))

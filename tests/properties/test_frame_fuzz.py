@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gslcosim.environment.exchange.wind_files_arrays import read_result
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.wind_files_arrays import read_result
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.fields.concentration import mixing_ratio_ppm_at
-from gslcosim.fields.filament_index import FilamentIndex
-from gslcosim.fields.gaden_folder import read_walls
-from gslcosim.fields.gaden_frames import read_gaden_frame
-from gslcosim.fields.gsl_bench_frames import read_gsl_bench_frame
-from gslcosim.fields.movie import GasMovie
+from gslcosim.fields.reading.concentration import mixing_ratio_ppm_at
+from gslcosim.fields.reading.index import FilamentIndex
+from gslcosim.fields.stored.gaden_folder import read_walls
+from gslcosim.fields.stored.gaden_frames import read_gaden_frame
+from gslcosim.fields.stored.gsl_bench_frames import read_gsl_bench_frame
+from gslcosim.fields.stored.movie import GasMovie
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "fields"))
 import gaden_writers as gaden

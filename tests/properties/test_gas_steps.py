@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.fields.concentration import mixing_ratio_ppm_at
-from gslcosim.fields.filament_index import FilamentIndex
-from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
-from gslcosim.fields.release import ConstantRelease
+from gslcosim.fields.filament.plume import FilamentPlume, GasSource, amount_of_filament_mol
+from gslcosim.fields.filament.release import ConstantRelease
+from gslcosim.fields.reading.concentration import mixing_ratio_ppm_at
+from gslcosim.fields.reading.index import FilamentIndex
 
 WIND_M_S = (0.4, -0.1, 0.05)
 

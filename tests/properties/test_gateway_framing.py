@@ -10,7 +10,7 @@ from gslcosim.contract import codec
 from gslcosim.errors import ContractError
 from gslcosim.gateway import framing
 from gslcosim.gateway.framing import Frame, Refused
-from gslcosim.runtime.door import Door
+from gslcosim.runtime.agents.door import Door
 
 FORMATS = st.sampled_from(["msgpack", "json"])
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=20)
@@ -84,7 +84,7 @@ def test_a_length_is_taken_refused_or_the_end(length, data):
 
 def test_the_door_takes_what_a_frame_may_hold():
     """One limit, not two that contradict each other."""
-    from gslcosim.runtime.door import MAX_COMMAND_BYTES
+    from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES
 
     assert framing.MAX_FRAME_BYTES == MAX_COMMAND_BYTES
     assert codec.MAX_MESSAGE_BYTES >= framing.MAX_FRAME_BYTES

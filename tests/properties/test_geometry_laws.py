@@ -8,12 +8,12 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.environment.geometry import room_of_geometry
+from gslcosim.environment.geometry.solid_room import room_of_geometry
 from gslcosim.environment.model import Box, Cell
 from gslcosim.environment.occupancy import reachable_from, voxelize
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.geometry_models import GeometrySpec
-from gslcosim.scenario.models import WindSpec
+from gslcosim.scenario.models.geometry import GeometrySpec
+from gslcosim.scenario.models.scenario import WindSpec
 
 SIZE_M = (4.0, 3.0, 2.0)
 CELL_M = 0.25

@@ -10,7 +10,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, RadioMessage
 from gslcosim.contract.participant import Episode
 from gslcosim.radio.core import RadioCore
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 
 COORDINATES_M = st.floats(-50, 50)
 PLACES_M = st.tuples(COORDINATES_M, COORDINATES_M, COORDINATES_M)

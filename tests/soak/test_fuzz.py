@@ -28,7 +28,7 @@ from gslcosim.gateway.framing import (
     splitter_of,
 )
 from gslcosim.rng import stream
-from gslcosim.runtime.door import MAX_EARLY, MAX_FAULTS, Door
+from gslcosim.runtime.agents.door import MAX_EARLY, MAX_FAULTS, Door
 
 MAX_GROWTH_MB = 200
 LENGTHS = [pytest.param(4.0, marks=pytest.mark.slow), pytest.param(300.0, marks=pytest.mark.soak)]

@@ -15,10 +15,10 @@ from gslcosim._kernel_cache import cache_root
 from gslcosim.benchmark.suite.identity import files_of
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.benchmark.suite.trials import Trial
-from gslcosim.environment.sources import folder_of, wind_file
+from gslcosim.environment.of_scenario.room_origin import folder_of, wind_file
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models import StartSpec
+from gslcosim.scenario.models.scenario import StartSpec
 
 # Programs of the system are the node's own.
 _OF_THE_SYSTEM = tuple(Path(each) for each in ("/usr", "/bin", "/sbin", "/lib", "/opt", sys.prefix, sys.base_prefix))

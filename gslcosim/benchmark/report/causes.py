@@ -149,6 +149,6 @@ def _axis_of(plan: RoomMap) -> Ints:
 
 
 def _is_air(plan: RoomMap, cells: Ints) -> Flags:
-    inside = ((cells >= 0) & (cells < plan.occupied.shape)).all(axis=1)
+    inside = np.all((cells >= 0) & (cells < np.array(plan.occupied.shape)), axis=1)
     safe = np.where(inside[:, None], cells, 0)
     return inside & ~plan.occupied[safe[:, 0], safe[:, 1]]

@@ -7,9 +7,9 @@ from typing import Any
 
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.environment.model import Environment
-from gslcosim.environment.placement import can_start_at
+from gslcosim.environment.of_scenario.places import can_start_at
+from gslcosim.environment.of_scenario.room_origin import folder_of, room_of
 from gslcosim.environment.room import Room
-from gslcosim.environment.sources import folder_of, room_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ScenarioError
 from gslcosim.methods.card import MethodCard, card_beside

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gslcosim._code_identity import code_hash
 from gslcosim._kernel_cache import PACKAGE_DIR
 from gslcosim.benchmark.suite.equipping import files_named, program_of
 from gslcosim.benchmark.suite.models import EntrySpec
@@ -17,7 +18,15 @@ from gslcosim.scenario.dumping import plain_values
 
 PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack")
 # Code that shows flights, or counts over them, decides none.
-_NO_MATTER = ("cli", "benchmark/report", "benchmark/statistics", "benchmark/tuning", "recording", "conformance")
+_NO_MATTER = (
+    "cli",
+    "benchmark/report",
+    "benchmark/statistics",
+    "benchmark/tuning",
+    "recording",
+    "conformance",
+    "contract/publish",
+)
 _HEAD_BYTES = 65_536
 _DIGITS = 24
 
@@ -26,14 +35,15 @@ _DIGITS = 24
 def software_hash() -> str:
     """Return what the package's own code and the packages that it computes with are."""
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
-    for path in sorted(PACKAGE_DIR.rglob("*.py")):
-        relative = path.relative_to(PACKAGE_DIR).as_posix()
-        if not relative.startswith(_NO_MATTER):
-            digest.update(relative.encode())
-            digest.update(path.read_bytes())
+    paths = [path for path in sorted(PACKAGE_DIR.rglob("*.py")) if not _is_idle(path)]
+    digest.update(code_hash(paths).encode())
     python = ".".join(str(part) for part in sys.version_info[:2])
     digest.update(json.dumps([python, *((name, version(name)) for name in PACKAGES)]).encode())
     return digest.hexdigest()
+
+
+def _is_idle(path: Path) -> bool:
+    return path.relative_to(PACKAGE_DIR).as_posix().startswith(_NO_MATTER)
 
 
 def agent_hash(entry: EntrySpec, directory: Path) -> str:

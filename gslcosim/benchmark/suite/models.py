@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.scenario.models import KnowledgeSpec, SensorSpec, StartSpec
-from gslcosim.scenario.rules import broken_rule
-from gslcosim.scenario.spec import Name, NonNegative, Positive, Spec
+from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.scenario import KnowledgeSpec, SensorSpec, StartSpec
+from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec
 
 SCHEMA = "gslcosim/suite/1"
 LOWER_ANCHOR, UPPER_ANCHOR = "oracle", "random_walker"

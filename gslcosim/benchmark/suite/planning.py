@@ -15,9 +15,9 @@ from gslcosim.benchmark.suite.loading import LoadedSuite
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.benchmark.suite.seeds import seed_of
 from gslcosim.benchmark.suite.trials import Case, Dropped, Moved, Trial
-from gslcosim.environment.placement import can_start_at, nearest_start_m, problems_of_places
-from gslcosim.environment.random_places import draw_places
-from gslcosim.environment.sources import folder_of
+from gslcosim.environment.of_scenario.places import can_start_at, nearest_start_m, problems_of_places
+from gslcosim.environment.of_scenario.random_places import draw_places
+from gslcosim.environment.of_scenario.room_origin import folder_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ScenarioError
 from gslcosim.generation import recipe_hash

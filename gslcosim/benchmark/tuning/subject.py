@@ -11,7 +11,7 @@ from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loading import find_scenario
-from gslcosim.scenario.models import StartSpec
+from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import read_yaml
 

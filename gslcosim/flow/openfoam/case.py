@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow.domain import build_domain
-from gslcosim.flow.inflow import Schedule
 from gslcosim.flow.openfoam import dictionary
 from gslcosim.flow.openfoam.fields import fields_of
 from gslcosim.flow.openfoam.polymesh import PolyMesh, polymesh_of
-from gslcosim.flow.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
 from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT
+from gslcosim.flow.walls.domain import build_domain
+from gslcosim.flow.walls.inflow import Schedule
+from gslcosim.flow.walls.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
 
 COURANT = 1.0  # AutoGDM+'s
 FIRST_STEP_S = 1e-4  # AutoGDM+'s; the Courant number decides from the second step on

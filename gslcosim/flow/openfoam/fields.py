@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gslcosim.flow.domain import Domain, PlacedPatch
 from gslcosim.flow.openfoam.polymesh import Boundary
-from gslcosim.flow.patches import Inlet, MovingWall, Outlet, SlipWall
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.pressure_kernels import LOW
 from gslcosim.flow.turbulence import inlet_turbulence, start_turbulence
+from gslcosim.flow.walls.domain import Domain, PlacedPatch
+from gslcosim.flow.walls.patches import Inlet, MovingWall, Outlet, SlipWall
 
 Condition = Mapping[str, Any]
 Level = Mapping[str, float]  # k and epsilon

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow.domain import Bool, Domain, PlacedPatch
-from gslcosim.flow.patches import MovingWall
 from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.walls.domain import Bool, Domain, PlacedPatch
+from gslcosim.flow.walls.patches import MovingWall
 
 Int = NDArray[np.int64]
 

@@ -13,9 +13,9 @@ from gslcosim.flow.openfoam.case import COURANT, write_case
 from gslcosim.flow.openfoam.installation import find_installation
 from gslcosim.flow.openfoam.result import read_wind
 from gslcosim.flow.openfoam.run import run_case
-from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
+from gslcosim.flow.walls.patches import Patch
 
 
 def solve_wind_openfoam(

@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.sensor_models import SENSOR_ENTRY_POINTS
+from gslcosim.scenario.models.sensors import SENSOR_ENTRY_POINTS
 from gslcosim.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
 from gslcosim.sensing.models.base import SensorKind, SensorModel
 from gslcosim.sensing.models.bump import BUMP

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind, Vec3
 
 QUANTITY = "apparent_wind"

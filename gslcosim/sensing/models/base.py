@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from gslcosim.contract.messages import Reading
-from gslcosim.scenario.gas_models import GasDefinition
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.scenario import SensorSpec
 
 Vec3 = tuple[float, float, float]
 

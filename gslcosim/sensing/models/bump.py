@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from gslcosim.contract.messages import Reading, Vec3
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from gslcosim.contract.messages import CameraImage, Reading, Vec3
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 
@@ -15,7 +15,7 @@ class Camera:
     State: the last picture. Draws nothing: pictures have no noise but that of their encoding.
 
     Held by:
-        tests/unit/sensing/test_camera.py, tests/unit/world/test_cameras.py
+        tests/unit/sensing/test_camera.py, tests/unit/cameras/test_core.py
     """
 
     def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from gslcosim.contract.messages import Reading
 from gslcosim.errors import GslCosimError, ScenarioError
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
 from gslcosim.ticks import NS_PER_S, exact_ticks_from_seconds
 

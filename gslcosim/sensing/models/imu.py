@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models import SensorSpec
-from gslcosim.scenario.onboard_models import ImuSpec
+from gslcosim.scenario.models.onboard import ImuSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.inertial_kernels import inertial_samples
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings

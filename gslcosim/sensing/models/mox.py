@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gslcosim.contract.messages import GasAmount, MountSample, Reading
-from gslcosim.scenario.gas_models import GasDefinition
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import Estimator, SensorKind, Vec3, estimate_name
 
 LEAST_RATIO = 0.01

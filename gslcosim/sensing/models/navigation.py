@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gslcosim.contract.messages import Quaternion, Reading, Vec3
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 from gslcosim.sensing.models.wandering import WanderingBias

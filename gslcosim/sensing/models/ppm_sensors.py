@@ -9,8 +9,8 @@ from collections import deque
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.gas_models import GasDefinition
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
 
 # Correction factors at 11.7 eV; what is not in the table is not ionised.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
 from gslcosim.frames import rotation_from_rpy
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 

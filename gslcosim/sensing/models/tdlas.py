@@ -3,7 +3,7 @@
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.base import SensorKind, Vec3
 
 QUANTITY = "path_integrated_mixing_ratio"
@@ -25,7 +25,7 @@ class TdlasSensor:
     Left out:
         The wall's reflectivity and the fall of the signal with distance.
     Held by:
-        tests/unit/sensing/test_tdlas.py, tests/unit/fields/test_beams.py
+        tests/unit/sensing/test_tdlas.py, tests/unit/fields/reading/test_beams.py
     """
 
     def __init__(self, spec: SensorSpec) -> None:

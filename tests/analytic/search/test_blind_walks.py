@@ -15,8 +15,8 @@ from briefings import briefing, observation
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Bounds
 from gslcosim.search.draws import Draws
-from gslcosim.search.legs import Room
-from gslcosim.search.walks import RunAndTumble
+from gslcosim.search.moving.legs import Room
+from gslcosim.search.reactive.walks import RunAndTumble
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.e_coli_3d.agent import EColi3d
 from gslcosim_agents.persistent_walk.agent import PersistentWalk

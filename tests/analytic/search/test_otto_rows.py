@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 import pytest
 
-from gslcosim.search.encounters import likelihoods, outcomes_of, windless_mean_hits
-from gslcosim.search.information import (
+from gslcosim.search.bayes.encounters import likelihoods, outcomes_of, windless_mean_hits
+from gslcosim.search.information.gains import (
     Prospect,
     best_of,
     foresee,

@@ -140,7 +140,7 @@ def test_a_finished_tuning_is_told_again_without_flying(
     def no_pool(*_: object) -> Callable[[], None]:
         raise AssertionError("nothing is flown")
 
-    monkeypatch.setattr("gslcosim.cli.tune.start_pool", no_pool)
+    monkeypatch.setattr("gslcosim.cli.commands.tune.start_pool", no_pool)
     before = (tuned / "tuning.json").read_bytes()
     assert main([*TUNE, "--results", str(tuned), "--json"]) == 0
     output = capsys.readouterr()

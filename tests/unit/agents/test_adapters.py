@@ -11,10 +11,10 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.contract.messages import Bounds
-from gslcosim.runtime.agents import load_python_agent
+from gslcosim.runtime.agents.starting import load_python_agent
 from gslcosim.search.beliefs import entropy_bits
-from gslcosim.search.legs import Room
-from gslcosim.search.offsets import OffsetGrid, PlumeTable, offsets_m
+from gslcosim.search.information.offsets import OffsetGrid, PlumeTable, offsets_m
+from gslcosim.search.moving.legs import Room
 
 ADAPTERS = Path(__file__).parents[3] / "docs" / "examples" / "adapters"
 OttoPolicy = load_python_agent(ADAPTERS / "otto" / "agent.py")

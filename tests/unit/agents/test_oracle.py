@@ -2,7 +2,7 @@ import pytest
 from briefings import briefing, observation, open_map
 
 from gslcosim.errors import MethodError
-from gslcosim.search.legs import obstacles_of
+from gslcosim.search.moving.legs import obstacles_of
 from gslcosim_agents.oracle.agent import Oracle
 
 NEAR_M, FAR_M, START_M = (5.0, 2.0, 1.0), (12.0, 9.0, 3.0), (3.0, 3.0, 2.0)

@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation, open_map
 
 from gslcosim.errors import MethodError
-from gslcosim.search.legs import obstacles_of
+from gslcosim.search.moving.legs import obstacles_of
 from gslcosim_agents.random_walker.agent import RandomWalker
 
 HERE_M = (7.0, 5.0, 2.0)

@@ -6,7 +6,7 @@ from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
 from gslcosim.errors import MethodError
-from gslcosim.search.sniffy_bug import TABLES
+from gslcosim.search.swarms.sniffy_bug import TABLES
 from gslcosim_agents.sniffy_bug.agent import SniffyBug
 
 STARTS = [(2.0, 13.0), (13.0, 13.0), (13.0, 2.0)]

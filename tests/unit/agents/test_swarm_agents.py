@@ -7,7 +7,7 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.errors import MethodError
-from gslcosim.search.radio import Report, Team, encode, parse
+from gslcosim.search.swarms.radio import Report, Team, encode, parse
 from gslcosim_agents.c_pso.agent import CPso
 from gslcosim_agents.dr_pso.agent import DrPso
 from gslcosim_agents.gso.agent import Gso

@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.legs import obstacles_of
+from gslcosim.search.moving.legs import obstacles_of
 from gslcosim_agents.sweep.agent import Sweep
 
 START_M = (3.0, 3.0, 2.0)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from gslcosim.cli import export
+from gslcosim.cli.commands import export
 from gslcosim.cli.main import main
-from gslcosim.environment.exporting import FORMATS, GADEN_WINDS
-from gslcosim.environment.gaden_grid import occupancy_text
+from gslcosim.environment.exchange.exporting import FORMATS, GADEN_WINDS
+from gslcosim.environment.exchange.gaden_grid import occupancy_text
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, load_environment
 

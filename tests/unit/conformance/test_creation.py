@@ -6,7 +6,7 @@ import pytest
 
 from gslcosim.conformance.creation import create_agent, languages
 from gslcosim.errors import UsageError
-from gslcosim.runtime.agents import load_python_agent
+from gslcosim.runtime.agents.starting import load_python_agent
 
 
 @pytest.mark.parametrize("language", languages())

@@ -7,7 +7,7 @@ from gslcosim.conformance.answers import read_answer
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.errors import ContractError
-from gslcosim.runtime.door import Door
+from gslcosim.runtime.agents.door import Door
 
 DEPTHS = (10, 100, 300, 500, 700, 900, 1000, 1020, 1100, 5000, 200_000)
 

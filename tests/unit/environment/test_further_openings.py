@@ -3,13 +3,13 @@
 import mujoco
 import pytest
 
-from gslcosim.environment.layouts import plan_room, problems_of_layout
-from gslcosim.environment.mjcf import mjcf_of
+from gslcosim.environment.exchange.mjcf import mjcf_of
+from gslcosim.environment.layouts.building import build_room
+from gslcosim.environment.layouts.kinds import plan_room, problems_of_layout
 from gslcosim.environment.model import Cell
-from gslcosim.environment.room import build_room
 from gslcosim.generation.winds import patches_of
-from gslcosim.scenario.layout_models import FurtherOpeningSpec, LayoutSpec, PlantSpec
-from gslcosim.scenario.models import WindSpec
+from gslcosim.scenario.models.layouts import FurtherOpeningSpec, LayoutSpec, PlantSpec
+from gslcosim.scenario.models.scenario import WindSpec
 
 WIND = WindSpec(cell_m=0.5)
 

@@ -4,9 +4,9 @@ import pytest
 import yaml
 
 from gslcosim.environment.model import Cell
-from gslcosim.environment.placement import problems_of_places
-from gslcosim.environment.random_places import draw_places
-from gslcosim.environment.sources import room_of
+from gslcosim.environment.of_scenario.places import problems_of_places
+from gslcosim.environment.of_scenario.random_places import draw_places
+from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.scenario.loading import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 

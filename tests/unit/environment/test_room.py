@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gslcosim.environment.layouts.building import build_room, problems_of_room
 from gslcosim.environment.model import WindFrames
-from gslcosim.environment.room import build_room, problems_of_room, with_wind
+from gslcosim.environment.room import with_wind
 from gslcosim.errors import EnvironmentDataError, ScenarioError
-from gslcosim.scenario.models import BoxSpec, LayoutSpec, WindSpec
+from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 WIND = WindSpec(cell_m=0.5)
 LAYOUT = LayoutSpec(size_m=(4.0, 3.0, 2.0))

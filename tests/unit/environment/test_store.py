@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import WindFrames
-from gslcosim.environment.room import build_room, with_wind
+from gslcosim.environment.room import with_wind
 from gslcosim.environment.store import FORMAT, load_environment, save_environment
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models import BoxSpec, LayoutSpec, WindSpec
+from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 
 def make_environment(seed=0, n_frames=2):

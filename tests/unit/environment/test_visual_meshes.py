@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import trimesh
 
+from gslcosim.environment.exchange.stl import stl_of
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import VisualMesh, WindFrames
-from gslcosim.environment.room import build_room, with_wind
-from gslcosim.environment.stl import stl_of
+from gslcosim.environment.room import with_wind
 from gslcosim.environment.store import load_environment, save_environment
 from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models import BoxSpec, LayoutSpec, WindSpec
+from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 
 def mesh(name, shape, rgba=(1.0, 0.2, 0.0, 1.0)):

@@ -7,8 +7,8 @@ import pytest
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.fields.filaments import FilamentPlume, GasSource, amount_of_filament_mol
-from gslcosim.fields.release import ConstantRelease
+from gslcosim.fields.filament.plume import FilamentPlume, GasSource, amount_of_filament_mol
+from gslcosim.fields.filament.release import ConstantRelease
 
 # Importlib mode puts no test folder on the path; the frame writers are shared by the tests of this folder.
 sys.path.insert(0, str(Path(__file__).parent))

@@ -8,9 +8,9 @@ from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.wind_kernels import trilinear_wind
 from gslcosim.errors import GslCosimError, ModelError, ScenarioError
-from gslcosim.fields.concentration import Walls, mixing_ratio_ppm_at
 from gslcosim.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
-from gslcosim.scenario.models import Scenario
+from gslcosim.fields.reading.concentration import Walls, mixing_ratio_ppm_at
+from gslcosim.scenario.models.scenario import Scenario
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 

@@ -5,8 +5,8 @@ import pytest
 from pydantic import ValidationError
 
 from gslcosim.fields.assembly import gas_model_of
-from gslcosim.scenario.gas_models import ReleaseSpec, ShapeSpec
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.gas import ReleaseSpec, ShapeSpec
+from gslcosim.scenario.models.scenario import Scenario
 
 PLACE = (5.0, 5.0, 2.0)
 

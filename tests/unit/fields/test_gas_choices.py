@@ -10,9 +10,9 @@ from gslcosim.fields.assembly import gas_field_of, release_m3_s
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.gas_field import PointGrid
 from gslcosim.fields.gases import air_density_mol_m3
-from gslcosim.fields.gaussian_plume import GaussianPlume
-from gslcosim.scenario.gas_models import SourceSpec
-from gslcosim.scenario.models import Scenario
+from gslcosim.fields.models.gaussian_plume import GaussianPlume
+from gslcosim.scenario.models.gas import SourceSpec
+from gslcosim.scenario.models.scenario import Scenario
 
 SOURCE_M = (2.0, 5.0, 2.0)
 POINTS = np.array([(4.0, 5.0, 2.0), (6.0, 5.2, 2.1), (1.0, 5.0, 2.0)])

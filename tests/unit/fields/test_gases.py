@@ -2,7 +2,7 @@ import pytest
 
 from gslcosim.errors import ScenarioError
 from gslcosim.fields.gases import GASES, air_density_mol_m3, gas_named
-from gslcosim.scenario import gas_models
+from gslcosim.scenario.models import gas as gas_models
 
 
 def test_air_holds_gadens_amount_at_298_k_and_1_atm():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.fields.gaussian_plume import GaussianPlume, MeanderingPlume, WanderingPath, spreads_m
+from gslcosim.fields.models.gaussian_plume import GaussianPlume, MeanderingPlume, WanderingPath, spreads_m
 from gslcosim.rng import stream
 
 POINTS = np.array([(30.0, 0.0, 2.0), (30.0, 2.0, 2.0), (20.0, -1.0, 3.0), (-1.0, 0.0, 2.0)])

@@ -5,11 +5,11 @@ import pytest
 
 from gslcosim.flow import Inlet, Open, Outlet, Schedule, SlipWall, coarse_start, solve_wind_report
 from gslcosim.flow.coarse_start import Numerics, coarsened, develop_on_coarse_cells, spread_velocity, take_up
-from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.settling import settling_window_s
 from gslcosim.flow.solver import FlowSolver, mass_balance
 from gslcosim.flow.turbulence import make_model
+from gslcosim.flow.walls.domain import build_domain
 
 CELL_M = 0.25
 SHAPE = (14, 11, 7)  # 3.5 x 2.75 x 1.75 m; two of the numbers are odd

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from gslcosim.flow import Inlet, Outlet, turbulence_kernels, wall_kernels
-from gslcosim.flow.domain import build_domain
+from gslcosim.flow import Inlet, Outlet, turbulence_kernels
 from gslcosim.flow.pressure import padded
 from gslcosim.flow.pressure_kernels import HIGH, LOW
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, make_model
+from gslcosim.flow.walls import wall_kernels
+from gslcosim.flow.walls.domain import build_domain
 
 SHAPE = (9, 7, 5)
 CELL_M = 0.2

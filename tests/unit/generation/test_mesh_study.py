@@ -7,7 +7,7 @@ import pytest
 from gslcosim.cli.main import main
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.generation.mesh_study import dividing_cells, study_meshes
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim.scenario.recipes import Recipe, load_recipe
 
 

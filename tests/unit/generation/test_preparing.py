@@ -12,7 +12,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError, ScenarioError
 from gslcosim.generation import prepare_environment, recipe_hash
 from gslcosim.generation.recipe_hash import sources
-from gslcosim.scenario.models import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
 
 SMALL = {"size_m": [4.0, 3.0, 2.0], "obstacles": [{"name": "box", "min_m": [1, 1, 0], "max_m": [2, 2, 1]}]}
 UNIFORM = {"solver": "uniform", "inlet_velocity_m_s": [0.5, -0.25, 0.0], "cell_m": 0.25}
@@ -102,17 +102,25 @@ def test_the_recipe_of_uniform_wind_does_not_depend_on_the_solver():
 
 
 def test_the_recipe_names_all_code_that_decides_the_result():
+    layout, folder = EnvironmentSpec(layout=LayoutSpec()), EnvironmentSpec(gsl_bench="somewhere")
     for solver in ("uniform", "built_in"):
-        paths = sources(WindSpec(solver=solver))
+        paths = sources(layout, WindSpec(solver=solver))
         assert all(path.is_file() for path in paths)
         assert any(path.parent.name == "flow" for path in paths) == (solver == "built_in")
+    assert {path.name for path in sources(folder, WindSpec())} > {path.name for path in sources(layout, WindSpec())}
+
+
+def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_anew():
+    names = {path.name for path in sources(EnvironmentSpec(layout=LayoutSpec()), WindSpec())}
+    assert names.isdisjoint({"stl.py", "vtk.py", "picture.py", "exporting.py", "places.py", "planning.py"})
+    assert names >= {"room.py", "kinds.py", "warehouses.py", "occupancy.py", "store.py", "solver.py", "domain.py"}
 
 
 PREPARE = """
 import sys
 from pathlib import Path
 from gslcosim.generation import prepare_environment
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 scenario = Scenario.model_validate_json(sys.argv[1])
 sys.stdout.write(str(prepare_environment(scenario, cache_dir=Path(sys.argv[2]))))
 """

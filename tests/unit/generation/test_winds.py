@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from gslcosim import flow
-from gslcosim.environment.exporting import export_environment
+from gslcosim.environment.exchange.exporting import export_environment
 from gslcosim.environment.grid import Grid
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import Cell
-from gslcosim.environment.room import build_room
-from gslcosim.environment.sources import room_of
+from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.generation import generate_environment
 from gslcosim.generation.winds import no_progress, patches_of, wind_of
-from gslcosim.scenario.layout_models import LayoutSpec
-from gslcosim.scenario.models import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.layouts import LayoutSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 ROOM = EnvironmentSpec(layout=LayoutSpec(size_m=(3.0, 2.0, 2.0)))
 

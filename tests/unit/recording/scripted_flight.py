@@ -29,8 +29,8 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.rng import stream
-from gslcosim.scenario.models import Scenario
-from gslcosim.scenario.sensor_models import CAMERA_SENSORS, ON_BOARD_SENSORS
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
 from gslcosim.sensing.models import sensor_kind
 
 CLOUD_EVERY_TICKS = 10

@@ -5,10 +5,10 @@ import rerun.blueprint as rrb
 from read_back import column
 from scripted_flight import WAYPOINT_EVERY_TICKS, belief_of, scenario
 
-from gslcosim.recording.belief_rows import in_plane
-from gslcosim.recording.blueprint import default_blueprint
 from gslcosim.recording.colors import belief_colors
+from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.repair import is_whole
+from gslcosim.recording.rows.beliefs import in_plane
 
 N_TICKS = 2 * WAYPOINT_EVERY_TICKS + 5
 

@@ -15,7 +15,7 @@ from gslcosim.errors import RecordingError
 from gslcosim.recording.core import FLUSH_TICKS, RecorderCore
 from gslcosim.recording.repair import is_whole
 from gslcosim.recording.rerun_cli import run_rerun
-from gslcosim.recording.rows import MAX_FILAMENTS, TRACK_STRIP_TICKS
+from gslcosim.recording.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
 
 EVERY_TICK = (
     "/vehicles/agent_0",

@@ -12,12 +12,12 @@ from scripted_flight import scenario
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud
 from gslcosim.environment.model import VisualMesh
-from gslcosim.recording import eyes
 from gslcosim.recording.colors import MAP_FLOOR, GasScale, gas_colors, slice_colors
-from gslcosim.recording.rows import BIRTH_OPACITY, FilamentRows, SliceRows
+from gslcosim.recording.layout import eyes
+from gslcosim.recording.rows.columns import BIRTH_OPACITY, FilamentRows, SliceRows
+from gslcosim.recording.rows.wind_layer import ARROWS_PER_SIDE, MAX_LENGTH_SPACINGS, WindLayer
 from gslcosim.recording.scene import slice_height_m
 from gslcosim.recording.summary import summary_text, title
-from gslcosim.recording.wind_layer import ARROWS_PER_SIDE, MAX_LENGTH_SPACINGS, WindLayer
 
 
 class Listener:

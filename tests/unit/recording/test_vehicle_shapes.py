@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from gslcosim.recording.vehicle_shapes import SHAPES, Multirotor
-from gslcosim.scenario.models import VehicleSpec
+from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.world.vehicle import load_vehicle
 
 

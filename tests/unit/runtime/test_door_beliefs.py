@@ -5,7 +5,7 @@ import numpy as np
 from gslcosim.contract import codec
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Belief, Command, Observation
-from gslcosim.runtime.door import Door
+from gslcosim.runtime.agents.door import Door
 
 BELIEF = Belief(
     origin_m=(0.0, 0.0, 1.0), cell_m=1.0, probability=NumericArray.from_array(np.full((2, 2), 0.25, np.float32))

@@ -5,7 +5,7 @@ import msgpack
 from gslcosim.contract import codec
 from gslcosim.contract.compatibility import spoken_contract
 from gslcosim.contract.messages import CONTRACT_VERSION, Command, Observation
-from gslcosim.runtime.door import Door
+from gslcosim.runtime.agents.door import Door
 
 
 def question(tick):

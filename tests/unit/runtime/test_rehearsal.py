@@ -11,7 +11,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrames, FieldSamples, RadioTraffic
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime.rehearsal import rehearse
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.sensing.core import SensingCore
 
 SENSORS = [

@@ -21,8 +21,8 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Episode, ParticipantSpec, Read, Write
+from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.dataflow import Dataflow
-from gslcosim.runtime.door import door_name
 
 COMMAND = keys.command("beetle")
 OBSERVATION = keys.observation("beetle")

@@ -4,9 +4,9 @@ import pytest
 
 from gslcosim.fields.gases import GASES
 from gslcosim.scenario import cross_checks
-from gslcosim.scenario.gas_models import GASES as GAS_NAMES
 from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.sensor_models import SENSORS
+from gslcosim.scenario.models.gas import GASES as GAS_NAMES
+from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.world import core as world
 

@@ -4,10 +4,10 @@ import pytest
 
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.explain import shown
-from gslcosim.scenario.gas_models import GASES
-from gslcosim.scenario.models import VehicleSpec
+from gslcosim.scenario.models.gas import GASES
+from gslcosim.scenario.models.scenario import VehicleSpec
+from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim.scenario.schema_walk import keys_of
-from gslcosim.scenario.sensor_models import SENSORS
 
 VEHICLE_KEYS = ", ".join(keys_of(VehicleSpec))
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.environment.layouts import plan_room
-from gslcosim.environment.placement import problems_of_places
+from gslcosim.environment.layouts.kinds import plan_room
+from gslcosim.environment.of_scenario.places import problems_of_places
 from gslcosim.scenario import load_scenario
 
 KINDS = {1: "empty", 2: "empty", 3: "simple", 4: "simple", 5: "complex", 6: "complex"}

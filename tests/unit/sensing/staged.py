@@ -4,7 +4,7 @@ import numpy as np
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import BodyState
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.sensing.models.surroundings import Surroundings
 from gslcosim.sensing.rays import RayScene
 

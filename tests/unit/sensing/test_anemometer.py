@@ -5,7 +5,7 @@ import pytest
 
 from gslcosim.contract.messages import MountSample
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.anemometer import Anemometer, Anemometer3d
 
 

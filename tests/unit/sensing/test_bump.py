@@ -2,7 +2,7 @@ import pytest
 from staged import surroundings_in
 
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models import build_sensor
 

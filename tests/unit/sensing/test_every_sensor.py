@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from staged import at_rest, surroundings_in
 
-from gslcosim.contract.examples import EXAMPLES
 from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models import build_sensor
 

@@ -8,7 +8,7 @@ from staged import G, at_rest, surroundings_in
 
 from gslcosim.errors import ModelError
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 
 GYRO = ("gyro_noise_density", "gyro_random_walk", "gyro_start_bias_rad_s")

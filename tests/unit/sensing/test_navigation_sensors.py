@@ -8,7 +8,7 @@ from staged import surroundings_in
 
 from gslcosim.frames import world_from_body_rotation
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.wandering import WanderingBias
 

@@ -7,11 +7,11 @@ import pytest
 from staged import surroundings_in
 
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.ranging import directions_body
 from gslcosim.sensing.rays import VEHICLE_SIZES_M
-from gslcosim.world.scene import build_scene
+from gslcosim.world.physics.scene import build_scene
 from gslcosim.world.vehicle import VEHICLES_DIR, load_vehicle
 
 STILL = (0.0, 0.0, 0.0)

@@ -17,7 +17,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError, ScenarioError
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.sensing.core import SensingCore, mount_velocity_world_m_s
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))

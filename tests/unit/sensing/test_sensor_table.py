@@ -1,11 +1,11 @@
 import pytest
 from staged import surroundings_in
 
-from gslcosim.contract.examples import EXAMPLES
 from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
-from gslcosim.scenario.sensor_models import SENSORS
+from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim.sensing import SENSOR_MODELS
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.rng import stream
-from gslcosim.scenario.models import SensorSpec
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 
 

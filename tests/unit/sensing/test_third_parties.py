@@ -9,8 +9,8 @@ import pytest
 
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.sensor_models import SENSOR_ENTRY_POINTS
-from gslcosim.scenario.sensor_models import sensor_names as names_in_scenarios
+from gslcosim.scenario.models.sensors import SENSOR_ENTRY_POINTS
+from gslcosim.scenario.models.sensors import sensor_names as names_in_scenarios
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.core import SensingCore
 from gslcosim.sensing.models import sensor_kind, sensor_names

@@ -3,9 +3,9 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.world import records
 from gslcosim.world.core import WorldCore
-from gslcosim.world.scene import build_scene
+from gslcosim.world.physics import records
+from gslcosim.world.physics.scene import build_scene
 from gslcosim.world.vehicle import load_vehicle
 
 

@@ -10,12 +10,12 @@ import pytest
 from pydantic import ValidationError
 
 from gslcosim.contract.commands import AGENT_KINDS
-from gslcosim.contract.examples import EXAMPLES
 from gslcosim.contract.messages import Command
+from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.models import VehicleSpec
-from gslcosim.world.arrival import OVERTURNED
+from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.world.core import WorldCore
+from gslcosim.world.guidance.arrival import OVERTURNED
 
 MODELS = get_args(VehicleSpec.model_fields["model"].annotation)
 RACK = ("rack", (6.0, 4.0, 0.0), (7.0, 6.0, 6.0))

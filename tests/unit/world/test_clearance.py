@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import DriveSetpoint
-from gslcosim.world.columns import free_height_m, is_way_down_free
-from gslcosim.world.space import FlightSpace
+from gslcosim.world.paths.columns import free_height_m, is_way_down_free
+from gslcosim.world.paths.space import FlightSpace
 
 WALL = ("wall", (7.0, 0.0, 0.0), (7.5, 10.0, 3.5))
 LAND, TAKE_OFF = {"kind": "land"}, {"kind": "take_off"}

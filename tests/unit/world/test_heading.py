@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.world import records
-from gslcosim.world.control_kernels import advance_heading_inplace, wrapped_angle
+from gslcosim.world.physics import records
+from gslcosim.world.physics.control_kernels import advance_heading_inplace, wrapped_angle
 
 WAYPOINT = {"kind": "waypoint", "position_world_m": (3.0, 7.0, 2.0)}
 

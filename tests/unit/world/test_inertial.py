@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.models import Scenario
+from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.world.core import WorldCore
 
 G = 9.81

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.models import ROVER_HEIGHT_M, VehicleSpec
-from gslcosim.world.arrival import OVERTURNED
+from gslcosim.scenario.models.scenario import ROVER_HEIGHT_M, VehicleSpec
 from gslcosim.world.core import WorldCore
+from gslcosim.world.guidance.arrival import OVERTURNED
 
 ROVER = {"model": "rover"}
 RACK = ("rack", (6.0, 0.0, 0.0), (6.5, 10.0, 6.0))

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from gslcosim.contract.messages import AttitudeSetpoint, Command, RateSetpoint
 from gslcosim.frames import world_from_body_rotation
-from gslcosim.world import records
-from gslcosim.world.control_kernels import (
+from gslcosim.world.physics import records
+from gslcosim.world.physics.control_kernels import (
     attitude_of_angles,
     look_along_inplace,
     rate_torque,

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import yaml
 
-from gslcosim.environment.placement import VEHICLE_HALF_HEIGHT_M, VEHICLE_RADIUS_M
+from gslcosim.environment.of_scenario.places import VEHICLE_HALF_HEIGHT_M, VEHICLE_RADIUS_M
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models import ROVER_HEIGHT_M, VehicleSpec
-from gslcosim.world import records, vehicle
-from gslcosim.world.scene import build_scene
+from gslcosim.scenario.models.scenario import ROVER_HEIGHT_M, VehicleSpec
+from gslcosim.world import vehicle
+from gslcosim.world.physics import records
+from gslcosim.world.physics.scene import build_scene
 from gslcosim.world.vehicle import VEHICLES_DIR, load_vehicle
 
 MODELS = sorted(path.name for path in VEHICLES_DIR.iterdir())

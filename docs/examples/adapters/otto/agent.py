@@ -13,15 +13,15 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, entropy_bits, normalised
-from gslcosim.search.declaring import Declared, by_mass
 from gslcosim.search.draws import Draws
-from gslcosim.search.flying import declaration, waypoint
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.instruments import noses_of, vane_of
-from gslcosim.search.legs import Room
-from gslcosim.search.measuring import StopAndMeasure
+from gslcosim.search.information.offsets import PlumeTable, RunningWind, offsets_m
 from gslcosim.search.method import settings_of
-from gslcosim.search.offsets import PlumeTable, RunningWind, offsets_m
+from gslcosim.search.moving.declaring import Declared, by_mass
+from gslcosim.search.moving.flying import declaration, waypoint
+from gslcosim.search.moving.legs import Room
+from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.measuring import StopAndMeasure
 
 
 class RoomAsGrid:

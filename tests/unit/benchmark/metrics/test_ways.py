@@ -20,10 +20,10 @@ from gslcosim.benchmark.metrics.ways import (
     travel_overhead,
 )
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.room import build_room
+from gslcosim.environment.layouts.building import build_room
 from gslcosim.errors import ShapeError
 from gslcosim.referee import metrics
-from gslcosim.scenario.models import BoxSpec, LayoutSpec, WindSpec
+from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 
 def random_track(rng, n=30):

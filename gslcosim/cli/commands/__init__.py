@@ -1,0 +1,1 @@
+"""One module a command: its arguments, the call it makes, and what it prints."""

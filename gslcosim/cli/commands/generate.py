@@ -1,0 +1,196 @@
+"""`gslcosim generate`: environments from a layout, one or many."""
+
+import argparse
+import contextlib
+import math
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.parsing import Command, at_least_one, whole_number
+from gslcosim.cli.scenarios import check_places
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+
+if TYPE_CHECKING:
+    from gslcosim.generation import Outcome
+    from gslcosim.scenario.recipes import Recipe
+
+EXAMPLES = """  gslcosim generate warehouse_complex --out hall
+  gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
+  gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
+  gslcosim generate gsl_bench_3 --out both --compare-solvers
+  gslcosim generate gsl_bench_3 --out study --mesh-study 0.4,0.3,0.2,0.15 --probe 5,3,2"""
+
+EXIT_NONE_MADE, EXIT_SOME_FAILED = 2, 3
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        metavar="SCENARIO_OR_LAYOUT",
+        help="a scenario, a YAML file with the keys layout and wind, or a kind of layout (gslcosim list layouts)",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="the environment's folder, or that of all"
+    )
+    parser.add_argument("--count", type=at_least_one, default=1, metavar="N", help="how many, each with the next seed")
+    parser.add_argument("--jobs", type=at_least_one, default=1, metavar="N", help="how many at the same time")
+    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the layout's seed, that of the first")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="replace one value, as often as needed, for example wind.cell_m=0.1",
+    )
+    parser.add_argument(
+        "--mesh-study",
+        type=_cells,
+        metavar="M,M,M",
+        help="solve the wind on several meshes instead, and write a table and a plot of winds at some points to DIR",
+    )
+    parser.add_argument(
+        "--compare-solvers",
+        action="store_true",
+        help="solve the wind by the built-in solver and by OpenFOAM, and say how alike they are; DIR gets both",
+    )
+    parser.add_argument(
+        "--probe",
+        type=_point,
+        action="append",
+        default=[],
+        metavar="X,Y,Z",
+        help="where a mesh study looks, as often as needed (default: five places across the room)",
+    )
+    add_json_option(parser)
+
+
+def _cells(text: str) -> tuple[float, ...]:
+    cells_m = _numbers(text)
+    if len(cells_m) < 3 or min(cells_m) <= 0:
+        raise argparse.ArgumentTypeError(f"expected three or more lengths above 0 like 0.4,0.3,0.2, was '{text}'")
+    return cells_m
+
+
+def _point(text: str) -> tuple[float, float, float]:
+    if len(numbers := _numbers(text)) != 3:
+        raise argparse.ArgumentTypeError(f"expected three numbers like 5,3,2, was '{text}'")
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return numbers if all(math.isfinite(number) for number in numbers) else ()
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.environment.of_scenario.random_places import draw_places
+    from gslcosim.generation import generate_many, orders_of
+    from gslcosim.scenario.recipes import load_recipe
+
+    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_places)
+    if arguments.mesh_study:
+        return _study_meshes(recipe, arguments)
+    if arguments.compare_solvers:
+        return _compare_solvers(recipe, arguments)
+    orders = orders_of(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
+    with _progress_bar(is_quiet=arguments.json) as report:
+        outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
+    if arguments.json:
+        write_json([_as_fields(outcome) for outcome in outcomes])
+    else:
+        _write_table([outcome for outcome in outcomes if outcome.error is None])
+    for outcome in outcomes:
+        if not arguments.json:
+            for notice in outcome.notices:
+                write_note(f"{outcome.order.folder}: {notice}")
+        if outcome.error is not None:
+            write_note(f"{outcome.order.folder}: {outcome.error}")
+    n_failed = sum(outcome.error is not None for outcome in outcomes)
+    return 0 if not n_failed else EXIT_NONE_MADE if n_failed == len(outcomes) else EXIT_SOME_FAILED
+
+
+def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
+    from gslcosim.generation.mesh_study import study_meshes
+    from gslcosim.generation.mesh_study_report import rows_of, write_study
+
+    with _progress_bar(is_quiet=arguments.json) as report:
+        study = study_meshes(recipe, arguments.mesh_study, probes_m=arguments.probe, progress=report)
+    files = write_study(study, arguments.out)
+    if arguments.json:
+        write_json(study.as_fields())
+        return 0
+    head, *rows = rows_of(study)
+    write(table(head, rows))
+    write_note(f"Written: {', '.join(str(path) for path in files)}.")
+    return 0
+
+
+def _compare_solvers(recipe: "Recipe", arguments: argparse.Namespace) -> int:
+    from gslcosim.generation.solver_comparison import compare_on, fields_of
+
+    with _progress_bar(is_quiet=arguments.json) as report:
+        compared = compare_on(recipe, arguments.out, progress=report)
+    if arguments.json:
+        write_json(fields_of(compared))
+    else:
+        write(compared.text)
+        write_note(f"Both winds, with pictures from above, are in {arguments.out}.")
+    return 0
+
+
+def _write_table(outcomes: "list[Outcome]") -> None:
+    if outcomes:
+        rows = [
+            [
+                str(o.order.seed),
+                str(o.n_air_cells),
+                str(o.n_solid_cells),
+                f"{o.duration_s:.1f}",
+                str(o.order.folder),
+            ]
+            for o in outcomes
+        ]
+        write(table(["seed", "air cells", "solid cells", "seconds", "folder"], rows))
+
+
+def _as_fields(outcome: "Outcome") -> dict[str, Any]:
+    return {
+        "folder": str(outcome.order.folder),
+        "kind": outcome.order.kind,
+        "seed": outcome.order.seed,
+        "duration_s": round(outcome.duration_s, 3),
+        "n_air_cells": outcome.n_air_cells,
+        "n_solid_cells": outcome.n_solid_cells,
+        "content_hash": outcome.content_hash,
+        "random_source_m": outcome.random_source_m,
+        "notices": list(outcome.notices),
+        "error": outcome.error,
+    }
+
+
+# A bar on a terminal, nothing in a pipe: the table says it all.
+@contextlib.contextmanager
+def _progress_bar(*, is_quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    if is_quiet or not sys.stderr.isatty():
+        yield lambda _text, _fraction: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task("", total=1.0)
+        yield lambda text, fraction: bars.update(bar, description=text, completed=fraction)
+
+
+COMMAND = Command(
+    name="generate",
+    summary="make environments from a layout: geometry, occupancy, wind, scene and a picture from above",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,136 @@
+"""`gslcosim import`: a room of another program, with its wind, as an environment folder of ours."""
+
+import argparse
+import math
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import EnvironmentDataError, UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.environment.model import Environment
+
+EXAMPLES = """  gslcosim import environments/001 --out gsl_bench_001
+  gslcosim import scenarios/10x6_empty_room --wind wind_simulations/fast --out room
+  gslcosim import OccupancyGrid3D.csv --wind case/postProcessing/points_U.csv --out room --json"""
+
+FORMATS = ("gaden", "gsl_bench")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        type=Path,
+        metavar="FOLDER_OR_FILE",
+        help="a scenario of GADEN or its OccupancyGrid3D.csv, an environment of GSL-Bench or its head file",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="ENV", help="the environment folder to write")
+    parser.add_argument("--from", dest="origin", choices=FORMATS, help="the format (default: by what is there)")
+    parser.add_argument(
+        "--wind",
+        type=Path,
+        metavar="PATH",
+        help="a file, folder or series of wind (default: what lies where the format has it)",
+    )
+    parser.add_argument(
+        "--period", type=_seconds, metavar="S", help="seconds between frames of wind (default: the format's, or 1)"
+    )
+    parser.add_argument("--no-loop", action="store_true", help="let the last frame of wind stay, instead of looping")
+    add_json_option(parser)
+
+
+def _seconds(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"expected a number of seconds greater than 0, was '{text}'")
+    return number
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.environment.exchange.grid_room import NOTICE
+    from gslcosim.generation import save_with_views
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        environment = _imported(arguments)
+    notices = [str(warning.message) for warning in caught]
+    made_from = {
+        "imported_from": str(arguments.source.resolve()),
+        "wind": str(arguments.wind.resolve()) if arguments.wind is not None else None,
+    }
+    save_with_views(environment, arguments.out, made_from=made_from, notices=[NOTICE, *notices])
+    _tell(arguments, environment, notices)
+    return 0
+
+
+def _imported(arguments: argparse.Namespace) -> "Environment":
+    from gslcosim.environment.exchange.gaden import import_gaden
+    from gslcosim.environment.exchange.gsl_bench import import_gsl_bench
+
+    origin = arguments.origin or _recognised(arguments.source)
+    read = import_gsl_bench if origin == "gsl_bench" else import_gaden
+    try:
+        return read(arguments.source, wind=arguments.wind, period_s=arguments.period, is_looping=not arguments.no_loop)
+    except MemoryError as error:
+        raise EnvironmentDataError(f"{arguments.source}: too large for this machine's memory.") from error
+
+
+def _recognised(source: Path) -> str:
+    from gslcosim.environment.exchange.gaden import is_gaden
+    from gslcosim.environment.exchange.gsl_bench import is_gsl_bench
+
+    if is_gsl_bench(source):
+        return "gsl_bench"
+    if is_gaden(source):
+        return "gaden"
+    found = "a folder or file without any of them" if source.exists() else "missing"
+    raise UsageError(
+        f"{source}: expected a scenario of GADEN (OccupancyGrid3D.csv) or an environment of GSL-Bench "
+        f"(occupancy/*_head.txt), was {found}."
+    )
+
+
+def _tell(arguments: argparse.Namespace, environment: "Environment", notices: list[str]) -> None:
+    import numpy as np
+
+    from gslcosim.environment.model import Cell
+
+    counts = np.bincount(environment.occupancy.ravel(), minlength=len(Cell)).tolist()
+    fields = {
+        "out": str(arguments.out),
+        "name": environment.name,
+        "shape": list(environment.grid.shape),
+        "cell_m": environment.grid.cell_m,
+        **{f"n_{cell.name.lower()}_cells": counts[cell] for cell in Cell},
+        "openings": [opening.name for opening in environment.openings],
+        "n_wind_frames": len(environment.wind.velocity_m_s),
+        "period_s": environment.wind.period_s,
+        "content_hash": environment.content_hash,
+        "notices": notices,
+    }
+    if arguments.json:
+        write_json(fields)
+        return
+    size = " x ".join(str(n) for n in environment.grid.shape)
+    write(
+        f"{arguments.out}: {environment.name}, {size} cells of {environment.grid.cell_m:g} m "
+        f"({counts[Cell.FREE]} free, {counts[Cell.SOLID]} solid, {counts[Cell.OUTLET]} at outlets), "
+        f"{len(environment.openings)} openings, frames of wind: {fields['n_wind_frames']}."
+    )
+    for notice in notices:
+        write_note(notice)
+
+
+COMMAND = Command(
+    name="import",
+    summary="read a room of GADEN or GSL-Bench, with its wind, into an environment folder of ours",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,289 @@
+"""`gslcosim sample`: gas or wind at any points, into a file."""
+
+import argparse
+import math
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.parsing import Command, whole_number
+from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.errors import EnvironmentDataError, UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gslcosim.environment.model import Environment
+    from gslcosim.fields.gas_field import PointGrid
+    from gslcosim.fields.offline.sampling import Fields, Instant, View
+    from gslcosim.scenario import Scenario
+
+EXAMPLES = """  gslcosim sample environments/001 --frame 400 --points points.csv --out ppm.csv
+  gslcosim sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
+  gslcosim sample my_environment --quantity wind --time 0 --points points.csv --out wind.csv
+  gslcosim sample my_environment --scenario warehouse_empty --time 60 --points points.csv --out ppm.csv"""
+
+GAS_COLUMNS = ("mixing_ratio_ppm",)
+WIND_COLUMNS = ("wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "wind_speed_m_s")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        metavar="ENV_OR_RUN",
+        help="an environment folder of ours or of GSL-Bench, a result folder of GADEN, a run, or a scenario",
+    )
+    when = parser.add_mutually_exclusive_group(required=True)
+    when.add_argument("--time", type=_seconds, metavar="T", help="time in seconds; in a run since its start")
+    when.add_argument("--frame", type=whole_number, metavar="N", help="number of a stored frame; in a run, of a tick")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--points", type=Path, metavar="CSV", help="a csv file with the header x_m,y_m,z_m")
+    where.add_argument(
+        "--grid", type=_length, metavar="M", help="all points (i + 0.5) * M in the room, for example 0.25"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="a csv file; with --grid csv or npz")
+    parser.add_argument("--quantity", choices=("gas", "wind"), default="gas", help="what to sample (default: gas)")
+    parser.add_argument("--gas", metavar="NAME", help="which gas of a run (default: the one that is searched for)")
+    parser.add_argument(
+        "--cutoff-sigma",
+        type=_length,
+        metavar="S",
+        help="how far a filament is seen, in sigma (default: the model's, 5)",
+    )
+    parser.add_argument(
+        "--no-line-of-sight", action="store_true", help="see gas through walls; otherwise walls hide it"
+    )
+    parser.add_argument(
+        "--period", type=_length, metavar="S", help="seconds between stored frames (default: GSL-Bench 1, GADEN 0.5)"
+    )
+    parser.add_argument("--scenario", metavar="SCENARIO", help="whose gas to release in an environment folder of ours")
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.fields.offline.sampling import Instant, View, lattice_in
+
+    _check_file_name(arguments)
+    fields = _fields_of(arguments)
+    instant = Instant(time_s=arguments.time, frame=arguments.frame)
+    view = View(has_line_of_sight=not arguments.no_line_of_sight, cutoff_sigma=arguments.cutoff_sigma)
+    if arguments.points is not None:
+        values = _sample_points(arguments, fields, instant, view)
+    else:
+        room = fields.grid(instant)
+        values = _sample_grid(arguments, fields, instant, view, lattice_in(room.origin_m, room.max_m, arguments.grid))
+    _tell(arguments, values[..., -1])
+    return 0
+
+
+def _sample_points(
+    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "View"
+) -> "NDArray[np.float64]":
+    from gslcosim.cli.points import read_points, write_values
+
+    points_m = read_points(arguments.points)
+    _check_inside(points_m, fields.grid(instant))
+    names, values = _values_at(arguments.quantity, points_m, fields, instant, view)
+    with _written(arguments.out):
+        write_values(arguments.out, points_m, names, values)
+    return values
+
+
+def _sample_grid(
+    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "View", grid: "PointGrid"
+) -> "NDArray[np.float64]":
+    import numpy as np
+
+    from gslcosim.cli.points import COORDINATES, write_values
+
+    points_m = grid.points_m()
+    if arguments.quantity == "gas":
+        names, values = GAS_COLUMNS, fields.gas_ppm_on(grid, instant, view).reshape(-1, 1)
+    else:
+        names, values = _values_at("wind", points_m, fields, instant, view)
+    with _written(arguments.out):
+        if arguments.out.suffix == ".csv":
+            write_values(arguments.out, points_m, names, values)
+        else:
+            arrays = {name: values[:, i].reshape(grid.shape) for i, name in enumerate(names)}
+            axes = dict(zip(COORDINATES, grid.axes_m(), strict=True))
+            np.savez_compressed(arguments.out, **arrays, **axes)
+    return values
+
+
+def _values_at(
+    quantity: str, points_m: "NDArray[np.float64]", fields: "Fields", instant: "Instant", view: "View"
+) -> "tuple[Sequence[str], NDArray[np.float64]]":
+    import numpy as np
+
+    if quantity == "gas":
+        return GAS_COLUMNS, fields.gas_ppm(points_m, instant, view)[:, None]
+    wind_m_s = fields.wind_m_s(points_m, instant)
+    return WIND_COLUMNS, np.hstack([wind_m_s, np.linalg.norm(wind_m_s, axis=1, keepdims=True)])
+
+
+# Nobody knows the gas there, and interpolation would go on with the border's wind for ever.
+def _check_inside(points_m: "NDArray[np.float64]", grid: Any) -> None:
+    import numpy as np
+
+    # Rounded corners, as of a grid in single precision, keep no point of the border out.
+    slack_m = 1e-6 * grid.cell_m
+    low_m, high_m = np.subtract(grid.origin_m, slack_m), np.add(grid.max_m, slack_m)
+    is_inside = ((points_m >= low_m) & (points_m <= high_m)).all(axis=1)
+    if not is_inside.all():
+        i = int(np.argmin(is_inside))
+        raise UsageError(
+            f"--points: expected points in the room, from {grid.origin_m} to {grid.max_m} m, "
+            f"was {tuple(points_m[i].tolist())} m as point {i + 1}."
+        )
+
+
+def _fields_of(arguments: argparse.Namespace) -> "Fields":
+    from gslcosim.environment.store import HEADER_FILE, load_environment
+    from gslcosim.fields.offline.sampling import RoomFields, stored_fields_in
+
+    folder = Path(arguments.source)
+    if (folder / HEADER_FILE).is_file():
+        environment = load_environment(folder)
+        scenario = _scenario(arguments.scenario)[0] if arguments.scenario else None
+        return RoomFields(environment, scenario, gas=arguments.gas)
+    if arguments.scenario:
+        raise UsageError(f"--scenario: expected an environment folder of ours with it, was {arguments.source}.")
+    if (folder / "scenario.yaml").is_file():
+        return _run_fields(folder, arguments.gas)
+    if folder.is_dir():
+        stored = stored_fields_in(folder, period_s=arguments.period)
+        if stored is None:
+            raise UsageError(
+                f"{folder}: expected an environment folder ({HEADER_FILE}), a run (scenario.yaml), an environment of "
+                "GSL-Bench (gas_data) or a result folder of GADEN (iteration_0, …), was a folder without any of them."
+            )
+        if arguments.gas is not None:
+            raise UsageError("--gas: expected a run or a scenario with it; stored frames hold one gas.")
+        return stored
+    return _named_fields(arguments)
+
+
+# The id of a run, or a scenario, whose environment is then made.
+def _named_fields(arguments: argparse.Namespace) -> "Fields":
+    from gslcosim.environment.store import load_environment
+    from gslcosim.fields.offline.sampling import RoomFields
+    from gslcosim.generation import prepare_environment
+
+    runs_dir: Path = arguments.runs_dir
+    runs = sorted(runs_dir.glob(f"{arguments.source}*/scenario.yaml")) if runs_dir.is_dir() else []
+    exact = [path for path in runs if path.parent.name == arguments.source]
+    is_scenario = Path(arguments.source).is_file() or _is_bundled(arguments.source)
+    if exact or (len(runs) == 1 and not is_scenario):
+        return _run_fields((exact or runs)[0].parent, arguments.gas)
+    if not is_scenario:
+        raise UsageError(
+            f"{arguments.source}: expected a folder, a scenario, or the id of one run in {runs_dir}, "
+            f"was {len(runs)} runs and no folder or scenario."
+        )
+    scenario, directory = _scenario(arguments.source)
+    environment = load_environment(prepare_environment(scenario, scenario_dir=directory))
+    return RoomFields(environment, scenario, gas=arguments.gas)
+
+
+def _is_bundled(name: str) -> bool:
+    from gslcosim.scenario.bundled import bundled_scenarios
+
+    return name in bundled_scenarios()
+
+
+def _scenario(source: str) -> "tuple[Scenario, Path]":
+    from gslcosim.environment.of_scenario.random_places import draw_places
+    from gslcosim.scenario import load_scenario
+
+    loaded = load_scenario(source, placer=draw_places)
+    return loaded.scenario, loaded.directory
+
+
+def _run_fields(folder: Path, gas: str | None) -> "Fields":
+    import yaml
+    from pydantic import ValidationError
+
+    from gslcosim.fields.offline.sampling import RoomFields
+    from gslcosim.scenario import Scenario
+
+    path = folder / "scenario.yaml"
+    try:
+        scenario = Scenario.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except (yaml.YAMLError, UnicodeDecodeError, ValidationError) as error:
+        raise UsageError(
+            f"{folder}: expected a run with the scenario as resolved, was {error}.\nFile: {path}"
+        ) from error
+    return RoomFields(_environment_of_run(folder, scenario), scenario, gas=gas)
+
+
+# The one that the run had; when the cache was cleared since, the same one made anew.
+def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
+    import json
+
+    from gslcosim.environment.store import load_environment
+    from gslcosim.generation import prepare_environment
+
+    try:
+        return load_environment(Path(json.loads((folder / "setup.json").read_text(encoding="utf-8"))["environment"]))
+    except (OSError, ValueError, KeyError, TypeError, EnvironmentDataError):
+        return load_environment(prepare_environment(scenario, scenario_dir=folder))
+
+
+# Turns a file that cannot be written into an error that says which.
+@contextmanager
+def _written(path: Path) -> Generator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"--out: expected a file that can be written, {error.strerror}.\nFile: {path}") from error
+
+
+def _check_file_name(arguments: argparse.Namespace) -> None:
+    suffixes = (".csv",) if arguments.points is not None else (".csv", ".npz")
+    if arguments.points is not None and arguments.out.suffix == ".npz":
+        raise UsageError(f"--out: expected a csv file with --points, was {arguments.out}.")
+    if arguments.grid is not None and arguments.out.suffix not in suffixes:
+        raise UsageError(f"--out: expected a file that ends with .csv or .npz with --grid, was {arguments.out}.")
+    if not arguments.out.parent.is_dir():
+        raise UsageError(f"--out: expected a folder that is there, was {arguments.out.parent}.")
+
+
+def _tell(arguments: argparse.Namespace, values: "NDArray[np.float64]") -> None:
+    name = (GAS_COLUMNS if arguments.quantity == "gas" else WIND_COLUMNS)[-1]
+    low, high = float(values.min()), float(values.max())
+    if arguments.json:
+        write_json({"out": str(arguments.out), "points": int(values.size), "value": name, "min": low, "max": high})
+    else:
+        write(f"{arguments.out}: {values.size} points, {name} from {low:.6g} to {high:.6g}.")
+
+
+def _seconds(text: str) -> float:
+    return _number(text, least=0.0, expected="a number of seconds, at least 0")
+
+
+def _length(text: str) -> float:
+    return _number(text, least=1e-9, expected="a number greater than 0")
+
+
+def _number(text: str, *, least: float, expected: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (least <= number < math.inf):
+        raise argparse.ArgumentTypeError(f"expected {expected}, was '{text}'")
+    return number
+
+
+COMMAND = Command(
+    name="sample",
+    summary="sample gas or wind at points or on a grid, at a time, into a file",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

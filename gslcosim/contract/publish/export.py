@@ -1,0 +1,65 @@
+"""The published contract: all its files, made from the messages. `gslcosim schema export` writes them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.publish.asyncapi import asyncapi_yaml
+from gslcosim.contract.publish.vectors import vectors_of
+from gslcosim.contract.schema import contract_hash, json_schema_of, message_types
+
+_README = f"""# The contract, version {CONTRACT_VERSION}
+
+<!-- Made by `make contract` from gslcosim/contract; do not edit. -->
+
+What gslcosim and its agents say to each other, for every language.
+
+| file | what |
+|---|---|
+| `contract.json` | version and hash of this contract, and its messages |
+| `asyncapi.yaml` | keys, directions and both doors, as AsyncAPI 3 |
+| `schemas/<Message>.json` | a message as JSON Schema 2020-12 |
+| `vectors/<Message>.json` | bytes that every reader accepts, and those it must reject, with the reason |
+
+In a vectors file `msgpack` is hexadecimal and `json` is text; both say what `fields` says.
+Where `canonical` is true they are exactly what gslcosim writes; the others are what a reader has to accept as well.
+`schema_refuses` tells whether the JSON Schema already finds what is wrong.
+In `fields` and in JSON, bytes are base64 text.
+
+An agent meets four messages: `Briefing`, `Observation`, `Command` and `Ending`; the others are between services.
+"""
+
+
+def contract_files() -> dict[str, str]:
+    """Return the text of each file of the published contract by its path, relative to the folder."""
+    files = {
+        "README.md": _README,
+        "contract.json": _json(
+            {
+                "version": CONTRACT_VERSION,
+                "hash": contract_hash(),
+                "messages": [item.__name__ for item in message_types()],
+            }
+        ),
+        "asyncapi.yaml": f"# Made by `make contract` from gslcosim/contract; do not edit.\n{asyncapi_yaml()}",
+    }
+    for item in message_types():
+        files[f"schemas/{item.__name__}.json"] = _json(json_schema_of(item))
+        files[f"vectors/{item.__name__}.json"] = _json(vectors_of(item))
+    return files
+
+
+def write_contract(folder: Path) -> list[Path]:
+    """Write all files of the contract below a folder, which is made where it is missing; return them."""
+    written: list[Path] = []
+    for name, text in contract_files().items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        written.append(path)
+    return written
+
+
+def _json(content: Any) -> str:
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"

@@ -1,0 +1,165 @@
+"""Files of geometry as named parts of triangles: STL, OBJ, glTF and MJCF."""
+
+import re
+import struct
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import EnvironmentDataError
+
+Up = Literal["y", "z"]
+
+# What points up in a file; glTF's standard says y, the others have none, and their tools mostly z.
+DEFAULT_UP: dict[str, Up] = {".stl": "z", ".obj": "z", ".glb": "y", ".gltf": "y", ".xml": "z"}
+PART_RGBA = (0.62, 0.62, 0.64, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A named part of a file: triangles and what it is called.
+
+    `names` are those it can be addressed by: mesh, node, group, material, solid or geom. `vertices_m` is (n, 3),
+    `faces` (m, 3) indices of vertices.
+    """
+
+    name: str
+    names: frozenset[str]
+    vertices_m: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    rgba: tuple[float, float, float, float] = PART_RGBA
+
+
+def load_parts(path: Path, *, scale: float, up: Up | None, translate_m: tuple[float, float, float]) -> list[Part]:
+    """Return the parts of a file, in metres, z upwards.
+
+    Args:
+        path: The file; its ending says which format it has.
+        scale: Metres per unit of the file.
+        up: The file's axis that points up; by default that of its format.
+        translate_m: Is added last [m].
+
+    Raises:
+        EnvironmentDataError: there is no such file, or it is not a whole one of its format with finite triangles.
+    """
+    ending = path.suffix.lower()
+    if ending not in DEFAULT_UP:
+        raise EnvironmentDataError(
+            f"{path.name}: expected a file of {', '.join(DEFAULT_UP)}, was {ending or 'one without ending'}.\n"
+            f"File: {path}"
+        )
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "no such file"
+        raise EnvironmentDataError(f"{path.name}: expected a file of geometry, was {found}.\nFile: {path}")
+    parts = _read(path, ending)
+    _check(parts, path)
+    is_y_up = (up or DEFAULT_UP[ending]) == "y"
+    return [_placed(part, scale, translate_m, is_y_up=is_y_up) for part in parts]
+
+
+def _read(path: Path, ending: str) -> list[Part]:
+    if ending == ".xml":
+        # MuJoCo takes half a second to import, and only rooms from MJCF need it.
+        from gslcosim.environment.geometry.mjcf_geometry import load_mjcf_parts
+
+        return load_mjcf_parts(path)
+    try:
+        if ending == ".stl":
+            _check_stl(path.read_bytes())
+        with warnings.catch_warnings():
+            # What the reader only warns of, such as text that ends within a number, is a damaged file too.
+            warnings.simplefilter("error")
+            return _read_scene(path, ending)
+    except Exception as error:
+        # The library raises whatever its parsers run into: each of it means that the file is not what it should be.
+        raise EnvironmentDataError(
+            f"{path.name}: expected a whole {ending[1:]} file, was {path.stat().st_size} bytes that are not "
+            f"({_one_line(error)}). Export it again.\nFile: {path}"
+        ) from error
+
+
+def _read_scene(path: Path, ending: str) -> list[Part]:
+    # trimesh takes half a second to import, and only rooms from meshes need it.
+    import trimesh
+
+    options: dict[str, Any] = {"split_objects": True, "split_groups": True} if ending == ".obj" else {}
+    scene = trimesh.load_scene(path, process=False, **options)
+    words = _words_of_obj(path) if ending == ".obj" else frozenset[str]()
+    parts: list[Part] = []
+    for node in sorted(map(str, scene.graph.nodes_geometry)):
+        to_world, geometry_name = scene.graph[node]
+        mesh = scene.geometry[str(geometry_name)]
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
+            mesh = mesh.copy()
+            mesh.apply_transform(to_world)
+            parts.append(_part_of(mesh, node, {node, str(geometry_name)}, words))
+    return parts
+
+
+def _part_of(mesh: Any, node: str, names: set[str], words: frozenset[str]) -> Part:
+    material: Any = getattr(mesh.visual, "material", None)
+    if isinstance(getattr(material, "name", None), str):
+        names.add(material.name)
+    # In OBJ, object, group and material of a part are joined to one name.
+    names |= {word for word in words if any(f"_{word}_" in f"_{name}_" for name in names)}
+    color = material.main_color if material is not None else mesh.visual.main_color
+    rgba = tuple(round(float(channel) / 255, 6) for channel in color)
+    has_color = material is not None or mesh.visual.defined
+    return Part(
+        name=node,
+        names=frozenset(names),
+        vertices_m=np.asarray(mesh.vertices, dtype=np.float64),
+        faces=np.asarray(mesh.faces, dtype=np.int64),
+        rgba=rgba if has_color and len(rgba) == 4 else PART_RGBA,  # pyright: ignore[reportArgumentType]
+    )
+
+
+def _words_of_obj(path: Path) -> frozenset[str]:
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return frozenset(word.strip() for word in re.findall(r"^(?:o|g|usemtl)\s+(.+)$", text, flags=re.MULTILINE))
+
+
+# The reader takes a binary file of the wrong length for text, and text that ends early for a shorter file.
+def _check_stl(content: bytes) -> None:
+    if content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:4096].lower():
+        n_begun, n_ended = (
+            len(re.findall(rb"^\s*" + word, content, flags=re.I | re.M)) for word in (b"facet", b"endfacet")
+        )
+        if n_begun != n_ended or b"endsolid" not in content[-1024:].lower():
+            raise ValueError(f"the text ends after {n_ended} of at least {n_begun} triangles, without endsolid")
+        return
+    n_triangles = struct.unpack("<I", content[80:84])[0] if len(content) >= 84 else 0
+    if len(content) != 84 + 50 * n_triangles:
+        raise ValueError(f"its header says {n_triangles} triangles, which take {84 + 50 * n_triangles} bytes")
+
+
+def _check(parts: list[Part], path: Path) -> None:
+    if not parts:
+        raise EnvironmentDataError(f"{path.name}: expected at least one triangle, was empty.\nFile: {path}")
+    for part in parts:
+        if part.faces.min() < 0 or part.faces.max() >= len(part.vertices_m):
+            raise EnvironmentDataError(
+                f"{path.name}: {part.name}: expected faces of its {len(part.vertices_m)} vertices, "
+                f"was a face with vertex {part.faces.max()}. Export it again.\nFile: {path}"
+            )
+        bad = np.argwhere(~np.isfinite(part.vertices_m).all(axis=1))
+        if len(bad):
+            raise EnvironmentDataError(
+                f"{path.name}: {part.name}: expected finite vertices, was {len(bad)} that are not, the first number "
+                f"{bad[0, 0]}. Remove them in the program that made the file.\nFile: {path}"
+            )
+
+
+def _placed(part: Part, scale: float, translate_m: tuple[float, float, float], *, is_y_up: bool) -> Part:
+    vertices_m = part.vertices_m * scale
+    if is_y_up:
+        vertices_m = np.stack((vertices_m[:, 0], -vertices_m[:, 2], vertices_m[:, 1]), axis=1)
+    return replace(part, vertices_m=vertices_m + np.asarray(translate_m))
+
+
+def _one_line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0][:200]

@@ -1,0 +1,1 @@
+"""From a scenario to its room, and its places against that room: the only part of environment that reads scenarios."""

@@ -1,0 +1,184 @@
+"""Gas made of filaments, from whatever moves them, as the sensors see it."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.wind_kernels import trilinear_wind_at_points
+from gslcosim.fields.filament.downwash import Jets
+from gslcosim.fields.filament.plume import Filaments, WindAt
+from gslcosim.fields.gas_field import PointGrid, Sight
+from gslcosim.fields.reading.concentration import checked_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
+from gslcosim.fields.reading.index import FilamentIndex
+
+# From so many readings of one instant on, sorting the filaments first costs less than looking at all of them.
+READINGS_WORTH_AN_INDEX = 4
+
+
+class FilamentSource(Protocol):
+    """What moves filaments: the live plume, or a tape of it."""
+
+    @property
+    def step(self) -> int:
+        """Number of steps made."""
+        ...
+
+    @property
+    def time_s(self) -> float:
+        """Time since the sources opened [s]."""
+        ...
+
+    @property
+    def filaments(self) -> Filaments:
+        """The filaments now; the next step may overwrite them."""
+        ...
+
+    def reset(self, seed: int) -> None:
+        """Return to time 0."""
+        ...
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Go on by steps."""
+        ...
+
+    def blow(self, jets: Jets) -> None:
+        """Carry filaments down in the jets of vehicles for one step."""
+        ...
+
+
+class FilamentField:
+    """Readings of filaments; see `GasField`.
+
+    What is read are the filaments in single precision (a micrometre in a room): then a tape can hold them exactly,
+    and a run from tape equals a live one to the bit. The moving filaments keep double precision.
+    """
+
+    def __init__(
+        self,
+        source: FilamentSource,
+        gases: tuple[str, ...],
+        grid: Grid,
+        *,
+        sight: Sight,
+        n_readings_per_step: int = READINGS_WORTH_AN_INDEX,
+        wind_at: WindAt | None = None,
+    ) -> None:
+        """Look at filaments.
+
+        Args:
+            source: What moves them.
+            gases: Their gases.
+            grid: The room's; filaments are sorted by place in it.
+            sight: What is seen of them.
+            n_readings_per_step: How many readings a step will be asked for; few do without sorting.
+            wind_at: The model's own wind at a time [s], (nx, ny, n, 3) at cell centres, n = 1 when it is the same at
+                all heights; absent: the room's.
+        """
+        self._source = source
+        self._gases = gases
+        self._grid = grid
+        self._sight = sight
+        self._uses_index = n_readings_per_step >= READINGS_WORTH_AN_INDEX
+        self._index = FilamentIndex(min_m=grid.origin_m, max_m=grid.max_m)
+        self._indexed: Filaments | None = None
+        self._seen: Filaments | None = None
+        self._wind_at = wind_at
+
+    @property
+    def gases(self) -> tuple[str, ...]:
+        """Names of the gases."""
+        return self._gases
+
+    @property
+    def source(self) -> FilamentSource:
+        """What moves the filaments."""
+        return self._source
+
+    @property
+    def step(self) -> int:
+        """Number of steps made."""
+        return self._source.step
+
+    @property
+    def time_s(self) -> float:
+        """Time since the sources opened [s]."""
+        return self._source.time_s
+
+    @property
+    def filaments(self) -> Filaments:
+        """The filaments now, rounded to single precision."""
+        if self._seen is None:
+            self._seen = in_single_precision(self._source.filaments)
+        return self._seen
+
+    def reset(self, seed: int) -> None:
+        """Return to time 0."""
+        self._source.reset(seed)
+        self._seen = None
+
+    def advance(self, n_steps: int = 1) -> None:
+        """Go on by steps."""
+        if n_steps > 0:
+            self._source.advance(n_steps)
+            self._seen = None
+
+    def blow(self, jets: Jets) -> None:
+        """Carry filaments down in the jets of vehicles for one step."""
+        self._source.blow(jets)
+        self._seen = None
+
+    def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mixing ratios at points; see `GasField`."""
+        filaments, sight = self.filaments, self._sight
+        if not self._uses_index:
+            ppm = mixing_ratio_ppm_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
+            return self._for_all_gases(ppm)
+        if self._indexed is not filaments:
+            self._index.build(filaments)
+            self._indexed = filaments
+        ppm = self._index.mixing_ratio_ppm_at(points_world_m, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
+        return self._for_all_gases(ppm)
+
+    def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
+        """Return the mixing ratio of one gas on a grid, through walls; see `GasField`."""
+        return mixing_ratio_ppm_on_grid(
+            self.filaments,
+            first_point_m=grid.first_m,
+            spacing_m=grid.spacing_m,
+            shape=grid.shape,
+            gas=gas,
+            cutoff_sigma=cutoff_sigma,
+        )
+
+    def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the model's own wind at points, if it has one; see `GasField`."""
+        if self._wind_at is None:
+            return None
+        wind_m_s = self._wind_at(self.time_s)
+        return trilinear_wind_at_points(
+            wind_m_s, self._grid.origin_m, self._grid.cell_m, checked_points(points_world_m)
+        )
+
+    # The last gases may have no source of filaments.
+    def _for_all_gases(self, ppm: NDArray[np.float64]) -> NDArray[np.float64]:
+        n_missing = len(self._gases) - ppm.shape[1]
+        return ppm if n_missing <= 0 else np.pad(ppm, ((0, 0), (0, n_missing)))
+
+
+def in_single_precision(filaments: Filaments) -> Filaments:
+    """Return a copy of filaments with places and sizes rounded to single precision, as arrays of double precision.
+
+    Those that are rounded already are returned as they are.
+    """
+    if filaments.is_rounded:
+        return filaments
+    return Filaments(
+        position_world_m=filaments.position_world_m.astype(np.float32).astype(np.float64),
+        sigma_m=filaments.sigma_m.astype(np.float32).astype(np.float64),
+        source_index=filaments.source_index.copy(),
+        amount_mol=filaments.amount_mol,
+        gas_index=filaments.gas_index,
+        is_rounded=True,
+    )

@@ -1,0 +1,1 @@
+"""Gas that was computed or measured before: frames of other programs, films, and our own tapes."""

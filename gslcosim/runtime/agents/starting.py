@@ -1,0 +1,80 @@
+"""How agents come to life: as a process of their own, or as an object in this one."""
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from gslcosim.agent_kit import Agent
+from gslcosim.errors import UsageError
+from gslcosim.runtime.processes import python_command
+from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.scenario.models.scenario import AgentSpec
+
+
+def start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
+    """Return the command line of an agent, or None when it attaches itself.
+
+    Args:
+        agent: The agent of the scenario.
+        directory: The scenario's folder; relative paths start there.
+    """
+    if agent.start.python is not None:
+        return python_command(str(find_python_agent(agent.start.python, directory)))
+    if agent.start.command is not None:
+        return _resolved(agent.start.command, directory)
+    return None
+
+
+def find_python_agent(name: str, directory: Path) -> Path:
+    """Return the file of a Python agent: a path relative to the scenario, or the name of a bundled agent.
+
+    Raises:
+        UsageError: there is none.
+    """
+    beside = directory / name
+    if beside.is_file():
+        return beside.absolute()
+    bundled = bundled_agents()
+    if name in bundled:
+        return bundled[name]
+    raise UsageError(f"start.python: expected a .py file or one of {sorted(bundled)}, was {name!r}.\nFile: {beside}")
+
+
+def load_python_agent(path: Path) -> type[Agent]:
+    """Import an agent's file and return the one `Agent` it defines.
+
+    Raises:
+        UsageError: the file cannot be imported, or defines no agent or several.
+    """
+    module_name = f"gslcosim_agent_{path.parent.name}_{path.stem}"
+    spec = importlib.util.spec_from_file_location(module_name, path)
+    if spec is None or spec.loader is None:
+        raise UsageError(f"expected a Python file.\nFile: {path}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise UsageError(f"expected an agent that can be imported, got {error!r}.\nFile: {path}") from error
+    found = [item for item in vars(module).values() if _is_agent_of(item, module_name)]
+    if len(found) != 1:
+        names = [item.__name__ for item in found]
+        raise UsageError(f"expected one subclass of gslcosim.agent_kit.Agent, found {names}.\nFile: {path}")
+    return found[0]
+
+
+def _is_agent_of(item: object, module_name: str) -> bool:
+    return (
+        inspect.isclass(item)
+        and issubclass(item, Agent)
+        and not inspect.isabstract(item)
+        and item.__module__ == module_name
+    )
+
+
+def _resolved(command: Sequence[str], directory: Path) -> list[str]:
+    program, *arguments = command
+    beside = directory / program
+    return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]

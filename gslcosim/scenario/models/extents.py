@@ -1,0 +1,55 @@
+"""Rules for boxes and rectangles given by two corners, and for openings."""
+
+from pydantic_core import PydanticCustomError
+
+from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.spec import Vec3, shown
+
+
+def check_box(min_m: Vec3, max_m: Vec3) -> None:
+    """Raise what a validator raises where two points are not the lower and upper corner of a box [m]."""
+    if min(_sides_m(min_m, max_m)) <= 0:
+        raise _wrong_corners(
+            max_m, f"each number greater than that of min_m, {shown(min_m)}", "min_m and max_m are opposite corners."
+        )
+
+
+def check_box_or_rectangle(min_m: Vec3, max_m: Vec3) -> None:
+    """As `check_box`; the box may be flat along one axis."""
+    sides_m = _sides_m(min_m, max_m)
+    if min(sides_m) < 0 or sides_m.count(0) > 1:
+        raise _wrong_corners(
+            max_m,
+            f"two numbers greater than those of min_m, {shown(min_m)}, and none smaller",
+            "min_m and max_m are opposite corners of a box or rectangle.",
+        )
+
+
+def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
+    """As `check_box`; the box has to be flat along exactly one axis."""
+    sides_m = _sides_m(min_m, max_m)
+    if min(sides_m) != 0 or sides_m.count(0) != 1:
+        raise _wrong_corners(
+            max_m,
+            f"one number equal to that of min_m, {shown(min_m)}, and two greater",
+            "An opening is a rectangle on one side of the room.",
+        )
+
+
+def check_velocity_of(kind: str, velocity_m_s: Vec3 | None) -> None:
+    """Raise what a validator raises where an opening that is no inlet has a velocity."""
+    if velocity_m_s is not None and kind != "inlet":
+        raise broken_rule(
+            key="velocity_m_s",
+            expected=f"no velocity for an {'open side' if kind == 'open' else kind}",
+            found=shown(velocity_m_s),
+            remedy="Only an inlet has one; the air finds its way through the others.",
+        )
+
+
+def _wrong_corners(max_m: Vec3, expected: str, remedy: str) -> PydanticCustomError:
+    return broken_rule(key="max_m", expected=expected, found=shown(max_m), remedy=remedy)
+
+
+def _sides_m(min_m: Vec3, max_m: Vec3) -> list[float]:
+    return [high - low for low, high in zip(min_m, max_m, strict=True)]

@@ -1,0 +1,339 @@
+"""The frozen models of a scenario file: every field with unit, default and range."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from gslcosim.contract.knowledge import ParameterValue
+from gslcosim.scenario.models.gas import GasSpec as GasSpec
+from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
+from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
+from gslcosim.scenario.models.layouts import BoxSpec as BoxSpec
+from gslcosim.scenario.models.layouts import Layout as Layout
+from gslcosim.scenario.models.layouts import LayoutSpec as LayoutSpec
+from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
+from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.sensors import CAMERA_SENSORS
+from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
+from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3
+from gslcosim.scenario.models.spec import Spec as Spec
+from gslcosim.scenario.models.wind import WindSpec as WindSpec
+
+SCHEMA = "gslcosim/scenario/1"
+# Keys of `environment` that name a folder.
+FOLDER_KEYS = ("path", "gsl_bench", "gaden")
+
+
+class EnvironmentSpec(Spec):
+    """Where the run takes place.
+
+    One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
+    AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`; the user's own `geometry`.
+    """
+
+    layout: Layout | None = None
+    path: str | None = None
+    gsl_bench: str | None = None
+    gaden: str | None = None
+    geometry: GeometrySpec | None = None
+
+    @property
+    def folder_key(self) -> str | None:
+        """The key that names a folder, if one does."""
+        return next((key for key in FOLDER_KEYS if getattr(self, key) is not None), None)
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        keys = list(type(self).model_fields)
+        given = [key for key in keys if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise broken_rule(
+                expected=f"exactly one of {', '.join(keys[:-1])} and {keys[-1]}",
+                found=" and ".join(given) or "none",
+                remedy="layout generates a room, path takes the folder of one made before.",
+            )
+        return self
+
+
+class StartSpec(Spec):
+    """How an agent comes to life: a Python agent by name or file, a command line, or one that attaches itself.
+
+    `door` is the way it joins: `zenoh`, or the gateway over `stdio`, `tcp` or `unix` in a `format` of frames.
+    `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh.
+    `process_of` names another agent whose process flies this one too, through that agent's door.
+    """
+
+    python: str | None = None
+    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    attach: bool = False
+    door: Literal["zenoh", "stdio", "tcp", "unix"] = "zenoh"
+    format: Literal["msgpack", "json"] = "msgpack"
+    observations: Literal["all", "asked"] = "all"
+    process_of: Name | None = None
+
+    @property
+    def is_behind_gateway(self) -> bool:
+        """Whether the agent speaks frames with the supervisor instead of joining the bus."""
+        return self.door != "zenoh"
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        given = [key for key in ("python", "command", "attach", "process_of") if getattr(self, key)]
+        if len(given) != 1:
+            raise broken_rule(
+                expected="exactly one of python, command, attach: true and process_of",
+                found=" and ".join(given) or "none",
+                remedy="For example start: {python: dung_beetle}.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_door(self) -> Self:
+        if self.process_of is not None and self.is_behind_gateway:
+            raise broken_rule(
+                key="door",
+                expected=f"no door beside process_of: {self.process_of}'s is taken",
+                found=self.door,
+                remedy=f"Give door, format and observations with {self.process_of}.",
+            )
+        if self.python is not None and self.is_behind_gateway:
+            raise broken_rule(
+                key="door",
+                expected="zenoh, the door of Python agents",
+                found=self.door,
+                remedy="Leave out door, or start a program that speaks the gateway's frames with command.",
+            )
+        if self.attach and self.door == "stdio":
+            raise broken_rule(
+                key="door",
+                expected="zenoh, tcp or unix for an agent that attaches itself",
+                found=self.door,
+                remedy="Standard input and output belong to a program that is started here, with command.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_frames(self) -> Self:
+        for key, default in (("format", "msgpack"), ("observations", "all")):
+            if getattr(self, key) != default and not self.is_behind_gateway:
+                raise broken_rule(
+                    key=key,
+                    expected=f"{default} with door: zenoh",
+                    found=getattr(self, key),
+                    remedy="Add door: stdio, tcp or unix to speak through the gateway.",
+                )
+        return self
+
+
+# The height of a rover's centre above its floor [m]; a test holds it equal to gslcosim/world/vehicles/rover.
+ROVER_HEIGHT_M = 0.1185
+
+
+def _usual_height_m(values: dict[str, Any]) -> float:
+    return ROVER_HEIGHT_M if values.get("model") == "rover" else 2.0
+
+
+class VehicleSpec(Spec):
+    """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint.
+
+    The cruising height is 2 m unless `search_height_m` says otherwise; a rover has none: it is left out.
+    `avoidance` plans the way to waypoints around obstacles: `2d` at the height of the flight, for a rover on the floor;
+    `3d` over and under them too; `none` straight on, whatever is there. `separation_m` is how far its centre keeps from
+    those of other vehicles on its way to waypoints and at a velocity; 0: it does not look out for them.
+    """
+
+    model: Literal["iris", "crazyflie", "holonomic", "rover"] = "iris"
+    start_m: Vec3
+    search_height_m: Positive = Field(default_factory=_usual_height_m)
+    hold_s: NonNegative = 2.0
+    max_speed_m_s: Positive = 1.0
+    max_acceleration_m_s2: Positive = 2.0
+    avoidance: Literal["none", "2d", "3d"] = "none"
+    separation_m: NonNegative = 0.0
+
+    @property
+    def drives(self) -> bool:
+        """Whether the vehicle stays on the ground."""
+        return self.model == "rover"
+
+    @model_validator(mode="after")
+    def _check_avoidance(self) -> Self:
+        if self.drives and self.avoidance == "3d":
+            raise broken_rule(
+                key="avoidance",
+                expected="none or 2d for a rover, which stays on the floor",
+                found="3d",
+                remedy="Take 2d.",
+            )
+        if self.drives and self.separation_m:
+            raise broken_rule(
+                key="separation_m",
+                expected="0 for a rover: only vehicles in the air go out of the way of others",
+                found=f"{self.separation_m:g}",
+                remedy="Leave it out.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_height(self) -> Self:
+        if self.drives and self.search_height_m != ROVER_HEIGHT_M:
+            raise broken_rule(
+                key="search_height_m",
+                expected="no height for a rover, which stays on the floor",
+                found=f"{self.search_height_m:g}",
+                remedy="Leave it out; a rover's waypoints may have any height in the room.",
+            )
+        return self
+
+
+class KnowledgeSpec(Spec):
+    """The knowledge that an agent is granted beyond its sensors, told in its briefing; `result.json` says so.
+
+    `map` is the occupancy of the room: `true` or `2d` cut at the agent's search height, `3d` the whole of it.
+    `plume` are nominal figures of the plume: strength, spread, wind speed. `source` are the places of the sources, for
+    upper bounds such as the oracle.
+    """
+
+    map: bool | Literal["2d", "3d"] = False
+    plume: bool = False
+    source: bool = False
+
+    @property
+    def granted(self) -> tuple[str, ...]:
+        """The names of what is granted."""
+        return tuple(name for name in type(self).model_fields if getattr(self, name))
+
+
+class AgentSpec(Spec):
+    """One agent with its vehicle and sensors.
+
+    `parameters` are settings of the method, handed to the agent as they are: any scalars, or lists of them.
+    `knows` grants knowledge that sensors do not give.
+    `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
+    `{latency: N}` N ticks after each observation.
+    """
+
+    name: Name
+    start: StartSpec
+    mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] = (
+        "on_request"
+    )
+    vehicle: VehicleSpec
+    sensors: Annotated[tuple[SensorSpec, ...], Field(min_length=1)]
+    answer_within_s: Positive = 30.0
+    parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
+    knows: KnowledgeSpec = KnowledgeSpec()
+
+    @property
+    def latency_ticks(self) -> int:
+        """Ticks between an observation and the effect of its command: N for `{latency: N}`, otherwise 1."""
+        return self.mode["latency"] if isinstance(self.mode, dict) else 1
+
+    @property
+    def mode_name(self) -> Literal["on_request", "lockstep", "latency"]:
+        """Return the mode without its number."""
+        return "latency" if isinstance(self.mode, dict) else self.mode
+
+    @property
+    def process(self) -> str:
+        """Return the name of the agent whose process flies this one: its own unless `process_of` names another."""
+        return self.start.process_of or self.name
+
+    @property
+    def is_asked_every_tick(self) -> bool:
+        """Whether every observation awaits a command."""
+        return self.mode_name != "on_request"
+
+
+class ChannelSpec(Spec):
+    """A channel on which agents send each other texts.
+
+    `members` are the agents that send and hear on it; `range_m` is how far it reaches, in a straight line whatever is
+    between (absent: everywhere); `loss_frac` of the messages are lost, each for each receiver by itself; a message is
+    heard `delay_ticks` after the observation that the sender answered with it (an agent with latency N sends N - 1
+    ticks later); `max_bytes` bounds a text in UTF-8.
+    """
+
+    name: Name
+    members: Literal["all"] | Annotated[tuple[Name, ...], Field(min_length=1)] = "all"
+    range_m: Positive | None = None
+    loss_frac: Annotated[float, Field(ge=0, le=1)] = 0.0
+    delay_ticks: Annotated[int, Field(ge=1, le=1000)] = 1
+    max_bytes: Annotated[int, Field(ge=1, le=65536)] = 1024
+
+
+class SuccessSpec(Spec):
+    """Success: the vehicle, or the agent's declaration, is within this distance of a source [m].
+
+    With `horizontal` heights do not count: distances are those in the plane.
+    """
+
+    within_m: Positive = 1.0
+    of: Literal["source", "declaration"] = "source"
+    horizontal: bool = False
+
+
+class StopSpec(Spec):
+    """What ends a run besides success: simulated time [s], or a collision."""
+
+    time_limit_s: Positive = 300.0
+    on_collision: bool = True
+
+
+class RefereeSpec(Spec):
+    """How the run is judged."""
+
+    success: SuccessSpec = SuccessSpec()
+    stop: StopSpec = StopSpec()
+
+
+class RecordingSpec(Spec):
+    """What is recorded, and how often [s of simulated time]."""
+
+    enabled: bool = True
+    gas_every_s: Positive = 1.0
+    slice_cell_m: Positive = 0.25
+
+
+class Scenario(Spec):
+    """A whole scenario file. `tick_ms` is the exchange step; physics sub-steps are inside the world."""
+
+    schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema")
+    name: Name
+    seed: Annotated[int, Field(ge=0, le=2**31)] = 0
+    tick_ms: Annotated[int, Field(ge=1, le=1000)] = 100
+    environment: EnvironmentSpec
+    wind: WindSpec = WindSpec()
+    gas: GasSpec
+    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)]
+    referee: RefereeSpec = RefereeSpec()
+    recording: RecordingSpec = RecordingSpec()
+    channels: tuple[ChannelSpec, ...] = ()
+
+    @property
+    def tick_ns(self) -> int:
+        """Length of a tick [ns]."""
+        return self.tick_ms * 1_000_000
+
+    @property
+    def cameras(self) -> tuple[tuple[AgentSpec, SensorSpec], ...]:
+        """All cameras, with the agents that they belong to."""
+        sensors = ((agent, sensor) for agent in self.agents for sensor in agent.sensors)
+        return tuple((agent, sensor) for agent, sensor in sensors if sensor.model in CAMERA_SENSORS)
+
+    def members_of(self, channel: ChannelSpec) -> tuple[str, ...]:
+        """Return the names of the agents that send and hear on a channel, by name."""
+        return tuple(sorted({agent.name for agent in self.agents} if channel.members == "all" else {*channel.members}))
+
+    def agents_by_process(self) -> dict[str, tuple[str, ...]]:
+        """Return which agents each process flies, in the scenario's order; a process has the name of an agent."""
+        flown: dict[str, tuple[str, ...]] = {agent.process: () for agent in self.agents}
+        for agent in self.agents:
+            flown[agent.process] += (agent.name,)
+        return flown
+
+    @property
+    def slice_height_m(self) -> float:
+        """Height of the recorded slice [m]: the agents' search height, or the first source's where they differ."""
+        heights_m = {agent.vehicle.search_height_m for agent in self.agents}
+        return heights_m.pop() if len(heights_m) == 1 else self.gas.sources[0].position_m[2]

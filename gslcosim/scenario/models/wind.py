@@ -1,0 +1,153 @@
+"""The frozen models of a scenario's wind: where it comes from, and how it is solved.
+
+They hold what Tables 9.2, 9.3 and 9.5 of the GSL-Bench thesis have: `inlet_velocity_m_s` is inlet_vel, `cell_m` the
+cells of the mesh, `end_time_s` its end time, `save_every_s` writeInterval, `save_from_s` timeRange,
+`average_from_s: null` with `end_time_s` latestTime, `courant` maxCo, `max_step_s` maxDeltaT.
+"""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.spec import NonNegative, Positive, Spec, Vec3
+
+Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
+# Solvers that compute a flow, as against those that have their wind from elsewhere.
+SOLVING = ("auto", "built_in", "openfoam")
+
+
+class InletScheduleSpec(Spec):
+    """How the wind at all inlets changes: its share at some times of the solve [s], straight lines in between.
+
+    With `repeats` it starts again after the last time, whose share should be that of the first; otherwise it stays.
+    """
+
+    times_s: Annotated[tuple[NonNegative, ...], Field(min_length=2)]
+    shares: Annotated[tuple[float, ...], Field(min_length=2)]
+    repeats: bool = False
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if len(self.shares) != len(self.times_s):
+            raise broken_rule(
+                key="shares",
+                expected=f"as many shares as times, {len(self.times_s)}",
+                found=str(len(self.shares)),
+                remedy="Each time has its share of inlet_velocity_m_s.",
+            )
+        if self.times_s[0] != 0 or any(b <= a for a, b in zip(self.times_s, self.times_s[1:], strict=False)):
+            raise broken_rule(
+                key="times_s",
+                expected="times from 0 on, each later than the one before",
+                found=str(list(self.times_s)),
+                remedy="For example times_s: [0, 10, 20].",
+            )
+        return self
+
+
+class WindSpec(Spec):
+    """The air's motion.
+
+    `built_in` and `openfoam` solve the flow, `uniform` is `inlet_velocity_m_s` everywhere, `stored` is the wind that
+    an imported environment brings, and `{file: PATH}` wind from a file or folder of another program. `auto` is the
+    imported wind where there is one, otherwise `built_in`.
+
+    A solve goes on until `end_time_s`, or else until the statistics have settled, at most for `max_time_s`. It starts
+    from still air; without an end, halls start with a flow that has developed on cells of twice the size.
+    Without an end the wind is the mean of the settled part; with it, the wind is the mean from `average_from_s` on,
+    or the last instant. `save_every_s` keeps the wind as it changes instead, from `save_from_s` on; the frames then
+    follow each other in the run, again and again with `loops`.
+
+    `inlet_profile: parabolic` gives a channel's profile with `inlet_velocity_m_s` as its mean.
+    `period_s` is the time between the frames of stored wind, by default what its files say, else 1 s.
+    """
+
+    solver: Solver | dict[Literal["file"], str] = "auto"
+    inlet_velocity_m_s: Vec3 = (1.0, 0.0, 0.0)
+    inlet_profile: Literal["uniform", "parabolic"] = "uniform"
+    inlet_schedule: InletScheduleSpec | None = None
+    cell_m: Positive = 0.2
+    turbulence: Literal["k_epsilon", "smagorinsky", "laminar"] = "k_epsilon"
+    courant: Annotated[float, Field(gt=0, le=1)] = 0.9
+    max_step_s: Positive | None = None
+    end_time_s: Positive | None = None
+    average_from_s: NonNegative | None = None
+    max_time_s: Positive = 120.0
+    save_every_s: Positive | None = None
+    save_from_s: NonNegative = 0.0
+    loops: bool = True
+    period_s: Positive | None = None
+
+    @property
+    def solves(self) -> bool:
+        """Whether a flow is computed where the environment brings no wind of its own."""
+        return self.solver in SOLVING
+
+    @property
+    def file(self) -> str | None:
+        """The file or folder that the wind comes from, if it does."""
+        return self.solver.get("file") if isinstance(self.solver, dict) else None
+
+    @model_validator(mode="after")
+    def _check_solver(self) -> Self:
+        if isinstance(self.solver, dict) and self.file is None:
+            raise broken_rule(
+                key="solver",
+                expected="auto, built_in, openfoam, uniform, stored or {file: PATH}",
+                found="an empty block",
+                remedy="For example solver: {file: wind.csv}.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_openfoam(self) -> Self:
+        if self.solver == "openfoam" and (self.end_time_s is None or self.save_every_s is not None):
+            raise broken_rule(
+                key="end_time_s" if self.end_time_s is None else "save_every_s",
+                expected="a time with solver: openfoam" if self.end_time_s is None else "no frames of openfoam",
+                found="none" if self.end_time_s is None else f"{self.save_every_s:g}",
+                remedy="Only the built-in solver waits until the statistics have settled, and keeps frames.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_average(self) -> Self:
+        if self.average_from_s is None or not self.solves:
+            return self
+        if self.end_time_s is None:
+            raise broken_rule(
+                key="average_from_s",
+                expected="an end_time_s beside it",
+                found=f"{self.average_from_s:g} alone",
+                remedy="Without end_time_s the wind is the mean of the part that has settled.",
+            )
+        if self.average_from_s >= self.end_time_s:
+            raise broken_rule(
+                key="average_from_s",
+                expected=f"less than end_time_s, {self.end_time_s:g}",
+                found=f"{self.average_from_s:g}",
+                remedy=f"For example {self.end_time_s / 2:g}, or leave it out for the wind at the end of the solve.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_frames(self) -> Self:
+        if self.save_every_s is None:
+            return self
+        if self.average_from_s is not None:
+            raise broken_rule(
+                key="save_every_s",
+                expected="no average_from_s beside it",
+                found="both",
+                remedy="Frames show the wind as it changes; a mean does not change.",
+            )
+        if self.end_time_s is None or self.save_from_s + self.save_every_s > self.end_time_s:
+            end = "none" if self.end_time_s is None else f"{self.end_time_s:g}"
+            raise broken_rule(
+                key="end_time_s",
+                expected=f"at least save_from_s and save_every_s together, {self.save_from_s + self.save_every_s:g}",
+                found=end,
+                remedy="Give the time at which the solve ends.",
+            )
+        return self

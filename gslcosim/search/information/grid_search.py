@@ -1,0 +1,406 @@
+"""A searcher that keeps a belief on a grid and goes where its method hopes to gain most: all but the method itself."""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Belief, Briefing, Command, Observation
+from gslcosim.search import beliefs
+from gslcosim.search.bayes.encounters import Dispersal, EncounterModel, dispersal_of_plume, likelihoods
+from gslcosim.search.grids import CellGrid
+from gslcosim.search.information.gains import (
+    Foresight,
+    MoveTree,
+    Prospect,
+    SurpriseMonitor,
+    best_of,
+    flattened,
+    foresee,
+    updated,
+)
+from gslcosim.search.moving import flying
+from gslcosim.search.moving.declaring import Declared, Estimate, by_entropy, by_mass
+from gslcosim.search.moving.legs import Room, obstacles_of, to_millimetre
+from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
+from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.wind_field import WindRecord
+
+Array = NDArray[np.float64]
+Place = tuple[float, ...]
+
+# What a cell keeps of its probability when the vehicle has passed it and the run goes on.
+_PASSED_WEIGHT = 0.1
+_LEAST_BELIEF_PERIOD_S = 1.0
+_WIND_STEP_S = 1.0
+# How many of the last findings make others at the same place weigh less.
+_N_SMELLED = 50
+# A refused end is not tried again from anywhere so near to it.
+_REFUSED_RADIUS_M = 0.25
+# Directions that agree less than this say nothing about how far the wind wanders.
+_WIDEST_SPREAD_RAD = 1.5
+# A leg keeps this far from what a map shows as solid.
+_CLEARANCE_M = 0.3
+_ARRIVAL = re.compile(r"come within ([0-9.]+) m of it")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outlook:
+    """What a method weighs before a step: its belief, where it may go, and what stops there would tell.
+
+    Args:
+        p: (c,) the belief, flat.
+        cells_m: (c, d) centres of its cells, world frame [m].
+        cell_m: Edge of a cell [m].
+        here_m: Where the searcher is, d numbers [m].
+        places_m: (m, d) where the next stop may be [m].
+        novelty: (m,) 1 where nothing was found out near a place yet, and 1 / (1 + n) after n findings.
+        step_m: Length of a step [m].
+        survey: Returns what stops at places would tell: a hit, or none.
+        neighbours: Returns where a step from a place may end, the place itself first.
+    """
+
+    p: Array
+    cells_m: Array
+    cell_m: float
+    here_m: Place
+    places_m: Array
+    novelty: Array
+    step_m: float
+    survey: Callable[[Sequence[Place]], Prospect]
+    neighbours: Callable[[Place], list[Place]]
+
+    @property
+    def cells_per_step(self) -> float:
+        """How many cells a square or cube of the size of a step has."""
+        return max(1.0, (self.step_m / self.cell_m) ** self.cells_m.shape[1])
+
+    @property
+    def mean_m(self) -> Place:
+        """Mean of the belief [m]."""
+        return tuple(float(x) for x in self.p @ self.cells_m)
+
+    def foresight(self, *, alpha: float = 0.0) -> Foresight:
+        """Return what is expected of the next stop, hit or not; see `information.foresee`."""
+        return foresee(self.p, self.survey([tuple(place) for place in self.places_m]), alpha=alpha)
+
+    def tree(self, depth: int) -> MoveTree:
+        """Return all places within so many steps, each surveyed once."""
+        numbers: dict[Place, int] = {}
+        rows: list[list[int]] = []
+        frontier: Iterable[Place] = [_key(place) for place in self.places_m]
+        start = [numbers.setdefault(place, len(numbers)) for place in frontier]
+        for level in range(1, depth + 1):
+            known = list(numbers)
+            for place in known[len(rows) :]:
+                following = [_key(end) for end in self.neighbours(place)] if level < depth else []
+                rows.append([numbers.setdefault(end, len(numbers)) for end in following])
+        return MoveTree(prospect=self.survey(list(numbers)), moves=rows, start=start)
+
+
+@dataclass(kw_only=True)
+class _Memory:
+    # What changes in flight.
+    p: Array
+    passed: NDArray[np.bool_]
+    findings: list[Finding] = field(default_factory=list[Finding])
+    marked_m: Place | None = None
+    aimed_m: Place | None = None
+    smelled_m: list[Place] = field(default_factory=list[Place])
+    refused_m: list[Place] = field(default_factory=list[Place])
+    belief_s: float = -math.inf
+
+
+class GridSearch:
+    """Belief, wind and evidence of a searcher, and the commands that follow from the costs of a method.
+
+    Call `observe` with every observation and `decide` when asked. A decision takes in what was found since the last
+    one, declares if the rule holds, and otherwise goes to the place of least cost among the ends of steps in equal
+    directions, and here.
+
+    Settings that it reads: cell_m, step_m, n_headings, climb_m (in space), stop_s, wall_margin_m, threshold_ppm,
+    floor, power, hits_at_1m, diffusivity_m2_s, lifetime_s, detector_m, wind_memory_s, correlation_s, arrival, declares,
+    radius_m, mass, entropy_bits, monitor_stops.
+
+    State: the belief; which cells were passed; the wind of the last seconds; findings not yet taken in; refused ends;
+    what was declared; the surprise of the last stops.
+
+    Held by:
+        tests/unit/search/information/test_grid_search.py
+    """
+
+    def __init__(
+        self,
+        briefing: Briefing,
+        settings: SimpleNamespace,
+        costs: Callable[[Outlook], Array],
+        *,
+        dimensions: Literal[2, 3] = 2,
+    ) -> None:
+        """Begin with an even belief over free cells, and rehearse a decision so that nothing compiles in flight.
+
+        Args:
+            briefing: What the agent is told.
+            settings: The method's settings.
+            costs: Cost of each place of an outlook; the least is best.
+            dimensions: 2 searches at the briefing's search height, 3 in the volume.
+        """
+        self.settings, self._costs, self._dimensions = settings, costs, dimensions
+        self._height_m = briefing.search_height_m
+        self.grid = CellGrid.covering(briefing.bounds, settings.cell_m, dimensions)
+        self._cells_m = self.grid.centres_m()
+        self._room = _room_of(briefing, settings.wall_margin_m, dimensions)
+        self._arrival_m = arrival_radius_m(briefing) if settings.arrival == "by_mission" else 0.0
+        self._evidence = GasEvidence(
+            noses_of(briefing)[0], every_s=settings.stop_s, threshold_ppm=settings.threshold_ppm
+        )
+        self._winds = WindRecord(
+            vane_of(briefing), step_s=_WIND_STEP_S, n_steps=max(1, round(settings.wind_memory_s / _WIND_STEP_S))
+        )
+        self._dispersal = dispersal_of(briefing, settings, dimensions)
+        self._monitor = SurpriseMonitor(n_stops=settings.monitor_stops)
+        self._declared = Declared()
+        free = np.ones(self.grid.shape, np.bool_)
+        if briefing.known_map is not None:
+            free = self.grid.free_cells(briefing.known_map)
+        p = beliefs.normalised(free.reshape(-1).astype(np.float64))
+        self._memory = _Memory(p=p, passed=np.zeros(self.grid.n_cells, np.bool_))
+        self._costs(self.outlook(self._room.nearest(self._cells_m.mean(axis=0))))
+
+    @property
+    def p(self) -> Array:
+        """The belief, in the grid's shape."""
+        return self._memory.p.reshape(self.grid.shape)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of an observation; calling it again for the same tick does no harm."""
+        self._winds.add(observation)
+        finding = self._evidence.add(observation)
+        if finding is not None:
+            self._memory.findings.append(finding)
+        self._mark_passed(self._point(observation))
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next command: a declaration, or the next stop."""
+        self.observe(observation)
+        self._learn()
+        memory = self._memory
+        if observation.notice is not None and memory.aimed_m is not None:
+            memory.refused_m.append(memory.aimed_m)
+        belief = self._belief_message(observation)
+        estimate = self._declared.passes(self._estimate()) if self.settings.declares else None
+        if estimate is not None:
+            x_m, y_m, z_m = (*estimate.position_m, self._height_m)[:3]
+            return flying.declaration(observation, (x_m, y_m, z_m), estimate.confidence, belief=belief)
+        memory.aimed_m = self._next_place(self._point(observation))
+        x_m, y_m, z_m = (*memory.aimed_m, self._height_m)[:3]
+        return flying.waypoint(observation, x_m, y_m, z_m, hold_s=self.settings.hold_s, belief=belief)
+
+    def outlook(self, here_m: Place) -> Outlook:
+        """Return what a method weighs at a place."""
+        places_m = np.array(self.neighbours(here_m))
+        return Outlook(
+            p=self._memory.p,
+            cells_m=self._cells_m,
+            cell_m=self.grid.cell_m,
+            here_m=here_m,
+            places_m=places_m,
+            novelty=self._novelty(places_m),
+            step_m=self.settings.step_m,
+            survey=self.survey,
+            neighbours=self.neighbours,
+        )
+
+    def model(self) -> EncounterModel:
+        """Return the encounter model in the wind of the last seconds."""
+        winds_m_s = self._winds.winds_m_s()
+        if not len(winds_m_s):
+            return self._dispersal.model((0.0, 0.0), 0.0)
+        mean = winds_m_s.mean(axis=0)
+        return self._dispersal.model((float(mean[0]), float(mean[1])), direction_spread_rad(winds_m_s))
+
+    def neighbours(self, here_m: Place) -> list[Place]:
+        """Return where the next stop may be: here, and the ends of steps that may be flown, without refused ones."""
+        ends = [self._room.nearest(here_m)] if self.settings.may_stay else []
+        for step in self._steps():
+            end = tuple(to_millimetre(x + dx) for x, dx in zip(here_m, step, strict=True))
+            if self._room.is_free(here_m, end) and not self._is_refused(end):
+                ends.append(end)
+        return ends or [self._room.nearest(here_m)]
+
+    def survey(self, places: Sequence[Place]) -> Prospect:
+        """Return what stops at places would tell; where arrival ends the run, cells within reach count as found."""
+        places_m = np.array(places)
+        likelihood, weight, log_weight = likelihoods(
+            self.model().log_mean_hits(places_m, self._cells_m),
+            floor=self.settings.floor,
+            power=self.settings.power * self._novelty(places_m),
+        )
+        if self._arrival_m > 0.0:
+            for i, place in enumerate(places_m):
+                found = self._near(place)
+                for table in (likelihood, weight, log_weight):
+                    table[i][:, found] = 0.0
+        return Prospect(
+            places_m=places_m, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
+        )
+
+    def _learn(self) -> None:
+        memory, settings = self._memory, self.settings
+        findings, memory.findings = memory.findings, []
+        if not findings:
+            return
+        places_m = np.array([finding.sensor_m[: self._dimensions] for finding in findings])
+        log_mean = self.model().log_mean_hits(places_m, self._cells_m)
+        likelihood, _, log_likelihood = likelihoods(log_mean, floor=settings.floor)
+        for i, finding in enumerate(findings):
+            outcome, novelty = int(finding.is_hit), float(self._novelty(places_m[i : i + 1])[0])
+            predictive = likelihood[i] @ memory.p
+            memory.p = updated(memory.p, settings.power * novelty * log_likelihood[i, outcome])
+            memory.smelled_m.append(tuple(places_m[i]))
+            # What was found here before surprises nobody; the model of the plume could not know it.
+            if novelty == 1.0 and self._monitor.add(predictive, outcome):
+                memory.p = flattened(memory.p)
+
+    # Findings at one place are much alike: the second weighs half as much as the first, the third a third.
+    def _novelty(self, places_m: Array) -> Array:
+        smelled_m = np.array(self._memory.smelled_m[-_N_SMELLED:]).reshape(-1, self._dimensions)
+        squares_m2 = ((places_m[:, None] - smelled_m[None]) ** 2).sum(axis=2)
+        return 1.0 / (1.0 + (squares_m2 < (0.5 * self.settings.step_m) ** 2).sum(axis=1))
+
+    # The run would have ended near the source: what was passed is hardly there.
+    def _mark_passed(self, point_m: Place) -> None:
+        memory = self._memory
+        has_moved = memory.marked_m is None or math.dist(point_m, memory.marked_m) > 0.5 * self.grid.cell_m
+        if self._arrival_m <= 0.0 or not has_moved:
+            return
+        memory.marked_m = point_m
+        fresh = self._near(np.array(point_m)) & ~memory.passed
+        if fresh.any():
+            memory.passed |= fresh
+            memory.p = beliefs.normalised(np.where(fresh, _PASSED_WEIGHT * memory.p, memory.p))
+
+    def _next_place(self, here_m: Place) -> Place:
+        outlook = self.outlook(here_m)
+        return tuple(float(x) for x in outlook.places_m[best_of(self._costs(outlook))])
+
+    def _estimate(self) -> Estimate | None:
+        settings, found = self.settings, None
+        # Boxes are quicker than balls, and most beliefs fill not even one of them.
+        reach = int(settings.radius_m / self.grid.cell_m + 1e-9)
+        if most_in_a_box(self.p, reach) > settings.mass:
+            found = by_mass(self.p, self.grid, radius_m=settings.radius_m, least=settings.mass)
+        return found or by_entropy(self.p, self.grid, limit_bits=settings.entropy_bits, radius_m=settings.radius_m)
+
+    def _belief_message(self, observation: Observation) -> Belief | None:
+        memory = self._memory
+        if observation.time_s < memory.belief_s + _LEAST_BELIEF_PERIOD_S:
+            return None
+        memory.belief_s = observation.time_s
+        return beliefs.belief_message(self.p, self.grid, height_m=self._height_m)
+
+    def _steps(self) -> list[Place]:
+        settings = self.settings
+        angles = (2.0 * math.pi * k / settings.n_headings for k in range(settings.n_headings))
+        level = [(settings.step_m * math.cos(angle), settings.step_m * math.sin(angle)) for angle in angles]
+        if self._dimensions == 2:
+            return list(level)
+        return [(*step, 0.0) for step in level] + [(0.0, 0.0, settings.climb_m), (0.0, 0.0, -settings.climb_m)]
+
+    def _near(self, place_m: Array) -> NDArray[np.bool_]:
+        return ((self._cells_m - place_m) ** 2).sum(axis=1) < self._arrival_m**2
+
+    def _is_refused(self, end_m: Place) -> bool:
+        return any(math.dist(end_m, refused_m) < _REFUSED_RADIUS_M for refused_m in self._memory.refused_m)
+
+    def _point(self, observation: Observation) -> Place:
+        return observation.position_world_m[: self._dimensions]
+
+
+def arrival_radius_m(briefing: Briefing) -> float:
+    """Return how near to the source the run ends by the mission's sentence [m]; 0 where it asks for a declaration."""
+    found = _ARRIVAL.search(briefing.mission)
+    return float(found.group(1)) if found else 0.0
+
+
+def most_in_a_box(p: Array, reach: int) -> float:
+    """Return the most probability that any square or cube of 2 reach + 1 cells holds; no ball in one holds more.
+
+    Args:
+        p: The belief, in the grid's shape.
+        reach: From the middle cell to the outer ones [cells].
+
+    Held by:
+        tests/unit/search/information/test_grid_search.py
+    """
+    sums = np.pad(p, reach)
+    for axis in range(p.ndim):
+        total = np.cumsum(sums, axis=axis)
+        total = np.concatenate([np.zeros_like(np.take(total, [0], axis=axis)), total], axis=axis)
+        n = total.shape[axis] - (2 * reach + 1)
+        ahead = np.take(total, range(2 * reach + 1, 2 * reach + 1 + n), axis=axis)
+        sums = ahead - np.take(total, range(n), axis=axis)
+    return float(sums.max())
+
+
+def dispersal_of(briefing: Briefing, settings: SimpleNamespace, dimensions: Literal[2, 3]) -> Dispersal:
+    """Return what a searcher supposes of the plume: by nominal figures where granted (K1), else by settings (K0)."""
+    bounds = briefing.bounds
+    room_length_m = max(high - low for low, high in zip(bounds.min_m[:2], bounds.max_m[:2], strict=True))
+    if briefing.plume is not None:
+        return dispersal_of_plume(
+            briefing.plume,
+            dimensions=dimensions,
+            threshold_ppm=settings.threshold_ppm,
+            room_length_m=room_length_m,
+            detector_m=settings.detector_m,
+            correlation_s=settings.correlation_s,
+            stop_s=settings.stop_s,
+        )
+    return Dispersal(
+        dimensions=dimensions,
+        hits_at_1m=settings.hits_at_1m,
+        diffusivity_m2_s=settings.diffusivity_m2_s,
+        lifetime_s=settings.lifetime_s,
+        room_length_m=room_length_m,
+        detector_m=settings.detector_m,
+        correlation_s=settings.correlation_s,
+        stop_s=settings.stop_s,
+    )
+
+
+def direction_spread_rad(winds_m_s: Array) -> float:
+    """Return the circular standard deviation of the directions of winds, at most 1.5 rad.
+
+    sd = sqrt(-2 ln r)        r length of the mean of unit vectors
+    [rad] = [1]
+
+    Args:
+        winds_m_s: (n, 2) winds [m/s]; those of no speed are left out.
+
+    Source:
+        Mardia and Jupp 2000, Directional Statistics, section 2.3.
+    """
+    speeds = np.hypot(winds_m_s[:, 0], winds_m_s[:, 1])
+    units = winds_m_s[speeds > 0.0] / speeds[speeds > 0.0, None]
+    if not len(units):
+        return 0.0
+    agreement = min(1.0, float(np.hypot(*units.mean(axis=0))))
+    return min(_WIDEST_SPREAD_RAD, math.sqrt(-2.0 * math.log(max(agreement, 1e-6))))
+
+
+def _room_of(briefing: Briefing, margin_m: float, dimensions: Literal[2, 3]) -> Room:
+    obstacles = None
+    if briefing.known_map is not None:
+        height_m = briefing.search_height_m if dimensions == 2 else None
+        obstacles = obstacles_of(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
+    return Room.within(briefing.bounds, margin_m, obstacles=obstacles)
+
+
+def _key(place: Iterable[float]) -> Place:
+    return tuple(to_millimetre(float(x)) for x in place)

@@ -1,0 +1,1 @@
+"""Maps of gas and wind, and sources by how well their plume explains them."""

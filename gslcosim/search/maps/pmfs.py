@@ -1,0 +1,223 @@
+"""PMFS: probabilistic mapping of hits over a known map, and sources by how well their plume explains the hit map."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.search.beliefs import normalised_from_log
+from gslcosim.search.draws import Draws
+from gslcosim.search.grids import CellGrid
+from gslcosim.search.maps.backward_plume import BackwardPlume, PlumeModel
+from gslcosim.search.maps.pmfs_kernels import add_log_score_inplace, disagreement, stretched_kernel, trust_inplace
+from gslcosim.search.moving.grid_paths import Free, nearest_free, seen_from
+from gslcosim.search.moving.grid_paths_kernels import UNITS_PER_CELL, path_tree
+
+Array = NDArray[np.float64]
+Cell = tuple[int, int]
+_LEAST_P, _MOST_P = 0.001, 0.999
+# Sources are never ruled out by one cell alone.
+_LEAST_FACTOR = 0.01
+# Beyond so many cells exp(-distance) is nothing.
+_VIEW_CELLS = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PmfsSettings:
+    """Figures of PMFS; lengths in cells.
+
+    Hit map: `prior`, `hit_target` and `miss_target` are probabilities; `kernel_cells` and `stretch_s_m` its reach.
+    Trust: `trust_reach_cells` and `trust_scale`. Score: cells that are trusted more than `least_trust` count, at most
+    `scored`, the most trusted ones, and the score is taken to the power `temper`. Motion: goals lie within
+    `reach_cells` of way from visited cells, at most `candidates` are compared, `explore_frac` of the goals are chosen
+    to explore, and so are the first `explore_first`.
+    """
+
+    prior: float = 0.3
+    hit_target: float = 0.6
+    miss_target: float = 0.1
+    kernel_cells: float = 1.5
+    stretch_s_m: float = 1.5
+    trust_reach_cells: float = 1.0
+    trust_scale: float = 1.0
+    least_trust: float = 0.5
+    scored: int = 200
+    temper: float = 1.0
+    reach_cells: float = 5.0
+    candidates: int = 100
+    explore_frac: float = 0.1
+    explore_first: int = 5
+    plume: PlumeModel = field(default_factory=PlumeModel)
+
+    @classmethod
+    def of(cls, settings: SimpleNamespace) -> "PmfsSettings":
+        """Return the figures that go by these names in the settings of a method's card."""
+        names = [item.name for item in fields(cls) if item.name != "plume"]
+        plume = PlumeModel(**{item.name: getattr(settings, item.name) for item in fields(PlumeModel)})
+        return cls(plume=plume, **{name: getattr(settings, name) for name in names})
+
+
+class Pmfs:
+    """Maps how likely gas is met in each cell, and believes in the sources whose plume would explain that map.
+
+    1. Hit map: log odds of a hit in each cell. A measurement moves a cell's probability from the prior to its target
+       (hit or miss) by the weight of `stretched_kernel`; log odds += logit P - logit prior.
+    2. Trust in it: conf = 1 - exp(-omega / scale^2), omega summed by `trust_inplace`.
+    3. Source score: for each source, the product over trusted cells of 1 - conf |measured - modelled| (in logarithms,
+       `add_log_score_inplace`); modelled by `BackwardPlume` in the estimated wind. Normalised it is the belief.
+    4. Motion: among the cells in sight that are in reach and not visited, the one where the sources that are believed
+       in disagree most and the map is trusted least: max Var(share) (1 - conf). Or, to explore, where most is seen that
+       is not known: max sum (1 - conf) exp(-distance).
+
+    State: log odds, omega, the belief, the plume model of the last wind, cells visited, in reach and given up.
+
+    Source:
+        Ojeda, Monroy, Gonzalez-Jimenez 2024, Robotic gas source localization with probabilistic mapping and online
+        dispersion simulation, T-RO, arXiv 2304.08879; figures as in the group's public code and launch files [C].
+    Deviation:
+        Sources are scored by the steady plume calculated backwards, in place of a simulation of filaments for each one
+        of a few hundred candidates: every cell is a candidate, and nothing is drawn at random. The product runs over
+        trusted cells only, so that cells nobody measured do not count. A score may be tempered: neighbouring cells
+        share their measurements, and the model is not the room.
+    Held by:
+        tests/unit/search/maps/test_pmfs.py
+    """
+
+    def __init__(
+        self, free: Free, grid: CellGrid, settings: PmfsSettings | None = None, *, flyable: Free | None = None
+    ) -> None:
+        """Begin without knowledge.
+
+        Args:
+            free: (nx, ny) cells that gas can reach.
+            grid: The cells.
+            settings: Its figures.
+            flyable: Those of them that the robot can be sent to; absent: all.
+        """
+        self.free, self.grid, self.settings = np.ascontiguousarray(free), grid, settings or PmfsSettings()
+        self._log_odds = np.full(free.shape, _logit(self.settings.prior))
+        self._omega = np.zeros(free.shape)
+        self.p = np.where(free, 1.0 / free.sum(), 0.0)
+        self._plume: BackwardPlume | None = None
+        self._is_open = np.zeros(free.shape, np.bool_)
+        self._is_closed = np.zeros(free.shape, np.bool_) if flyable is None else ~flyable
+        self._n_goals = 0
+
+    @property
+    def hit_probability(self) -> Array:
+        """(nx, ny) probability that gas is met in a cell, as far as it was measured."""
+        return 1.0 / (1.0 + np.exp(-self._log_odds))
+
+    @property
+    def confidence(self) -> Array:
+        """(nx, ny) trust in the hit probability, 0 to 1; 0 in solid cells."""
+        return np.where(self.free, -np.expm1(-self._omega / self.settings.trust_scale**2), 0.0)
+
+    def update(self, point_m: Sequence[float], hits: Sequence[bool], wind_m_s: Sequence[float]) -> None:
+        """Take in measurements at one place: hit or miss, one after the other, and the wind there [m/s]."""
+        self.visit(point_m)
+        length, order = self._tree(self._cell(point_m))
+        s = self.settings
+        weight = stretched_kernel(
+            self.free[:, :, None], length, order, wind_m_s[0], wind_m_s[1], s.kernel_cells, s.stretch_s_m
+        ).reshape(self.free.shape)
+        for is_hit in hits:
+            target = s.hit_target if is_hit else s.miss_target
+            p = np.clip(s.prior + (target - s.prior) * weight, _LEAST_P, _MOST_P)
+            self._log_odds += np.log(p / (1.0 - p)) - _logit(s.prior)
+            trust_inplace(self._omega.reshape(-1), length, order, s.trust_reach_cells)
+        self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
+
+    def visit(self, point_m: Sequence[float]) -> None:
+        """Take note of a place where the robot was: cells near it come into reach, and it is no goal any more."""
+        cell = self._cell(point_m)
+        length, _ = self._tree(cell)
+        reach = self.settings.reach_cells * UNITS_PER_CELL
+        self._is_open |= ((length >= 0) & (length <= reach)).reshape(self.free.shape)
+        self._is_closed[cell] = True
+
+    def give_up(self, point_m: Sequence[float]) -> None:
+        """Leave the cell of a place out from now on: it cannot be flown to."""
+        self._is_closed[self._cell(point_m)] = True
+
+    def score(self, wind_m_s: Array) -> None:
+        """Believe anew, in a wind.
+
+        Args:
+            wind_m_s: (nx, ny, 2) wind as it is estimated, world frame [m/s].
+        """
+        self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings.plume)
+        confidence = self.confidence
+        cells = _most(np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.scored)
+        if not cells:
+            return
+        at = tuple(np.array(cells).T)
+        log_score = np.zeros(int(self.free.sum()))
+        add_log_score_inplace(
+            log_score, self._plume.shares(cells), self.hit_probability[at], confidence[at], _LEAST_FACTOR
+        )
+        self.p[self.free] = normalised_from_log(self.settings.temper * log_score)
+
+    def next_goal(self, point_m: Sequence[float], draws: Draws) -> Cell | None:
+        """Return where to measure next; None when no cell is left. Draws one number."""
+        cells = self._candidates(self._cell(point_m))
+        explores = draws.fraction() < self.settings.explore_frac or self._n_goals < self.settings.explore_first
+        if not cells:
+            return None
+        self._n_goals += 1
+        if not explores and self._plume is not None:
+            worth = self._disagreement(self._plume, cells)
+            if worth.max() > 0.0:
+                return cells[int(worth.argmax())]
+        return cells[int(np.argmax([self._unknown_in_view(cell) for cell in cells]))]
+
+    # Of the cells in reach those in sight, if there are any; the nearest ones.
+    def _candidates(self, here: Cell) -> list[Cell]:
+        is_left = self._is_open & ~self._is_closed
+        if not is_left.any():
+            return []
+        in_sight = is_left & seen_from(self.free, here)
+        length, _ = self._tree(here)
+        nearness = 1.0 / (1.0 + np.maximum(length, 0).reshape(self.free.shape))
+        return _most(np.where(in_sight if in_sight.any() else is_left, nearness, 0.0), self.settings.candidates)
+
+    def _disagreement(self, plume: BackwardPlume, cells: list[Cell]) -> Array:
+        variance = disagreement(plume.shares(cells), self.p[self.free])
+        return variance * (1.0 - self.confidence[tuple(np.array(cells).T)])
+
+    def _unknown_in_view(self, cell: Cell) -> float:
+        seen = np.argwhere(seen_from(self.free, cell, _VIEW_CELLS))
+        away = np.hypot(seen[:, 0] - cell[0], seen[:, 1] - cell[1])
+        return float(((1.0 - self.confidence[tuple(seen.T)]) * np.exp(-away)).sum())
+
+    def _tree(self, cell: Cell) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        length, _, order = path_tree(self.free[:, :, None], cell[0] * self.free.shape[1] + cell[1])
+        return length, order
+
+    def _cell(self, point_m: Sequence[float]) -> Cell:
+        cell = nearest_free(self.free, self.grid, point_m)
+        assert cell is not None, "a room without a free cell is refused before"
+        return cell[0], cell[1]
+
+
+def warm_up() -> None:
+    """Load or compile what a search runs, on a few cells, so that nothing is compiled in flight."""
+    free = np.ones((6, 6), np.bool_)
+    method = Pmfs(free, CellGrid((0.0, 0.0), 1.0, free.shape))
+    method.update((2.0, 2.0), (True, False), (0.5, 0.0))
+    method.score(np.ones((6, 6, 2)))
+    method.next_goal((2.0, 2.0), Draws(1))
+
+
+# At most n cells with the largest values above 0, the largest first; of equal ones the first in C order.
+def _most(values: Array, n: int) -> list[Cell]:
+    order = np.argsort(-values, axis=None, kind="stable")[:n]
+    chosen = order[values.reshape(-1)[order] > 0.0]
+    return [(int(i), int(j)) for i, j in zip(*np.unravel_index(chosen, values.shape), strict=True)]
+
+
+def _logit(p: float) -> float:
+    return math.log(p / (1.0 - p))

@@ -1,0 +1,1 @@
+"""Searches that react: walks, casts, surges, spirals, gradients, and what they share."""

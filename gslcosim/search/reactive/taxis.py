@@ -1,0 +1,187 @@
+"""Towards more gas: gradients fitted to readings, and wheels that two noses slow down."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import MethodError
+from gslcosim.search.senses.instruments import Nose
+
+# Two noses nearer to each other than this tell no side [m].
+_LEAST_BASE_M = 0.05
+# Directions in which the places spread less than this, of the most, count as not explored.
+_LEAST_SPREAD_FRAC = 1e-3
+
+
+class RecentReadings:
+    """Readings of the last seconds near the vehicle, to which a plane is fitted.
+
+    State: time, place and value of each reading that is not too old.
+
+    Held by:
+        tests/unit/search/reactive/test_taxis.py
+    """
+
+    def __init__(self, *, within_m: float, within_s: float) -> None:
+        """Begin without readings; older and farther ones than this are left out."""
+        self._within_m, self._within_s = within_m, within_s
+        self._readings: deque[tuple[float, tuple[float, float], float]] = deque()
+
+    def add(self, time_s: float, place_m: Sequence[float], value: float) -> None:
+        """Take note of a reading of what grows with the gas; broken ones are ignored."""
+        if math.isfinite(value):
+            self._readings.append((time_s, (place_m[0], place_m[1]), value))
+        while self._readings and self._readings[0][0] < time_s - self._within_s:
+            self._readings.popleft()
+
+    def fit(self, time_s: float, place_m: Sequence[float]) -> "GradientFit | None":
+        """Return the gradient here and now; see `fit_gradient`.
+
+        w = (1 - age / within_s) (1 - distance / within_m), 0 outside
+        """
+        near = [reading for reading in self._readings if self._weight(reading, time_s, place_m) > 0.0]
+        weights = np.array([self._weight(reading, time_s, place_m) for reading in near])
+        places_m = np.array([reading[1] for reading in near]).reshape(-1, 2)
+        return fit_gradient(places_m, np.array([reading[2] for reading in near]), weights)
+
+    def _weight(
+        self, reading: tuple[float, tuple[float, float], float], time_s: float, place_m: Sequence[float]
+    ) -> float:
+        age, distance = (time_s - reading[0]) / self._within_s, math.dist(reading[1], place_m[:2]) / self._within_m
+        return max(0.0, 1.0 - age) * max(0.0, 1.0 - distance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GradientFit:
+    """A plane fitted to readings: its gradient [unit/m], and the standard error of its length [unit/m]."""
+
+    gradient_per_m: tuple[float, float]
+    standard_error_per_m: float
+
+    @property
+    def heading_rad(self) -> float:
+        """Where the gas grows, world frame [rad]."""
+        return math.atan2(self.gradient_per_m[1], self.gradient_per_m[0])
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the gradient is longer than its standard error."""
+        length_per_m = math.hypot(*self.gradient_per_m)
+        return length_per_m > 0.0 and length_per_m > self.standard_error_per_m
+
+
+def fit_gradient(
+    positions_m: NDArray[np.float64], values: NDArray[np.float64], weights: NDArray[np.float64]
+) -> GradientFit | None:
+    """Return the plane that fits readings best; absent with fewer than four, or all at one place.
+
+    c_i ~ c0 + g . (p_i - mean p), minimising sum w_i (c_i - fit_i)^2
+    Cov g = s^2 (sum w (p - mean p)(p - mean p)^T)^+, s^2 = sum w r^2 / (n - 1 - rank)        means weighted by w
+    [unit/m] = [unit] / [m]; the standard error is sqrt(e . Cov g e) with e along g.
+
+    Where all places lie on a line, g is along it: what lies to its sides is not known.
+
+    Args:
+        positions_m: (n_readings, xy) places [m].
+        values: (n_readings,) what grows with the gas.
+        weights: (n_readings,) none negative, some positive.
+
+    Source:
+        Weighted least squares, textbook.
+    Held by:
+        tests/unit/search/reactive/test_taxis.py
+    """
+    n = len(values)
+    total = float(weights.sum())
+    if n < 4 or not total > 0.0:
+        return None
+    share = weights * (n / total)
+    offsets_m = positions_m - share @ positions_m / n
+    rises = values - share @ values / n
+    spread = (offsets_m * share[:, None]).T @ offsets_m
+    sizes, axes = np.linalg.eigh(spread)
+    kept = sizes > _LEAST_SPREAD_FRAC**2 * max(float(sizes[-1]), 1e-12)
+    if not kept.any() or not sizes[-1] > 1e-9:
+        return None
+    inverse = (axes[:, kept] / sizes[kept]) @ axes[:, kept].T
+    gradient = inverse @ ((offsets_m * share[:, None]).T @ rises)
+    residuals = rises - offsets_m @ gradient
+    n_free = max(1, n - 1 - int(kept.sum()))
+    variance = float(share @ residuals**2) / n_free
+    error = _error_along(gradient, variance * inverse)
+    return GradientFit(gradient_per_m=(float(gradient[0]), float(gradient[1])), standard_error_per_m=error)
+
+
+def _error_along(gradient: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    length = float(np.linalg.norm(gradient))
+    if length == 0.0:
+        return math.inf
+    unit = gradient / length
+    return math.sqrt(max(0.0, float(unit @ covariance @ unit)))
+
+
+def place_of_mount_m(position_m: Sequence[float], yaw_rad: float, mount_body_m: Sequence[float]) -> tuple[float, float]:
+    """Return where a level vehicle carries a mount, x and y, world frame [m].
+
+    p + R(yaw) m        p position of the vehicle, m mount in the body frame (x forward, y left)
+    """
+    x_m, y_m = mount_body_m[0], mount_body_m[1]
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    return position_m[0] + cosine * x_m - sine * y_m, position_m[1] + sine * x_m + cosine * y_m
+
+
+def lateral_pair(noses: Sequence[Nose]) -> tuple[Nose, Nose]:
+    """Return the noses farthest to the left and to the right.
+
+    Raises:
+        MethodError: none are 0.05 m apart across the vehicle.
+    """
+    left = max(noses, key=lambda nose: nose.mount_body_m[1])
+    right = min(noses, key=lambda nose: nose.mount_body_m[1])
+    apart_m = left.mount_body_m[1] - right.mount_body_m[1]
+    if apart_m < _LEAST_BASE_M:
+        raise MethodError(
+            f"sensors: expected two gas sensors {_LEAST_BASE_M:g} m apart across the vehicle, were {apart_m:g} m. "
+            "Mount one to the left and one to the right, as in mount_m: [0, 0.2, 0] and mount_m: [0, -0.2, 0]."
+        )
+    return left, right
+
+
+def wheel_speeds_m_s(
+    left_frac: float, right_frac: float, *, most_m_s: float, gain: float, is_crossed: bool
+) -> tuple[float, float]:
+    """Return the speeds of the left and the right wheel of a Braitenberg vehicle with inhibition [m/s].
+
+    v_L = v_max (1 - k x_L), v_R = v_max (1 - k x_R);  crossed: x_L and x_R change places
+    [m/s] = [m/s]
+
+    Uncrossed, it turns to the side with more gas and slows down there; crossed, it turns away and explores.
+
+    Args:
+        left_frac: x_L, the left nose, 0 to 1.
+        right_frac: x_R.
+        most_m_s: v_max [m/s].
+        gain: k, 0 to 1.
+        is_crossed: Which of the two.
+
+    Source:
+        Lilienthal and Duckett 2004, Advanced Robotics 18; k 0.9 remembered, unverified [M].
+    Held by:
+        tests/unit/search/reactive/test_taxis.py
+    """
+    if is_crossed:
+        left_frac, right_frac = right_frac, left_frac
+    return most_m_s * (1.0 - gain * left_frac), most_m_s * (1.0 - gain * right_frac)
+
+
+def speed_and_turn(left_m_s: float, right_m_s: float, half_base_m: float) -> tuple[float, float]:
+    """Return forward speed [m/s] and rate of turn to the left [rad/s] of two wheels.
+
+    v = (v_L + v_R) / 2, omega = (v_R - v_L) / (2 b)        b half of the distance between the wheels
+    [m/s]; [rad/s] = [m/s] / [m]
+    """
+    return (left_m_s + right_m_s) / 2.0, (right_m_s - left_m_s) / (2.0 * half_base_m)

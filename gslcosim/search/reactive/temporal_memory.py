@@ -1,0 +1,146 @@
+"""What a plume has felt like of late, as one of a few states: how often there was gas, and how much."""
+# The functions take arrays and plain numbers only, so that a trainer may compile them with numba as they are.
+
+import json
+import math
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.search.reactive.casting import BlankMemory
+
+Floats = NDArray[np.float64]
+
+# Upper ends of the classes: share of the memory with gas, and rank of its mean among all amounts met so far.
+SHARE_CUTS = (0.33, 0.66)
+RANK_CUTS = (0.25, 0.5, 0.8, 0.99)
+N_GAS_STATES = (len(SHARE_CUTS) + 1) * (len(RANK_CUTS) + 1)
+# In the void a state for each decision since the last gas; the last one stands for all that follow.
+N_VOID_STATES = 50
+N_STATES = N_GAS_STATES + N_VOID_STATES
+N_MOVES = 4
+
+
+def memory_features(amounts: Floats, n: int, noise: float) -> tuple[float, float]:
+    """Return how much of the memory had gas, and how much gas that was.
+
+    threshold s = max(0.5 mean(M), noise)        M the n amounts in memory
+    share = |{m in M: m > s}| / n                mean = mean of these m, 0 without any
+
+    Args:
+        amounts: (>= n,) the memory first; what follows is not looked at.
+        n: Length of the memory.
+        noise: Amounts up to this are no gas.
+
+    Source:
+        Rando, James, Verri, Rosasco, Seminara 2025 (arXiv 2404.17495), read in code.
+    Held by:
+        tests/unit/search/reactive/test_temporal_memory.py
+    """
+    if n == 0:
+        return 0.0, 0.0
+    memory = amounts[:n]
+    gas = memory[memory > max(0.5 * memory.mean(), noise)]
+    if gas.size == 0:
+        return 0.0, 0.0
+    return gas.size / n, gas.mean()
+
+
+def rank_frac(amount: float, history: Floats, n: int) -> float:
+    """Return which share of the first `n` amounts of a history is less than an amount; 0 without a history."""
+    return np.sum(history[:n] < amount) / max(n, 1)
+
+
+def gas_state(share_frac: float, rank: float) -> int:
+    """Return the state of a memory with gas: 5 times the class of its share, plus the class of its rank.
+
+    classes by upper ends: share 0.33, 0.66; rank 0.25, 0.5, 0.8, 0.99
+
+    Source:
+        Rando et al. 2025: cuts of the share, and percentiles of all amounts met so far on this path.
+    """
+    by_share = 0
+    for cut in SHARE_CUTS:
+        if share_frac > cut:
+            by_share += 1
+    by_rank = 0
+    for cut in RANK_CUTS:
+        if rank > cut:
+            by_rank += 1
+    return by_share * (len(RANK_CUTS) + 1) + by_rank
+
+
+def void_state(n_decisions: int) -> int:
+    """Return the state after so many decisions without gas, from 1 on."""
+    return N_GAS_STATES + min(n_decisions, N_VOID_STATES) - 1
+
+
+class TemporalMemory:
+    """The memory of a searcher: amounts of the last T seconds, all amounts met, and how long ago gas was.
+
+    T is as long as the last blank (`casting.BlankMemory`), or fixed where `adapts` is false. Amounts above `noise` are
+    gas. The history is of the amounts that are gas, at most `MOST_HISTORY` of them, the last ones.
+
+    State: the amounts with their times, the history, the blanks, and decisions since the last state with gas.
+
+    Source:
+        Rando et al. 2025, the adaptive memory.
+    Deviation:
+        T in seconds with bounds, not in steps: legs differ in length. The rank replaces percentiles, which come to the
+        same but for ties.
+    Held by:
+        tests/unit/search/reactive/test_temporal_memory.py
+    """
+
+    MOST_HISTORY = 3000
+
+    def __init__(
+        self, *, noise: float, first_s: float, least_s: float = 1.0, most_s: float = 30.0, adapts: bool = True
+    ) -> None:
+        """Begin without gas, with a memory of `first_s`."""
+        self._noise = noise
+        self._fixed_s = None if adapts else first_s
+        self._blanks = BlankMemory(first_s=first_s, least_s=least_s, most_s=most_s, shortest_blank_s=0.15)
+        self._most_s = max(most_s, first_s)
+        self._amounts: deque[tuple[float, float]] = deque()
+        self._history: deque[float] = deque(maxlen=self.MOST_HISTORY)
+        self.n_void = 0
+
+    @property
+    def memory_s(self) -> float:
+        """T, how far back it looks [s]."""
+        return self._blanks.memory_s if self._fixed_s is None else self._fixed_s
+
+    def add(self, time_s: float, amount: float) -> None:
+        """Take note of an amount at a time [s]; a time counts once, broken amounts not at all."""
+        if not math.isfinite(amount) or (self._amounts and time_s <= self._amounts[-1][0]):
+            return
+        self._amounts.append((time_s, amount))
+        while self._amounts[0][0] < time_s - self._most_s:
+            self._amounts.popleft()
+        if amount > self._noise:
+            self._blanks.note_hit(time_s)
+            self._history.append(amount)
+
+    def decide(self, time_s: float) -> int:
+        """Return the state at a decision; without gas in memory it counts the decisions in the void."""
+        recent = np.array([amount for t, amount in self._amounts if t > time_s - self.memory_s])
+        share_frac, mean = memory_features(recent, len(recent), self._noise)
+        if share_frac == 0.0:
+            self.n_void += 1
+            return void_state(self.n_void)
+        self.n_void = 0
+        return gas_state(share_frac, rank_frac(mean, np.array(self._history), len(self._history)))
+
+
+def load_policies(path: Path) -> dict[str, list[list[float]]]:
+    """Return tables of values (state, move) by the name of the recovery that they were learned with."""
+    tables = json.loads(path.read_text(encoding="utf-8"))["tables"]
+    return {name: [[float(value) for value in row] for row in table] for name, table in tables.items()}
+
+
+def best_move(values: list[float]) -> int:
+    """Return the move of the greatest value, the first of equal ones."""
+    return max(range(len(values)), key=lambda move: (values[move], -move))

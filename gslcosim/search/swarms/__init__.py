@@ -1,0 +1,1 @@
+"""Teams: radio, rounds, formations, particle swarms, glowworms."""

@@ -1,0 +1,235 @@
+"""Synchronous rounds of a team over radio: all hold, read and tell, then all step."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
+from gslcosim.search.senses.instruments import Nose, Vane
+from gslcosim.search.senses.measuring import Measurement, StopAndMeasure
+from gslcosim.search.swarms.radio import Best, Report, Team, encode, parse
+
+# The round's number is the first of a report's own numbers.
+_NUMBER = 0
+
+
+def _ppm_of(measurement: Measurement) -> float:
+    return measurement.ppm[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Round:
+    """What the team has read in one round: a report of each robot that told, the own among them, by sorted names."""
+
+    number: int
+    reports: dict[str, Report]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Who told, sorted."""
+        return tuple(self.reports)
+
+    @property
+    def positions_m(self) -> NDArray[np.float64]:
+        """The (n, 2) places of the readings, world frame [m]."""
+        return np.array([report.position_m[:2] for report in self.reports.values()], dtype=np.float64)
+
+    @property
+    def amounts(self) -> NDArray[np.float64]:
+        """The (n,) amounts of gas."""
+        return np.array([report.amount for report in self.reports.values()], dtype=np.float64)
+
+    @property
+    def has_gas(self) -> bool:
+        """Whether any robot has gas."""
+        return any(report.amount > 0.0 for report in self.reports.values())
+
+    @property
+    def winds_m_s(self) -> NDArray[np.float64]:
+        """The (n, 2) winds, where the air goes [m/s]; NaN for a robot that did not tell."""
+        return np.array([report.wind_m_s or (np.nan, np.nan) for report in self.reports.values()], dtype=np.float64)
+
+    @property
+    def mean_wind_m_s(self) -> tuple[float, float]:
+        """The mean of the winds that were told; zero where none was."""
+        winds = [report.wind_m_s for report in self.reports.values() if report.wind_m_s is not None]
+        if not winds:
+            return 0.0, 0.0
+        x_m_s, y_m_s = np.mean(winds, axis=0)
+        return float(x_m_s), float(y_m_s)
+
+    def numbers_of(self, name: str) -> tuple[float, ...]:
+        """Return the numbers of the method's own in a robot's report, without the round's."""
+        return self.reports[name].numbers[_NUMBER + 1 :]
+
+
+class Rounds:
+    """Keeps a team in step: a robot that has read waits until the others have read too, and only then steps.
+
+    Each tells its report when it has read, and again with every wait and with its step, so that a text may be lost.
+    A robot that is silent for `timeout_s` counts as lost and is not waited for until it is heard again. Who hears that
+    others are a round ahead has missed them: it steps at once and counts on from their number. All compute with the
+    reports as they are heard, its own included, so those who have heard the same come to the same.
+
+    Use `observe` with every observation, and in `decide`:
+
+        now = self.rounds.complete(observation)
+        if now is None:
+            return self.rounds.wait(observation)
+        ...
+        return waypoint(observation, ..., outgoing=self.rounds.call())
+
+    State: the round's number, the own report of it, since when it waits, what was heard, and who is lost.
+
+    Held by:
+        tests/unit/search/swarms/test_rounds.py
+    """
+
+    def __init__(
+        self,
+        briefing: Briefing,
+        nose: Nose,
+        vane: Vane | None,
+        *,
+        amount: Callable[[Measurement], float] = _ppm_of,
+        timeout_s: float = 6.0,
+        first_timeout_s: float = 15.0,
+        wait_s: float = 0.2,
+        n_calls: int = 2,
+        window_s: float = math.inf,
+    ) -> None:
+        """Join the team on the first channel of a briefing.
+
+        Args:
+            briefing: What the agent is told.
+            nose: What the gas is read with.
+            vane: What the wind is read with.
+            amount: Gives the gas of a measurement, for the reports; by default its mixing ratio.
+            timeout_s: How long a silent robot is waited for [s].
+            first_timeout_s: The same in the first round, in which all take off [s].
+            wait_s: How long a wait lasts before the report is told again [s].
+            n_calls: How often a report is told at least.
+            window_s: Over how long a robot that stays where it is averages what it reads [s].
+        """
+        self.team = Team(briefing)
+        self.number = 1
+        self.lost: set[str] = set()
+        self._timeouts_s = (first_timeout_s, timeout_s)
+        self._wait_s, self._n_calls = wait_s, n_calls
+        self._amount = amount
+        self._measure = StopAndMeasure((nose,), vane, window_s=window_s)
+        self._heard: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
+        self._own: Report | None = None
+        self._last: Report | None = None
+        self._since_s = 0.0
+        self._n_called = 0
+
+    @property
+    def index(self) -> int:
+        """The robot's own place among the sorted names of all members: its slot."""
+        return self.team.index
+
+    @property
+    def n_members(self) -> int:
+        """How many robots the team had at the start."""
+        return len(self.team.members)
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of an observation: readings, and what is heard."""
+        self._measure.add(observation)
+        for name, report in self.team.hear(observation):
+            self.lost.discard(name)
+            if report.numbers:
+                self._heard[name][int(report.numbers[_NUMBER])] = report
+
+    def complete(
+        self, observation: Observation, numbers: Sequence[float] = (), *, best: Best | None = None
+    ) -> Round | None:
+        """Return the round's reports once all that are not lost have told; None as long as there is to wait.
+
+        A round is returned once; the next call begins the next one with what the vehicle reads then.
+
+        Args:
+            observation: One that awaits a command.
+            numbers: Up to seven numbers of the method's own for the report.
+            best: The best place that the robot knows of, for the report.
+        """
+        if self._own is None:
+            measured = self._measure.measured()
+            if measured is None:
+                return None
+            self._own = self._report(observation, measured, numbers, best)
+            self._since_s, self._n_called = observation.time_s, 0
+        missing = [name for name in self.team.others if name not in self.lost and not self._has_told(name)]
+        if missing:
+            timeout_s = self._timeouts_s[0 if self.number == 1 else 1]
+            if observation.time_s - self._since_s < timeout_s - 1e-9:
+                return None
+            self.lost.update(missing)
+        elif self._n_called + 1 < self._n_calls and len(self.lost) < len(self.team.others):
+            return None
+        return self._close()
+
+    def wait(self, observation: Observation) -> Command:
+        """Return the command that waits for the others, and tells them the own report again."""
+        return Command(tick=observation.tick, kind="hold", hold_s=self._wait_s, outgoing=self.call())
+
+    def call(self) -> tuple[RadioMessage, ...]:
+        """Return the own last report as it goes out with a command."""
+        self._n_called += 1
+        return () if self._last is None else self.team.call(self._last)
+
+    def _has_told(self, name: str) -> bool:
+        return any(number >= self.number for number in self._heard[name])
+
+    def _report(
+        self, observation: Observation, measured: Measurement, numbers: Sequence[float], best: Best | None
+    ) -> Report:
+        wind = measured.wind
+        report = Report(
+            time_s=observation.time_s,
+            position_m=observation.position_world_m,
+            amount=self._amount(measured),
+            wind_m_s=None if wind is None else _blowing_m_s(wind.speed_m_s * wind.steadiness_frac, wind.upwind_rad),
+            best=best,
+            numbers=(float(self.number), *numbers),
+        )
+        self._last = as_heard(report, self.team)
+        return self._last
+
+    def _close(self) -> Round:
+        assert self._own is not None
+        reports = {self.team.name: self._own}
+        for name in self.team.others:
+            told = {number: report for number, report in self._heard[name].items() if number >= self.number}
+            if told and name not in self.lost:
+                reports[name] = told.get(self.number, told[max(told)])
+        closed = Round(number=self.number, reports=dict(sorted(reports.items())))
+        self.number = max(self.number + 1, *(max(told, default=0) for told in self._heard.values()), 0)
+        self._heard = {
+            name: {number: report for number, report in told.items() if number >= self.number}
+            for name, told in self._heard.items()
+        }
+        self._own = None
+        return closed
+
+
+def as_heard(report: Report, team: Team) -> Report:
+    """Return a report with the digits in which the others hear it; as it is where it cannot be told.
+
+    Where not everything fits, the best place goes before the wind: the others know of best places themselves.
+    """
+    for told in (report, replace(report, best=None)):
+        text = None if team.channel is None else encode(told, max_bytes=team.channel.max_bytes)
+        heard = None if text is None else parse(text)
+        if heard is not None and (heard.wind_m_s is not None or told.wind_m_s is None or told.best is None):
+            return heard
+    return report
+
+
+# The mean vector of a hold: speed times how well its directions agree.
+def _blowing_m_s(speed_m_s: float, upwind_rad: float) -> tuple[float, float]:
+    return -speed_m_s * float(np.cos(upwind_rad)), -speed_m_s * float(np.sin(upwind_rad))

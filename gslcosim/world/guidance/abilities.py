@@ -1,0 +1,67 @@
+"""What a vehicle can do, for those who send it somewhere."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from gslcosim.scenario.models.scenario import VehicleSpec
+from gslcosim.world.paths.trajectory import Limits
+from gslcosim.world.vehicle import VehicleModel
+
+# What of its greatest tilt a vehicle may plan with; the rest is for wind and errors.
+_PLANNED_SHARE = 0.9
+# Air drag may take up to this share of that.
+_DRAG_SHARE = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Abilities:
+    """How a vehicle moves and how far it can go.
+
+    `max_thrust_n` is that of all rotors, 0 without; `standing_height_m` is its centre above what it stands on.
+    """
+
+    name: str
+    limits: Limits
+    has_rotors: bool
+    has_wheels: bool
+    max_thrust_n: float
+    max_yaw_rate_rad_s: float
+    standing_height_m: float
+
+
+def abilities_of(spec: VehicleSpec, model: VehicleModel, constants: Any, half_height_m: float) -> Abilities:
+    """Return the abilities of a vehicle.
+
+    Args:
+        spec: What the scenario says of it.
+        model: Its parameters.
+        constants: Its record of `records.CONSTANTS`.
+        half_height_m: Its centre above what it stands on [m].
+    """
+    speed_rad_s = float(constants["max_rotor_speed_rad_s"])
+    return Abilities(
+        name=model.name,
+        limits=_feasible_limits(spec, model, constants),
+        has_rotors=model.rotors is not None,
+        has_wheels=model.wheels is not None,
+        max_thrust_n=4 * float(constants["thrust_coefficient_n_s2"]) * speed_rad_s**2,
+        max_yaw_rate_rad_s=model.body.max_yaw_rate_rad_s,
+        standing_height_m=half_height_m,
+    )
+
+
+# The scenario's limits, or those of the vehicle where they are tighter: wheels have their own, and in the air tilt
+# gives a + k_drag v <= 0.9 g tan(tilt_max) and lift |a| <= 0.9 * 0.7 g.
+def _feasible_limits(spec: VehicleSpec, model: VehicleModel, constants: Any) -> Limits:
+    speed_m_s, acceleration_m_s2 = spec.max_speed_m_s, spec.max_acceleration_m_s2
+    if model.wheels is not None:
+        speed_m_s = min(speed_m_s, model.wheels.max_speed_m_s)
+        acceleration_m_s2 = min(acceleration_m_s2, model.wheels.max_acceleration_m_s2)
+        return Limits(max_speed_m_s=speed_m_s, max_acceleration_m_s2=acceleration_m_s2)
+    lift_m_s2 = 0.7 * float(constants["gravity_m_s2"])
+    reach_m_s2 = _PLANNED_SHARE * min(float(constants["gravity_m_s2"] * constants["max_tilt_tangent"]), lift_m_s2)
+    drag_s = float(constants["expected_drag_s"])
+    speed_m_s = min(speed_m_s, _DRAG_SHARE * reach_m_s2 / drag_s if drag_s > 0 else math.inf)
+    acceleration_m_s2 = min(acceleration_m_s2, reach_m_s2 - drag_s * speed_m_s)
+    return Limits(max_speed_m_s=speed_m_s, max_acceleration_m_s2=acceleration_m_s2)

@@ -1,0 +1,130 @@
+"""Why a vehicle does not obey a command; every refusal says what was expected and what was found."""
+
+import math
+
+import numpy as np
+
+from gslcosim.contract.messages import Command, DriveSetpoint
+from gslcosim.world.guidance.abilities import Abilities
+from gslcosim.world.guidance.course import Course
+from gslcosim.world.guidance.edges import Edges
+from gslcosim.world.paths.columns import is_way_down_free
+from gslcosim.world.paths.legs import AT_REST, legs_of, refusal_of_curves, refusal_of_motion
+from gslcosim.world.paths.space import FlightSpace, Vec3
+
+
+def refusal_of(command: Command, abilities: Abilities, space: FlightSpace, *, is_on_ground: bool) -> str | None:
+    """Return why a vehicle cannot obey a command, or nothing when it can.
+
+    Args:
+        command: The agent's command.
+        abilities: What the vehicle can do.
+        space: Where it may be sent.
+        is_on_ground: Whether it stands with its rotors off.
+    """
+    match command.kind:
+        case "waypoint" | "mission":
+            return _refusal_of_places(command, abilities, space)
+        case "velocity":
+            return _refusal_of_speed("velocity", command.velocity_world_m_s or (0.0,), abilities)
+        case "take_off" | "land":
+            return _refusal_of_change(command.kind, abilities, is_on_ground=is_on_ground)
+        case "attitude" | "rates":
+            return _refusal_of_setpoint(command, abilities)
+        case "drive":
+            return _refusal_of_drive(command.drive, abilities)
+        case _:
+            return None
+
+
+def refusal_from_here(
+    tick: int, command: Command, course: Course, edges: Edges, *, rises_to_m: float | None, avoids: bool
+) -> str | None:
+    """Return why a vehicle cannot obey a command from where it is and as it moves, or nothing.
+
+    Args:
+        tick: The tick that ended.
+        command: A command that the vehicle could obey somewhere.
+        course: What it follows now.
+        edges: The space around it.
+        rises_to_m: The height at which the command takes effect, after a take-off [m]; nothing in the air.
+        avoids: Whether ways are planned, so that they need not be free as they are said.
+    """
+    match command.kind:
+        case "land":
+            return _refusal_of_ground(course.position_m, edges.space, avoids=avoids)
+        case "mission" if not avoids:
+            state = course.motion(tick).state
+            if rises_to_m is not None:
+                state = np.array([(*course.position_m[:2], rises_to_m), AT_REST, AT_REST])
+            return refusal_of_curves(legs_of(command, 0.0), state, edges.abilities.limits, edges.space, edges.tick_ns)
+        case "velocity" if rises_to_m is None and command.velocity_world_m_s != course.kept_velocity_m_s:
+            wanted_m_s = command.velocity_world_m_s or AT_REST
+            path, is_preparing = course.planner.at_velocity(wanted_m_s, course.motion(tick), tick)
+            return None if is_preparing else edges.ahead_on(tick, path)
+        case "drive" if command.drive is not None:
+            return edges.ahead_of_drive(tick, course, command.drive.speed_m_s)
+        case _:
+            return None
+
+
+# Level ground as wide as the vehicle, and with avoidance nothing above it.
+def _refusal_of_ground(position_world_m: Vec3, space: FlightSpace, *, avoids: bool) -> str | None:
+    x_m, y_m, z_m = position_world_m
+    corners = [(x_m + i * space.radius_m, y_m + j * space.radius_m, z_m) for i in (-1, 1) for j in (-1, 1)]
+    heights_m = {space.support_height_m(corner) for corner in (position_world_m, *corners)}
+    if max(heights_m) - min(heights_m) < 1e-6:
+        if not avoids or is_way_down_free(space, position_world_m, max(heights_m)):
+            return None
+        return f"land: expected a free way down from ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m, was something solid in it."
+    return (
+        f"land: expected level ground within {space.radius_m:g} m of ({x_m:.2f}, {y_m:.2f}), "
+        f"was {min(heights_m):g} to {max(heights_m):g} m high."
+    )
+
+
+def _refusal_of_places(command: Command, abilities: Abilities, space: FlightSpace) -> str | None:
+    for leg in legs_of(command, 0.0):
+        refusal = space.waypoint_refusal(leg.name, leg.place_world_m) or refusal_of_motion(leg, abilities.limits)
+        if refusal is not None:
+            return refusal
+    return None
+
+
+def _refusal_of_speed(name: str, velocity_m_s: tuple[float, ...], abilities: Abilities) -> str | None:
+    speed_m_s, most_m_s = math.hypot(*velocity_m_s), abilities.limits.max_speed_m_s
+    if speed_m_s > most_m_s * (1 + 1e-9):
+        return f"{name}: expected at most {most_m_s:g} m/s, was {speed_m_s:g} m/s."
+    return None
+
+
+def _refusal_of_change(kind: str, abilities: Abilities, *, is_on_ground: bool) -> str | None:
+    if abilities.has_wheels:
+        return f"{kind}: expected a vehicle that flies, was a {abilities.name}."
+    if kind == "take_off" and not is_on_ground:
+        return "take_off: expected a vehicle that has landed, was in the air."
+    if kind == "land" and is_on_ground:
+        return "land: expected a vehicle in the air, was on the ground."
+    return None
+
+
+def _refusal_of_setpoint(command: Command, abilities: Abilities) -> str | None:
+    if not abilities.has_rotors:
+        return f"{command.kind}: expected a vehicle with rotors, was a {abilities.name}."
+    setpoint = command.attitude if command.kind == "attitude" else command.rates
+    if setpoint is None:
+        return None
+    if setpoint.thrust_n is not None and setpoint.thrust_n > abilities.max_thrust_n:
+        return f"{command.kind}.thrust_n: expected at most {abilities.max_thrust_n:.4g} N, was {setpoint.thrust_n:g} N."
+    return _refusal_of_speed(f"{command.kind}.climb_m_s", (setpoint.climb_m_s,), abilities)
+
+
+def _refusal_of_drive(setpoint: DriveSetpoint | None, abilities: Abilities) -> str | None:
+    if not abilities.has_wheels:
+        return f"drive: expected a vehicle on wheels, was a {abilities.name}."
+    if setpoint is None:
+        return None
+    most_rad_s = abilities.max_yaw_rate_rad_s
+    if abs(setpoint.yaw_rate_rad_s) > most_rad_s:
+        return f"drive.yaw_rate_rad_s: expected at most {most_rad_s:g} rad/s, was {setpoint.yaw_rate_rad_s:g} rad/s."
+    return _refusal_of_speed("drive.speed_m_s", (setpoint.speed_m_s,), abilities)

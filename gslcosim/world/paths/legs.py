@@ -1,0 +1,192 @@
+"""From what an agent asks for to the legs of a flight, and from a leg to the path that a vehicle follows."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Command
+from gslcosim.ticks import NS_PER_S
+from gslcosim.world.paths.space import FlightSpace
+from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Limits, Trajectory, Vec3, fly_at, fly_through, fly_to
+
+AT_REST: Vec3 = (0.0, 0.0, 0.0)
+# Shares of a path's duration at which it is looked at.
+_LOOKS_AT = np.linspace(0.1, 1.0, 10).tolist()
+# How far a path to rest may leave the straight line: in ways that braking takes, and beyond that [m].
+_SWINGS_UP_TO = 2.0
+_SWINGS_BY_M = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg:
+    """The way to one place: to rest there, or to pass it with a velocity and an acceleration, world frame.
+
+    `name` is what refusals call it; `hold_s` counts only where it rests; `after_s` is the least time for it;
+    `is_bend` says that it is only on the way to where the agent sent the vehicle.
+    """
+
+    name: str
+    place_world_m: Vec3
+    velocity_world_m_s: Vec3 = AT_REST
+    acceleration_world_m_s2: Vec3 = AT_REST
+    hold_s: float = 0.0
+    after_s: float | None = None
+    heading: Heading = AS_BEFORE
+    is_bend: bool = False
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether the vehicle does not stop at its end."""
+        return any(self.velocity_world_m_s)
+
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """(3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] at its end; world frame."""
+        return np.array([self.place_world_m, self.velocity_world_m_s, self.acceleration_world_m_s2])
+
+
+def legs_of(command: Command, hold_s: float) -> tuple[Leg, ...]:
+    """Return the legs of a waypoint or a mission.
+
+    Args:
+        command: The agent's command.
+        hold_s: How long to hold at a waypoint [s]; a mission says that itself.
+    """
+    heading = heading_of(command)
+    if command.kind == "waypoint" and command.position_world_m is not None:
+        return (Leg(name="waypoint", place_world_m=command.position_world_m, hold_s=hold_s, heading=heading),)
+    return tuple(
+        Leg(
+            name=f"waypoints[{i}]",
+            place_world_m=point.position_world_m,
+            velocity_world_m_s=point.velocity_world_m_s,
+            acceleration_world_m_s2=point.acceleration_world_m_s2,
+            hold_s=point.hold_s,
+            after_s=point.after_s,
+            heading=heading if point.yaw_rad is None else Heading(yaw_rad=point.yaw_rad),
+        )
+        for i, point in enumerate(command.waypoints or ())
+    )
+
+
+def heading_of(command: Command) -> Heading:
+    """Return where a command lets the vehicle look; along its path wins over an angle."""
+    if command.faces_path:
+        return Heading(is_along_path=True)
+    return Heading(yaw_rad=command.yaw_rad)
+
+
+def refusal_of_motion(leg: Leg, limits: Limits) -> str | None:
+    """Return why a leg's end cannot be passed as it says, or nothing."""
+    for name, vector, most, unit in (
+        ("velocity", leg.velocity_world_m_s, limits.max_speed_m_s, "m/s"),
+        ("acceleration", leg.acceleration_world_m_s2, limits.max_acceleration_m_s2, "m/s^2"),
+    ):
+        size = math.hypot(*vector)
+        if size > most * (1 + 1e-9):
+            return f"{leg.name}.{name}: expected at most {most:g} {unit}, was {size:g} {unit}."
+    if leg.hold_s and leg.is_passed:
+        return f"{leg.name}.hold_s: expected 0 where the vehicle passes with a velocity, was {leg.hold_s:g} s."
+    return None
+
+
+def refusal_of_curves(
+    legs: Sequence[Leg], state: NDArray[np.float64], limits: Limits, space: FlightSpace, tick_ns: int
+) -> str | None:
+    """Return why legs that begin or end in motion cannot be flown, or nothing: their paths leave the straight line.
+
+    Args:
+        legs: The legs, one after the other.
+        state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] at their start; world frame.
+        limits: Speed and acceleration kept to.
+        space: Where the vehicle may be sent.
+        tick_ns: Length of a tick [ns].
+    """
+    for leg in legs:
+        path = plan_leg(leg, state, limits, 0, tick_ns)
+        if leg.is_passed or np.any(state[1]):
+            for share in _LOOKS_AT:
+                x_m, y_m, z_m = path.state_after(share * path.duration_s)[0].tolist()
+                refusal = space.refusal(f"{leg.name}: path to it", (x_m, y_m, z_m))
+                if refusal is not None:
+                    return refusal
+        state = leg.end
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """How a vehicle moves at the end of a tick: its reference as (3, 3) state, and its true heading [rad]."""
+
+    state: NDArray[np.float64]
+    yaw_rad: float
+
+
+class Planner(Protocol):
+    """Plans paths of one kind of vehicle; a path that only prepares is followed by another plan to the same end."""
+
+    def along(self, leg: Leg, motion: Motion, tick: int) -> tuple[Trajectory, bool]:
+        """Return the path along a leg, and whether it only prepares for it."""
+        ...
+
+    def at_velocity(self, velocity_world_m_s: Vec3, motion: Motion, tick: int) -> tuple[Trajectory, bool]:
+        """Return the path to a velocity, and whether it only prepares for it."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightPlanner:
+    """Plans for vehicles that can accelerate in any direction."""
+
+    limits: Limits
+    tick_ns: int
+
+    def along(self, leg: Leg, motion: Motion, tick: int) -> tuple[Trajectory, bool]:
+        """Return the path along a leg, or the stop that has to come before it where it would swing out."""
+        path = plan_leg(leg, motion.state, self.limits, tick, self.tick_ns)
+        if swings_out(leg, path, motion.state, self.limits):
+            return replace(fly_at(motion.state, AT_REST, self.limits, tick), heading=leg.heading), True
+        return replace(path, heading=leg.heading), False
+
+    def at_velocity(self, velocity_world_m_s: Vec3, motion: Motion, tick: int) -> tuple[Trajectory, bool]:
+        """Return the path to a velocity; nothing has to be prepared."""
+        return fly_at(motion.state, velocity_world_m_s, self.limits, tick), False
+
+
+def plan_leg(leg: Leg, state: NDArray[np.float64], limits: Limits, tick: int, tick_ns: int) -> Trajectory:
+    """Return the quickest path along a leg; a leg that is passed takes whole ticks."""
+    if not leg.is_passed and leg.after_s is None:
+        return fly_to(state, leg.place_world_m, limits, tick)
+    step_s = tick_ns / NS_PER_S if leg.is_passed else 0.0
+    return fly_through(state, leg.end, limits, tick, least_s=leg.after_s or 0.0, step_s=step_s)
+
+
+def swings_out(leg: Leg, path: Trajectory, state: NDArray[np.float64], limits: Limits) -> bool:
+    """Return whether a path to rest goes so far aside that the vehicle had better stop first.
+
+    A quintic that begins in motion the wrong way goes on that way for a good part of its duration: on a long leg it
+    would leave the straight line by metres, where braking takes 0.75 v^2 / a. Legs that are passed or have their time
+    are flown as they are said.
+
+    Args:
+        leg: The leg.
+        path: Its path from a state.
+        state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; world frame.
+        limits: Speed and acceleration kept to.
+
+    Held by:
+        tests/unit/world/guidance/test_mission.py
+    """
+    speed_m_s = float(np.linalg.norm(state[1]))
+    if leg.is_passed or leg.after_s is not None or speed_m_s == 0.0:
+        return False
+    allowed_m = _SWINGS_UP_TO * 0.75 * speed_m_s**2 / limits.max_acceleration_m_s2 + _SWINGS_BY_M
+    places_m = np.array([path.state_after(share * path.duration_s)[0] for share in _LOOKS_AT])
+    way_m = np.array(leg.place_world_m) - state[0]
+    along = np.clip((places_m - state[0]) @ way_m / max(float(way_m @ way_m), 1e-12), 0.0, 1.0)
+    aside_m = np.linalg.norm(places_m - state[0] - along[:, np.newaxis] * way_m, axis=1)
+    return bool(aside_m.max() > allowed_m)

@@ -1,0 +1,1 @@
+"""MuJoCo and the compiled loop: the scene, control, rotors, wheels."""

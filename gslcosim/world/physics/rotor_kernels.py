@@ -1,0 +1,94 @@
+"""Rotors and drag: how fast rotors follow their command, and what they and the air do to the body."""
+# pyright: basic
+
+import math
+
+import numba
+
+
+@numba.njit(cache=True, nogil=True)
+def lagged_rotor_speed(vehicle, speed, command):
+    """Return a rotor's speed one sub-step later: first-order lag, slower down than up.
+
+    speed += (1 - exp(-dt/tau)) (command - speed)
+    [rad/s]; the share is dimensionless and exact for a command held over dt
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`; holds the two shares.
+        speed: Rotor speed [rad/s], >= 0.
+        command: Commanded speed [rad/s], >= 0.
+
+    Source:
+        Furrer, Burri, Achtelik and Siegwart 2016 (RotorS), doi:10.1007/978-3-319-26054-9_23.
+    Held by:
+        tests/unit/world/physics/test_rotor_kernels.py
+    """
+    response = vehicle.response_up if command > speed else vehicle.response_down
+    return speed + response * (command - speed)
+
+
+@numba.njit(cache=True, nogil=True)
+def rotor_wrench(vehicle, rotor_speed_rad_s):
+    """Return thrust, torques about the body axes, and the sum of the rotors' speeds.
+
+    (T, tau) = M (c speed_i^2)
+    [N], [N m] = [1], [m] times [N s^2] [rad/s]^2
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`; M is its `wrench_from_thrusts`.
+        rotor_speed_rad_s: (4,) rotor speeds [rad/s].
+
+    Returns:
+        (thrust [N], torque x, y, z [N m], sum of speeds [rad/s]).
+
+    Source:
+        Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, equation 2. Thrust does not depend on air speed; blade
+        flapping, gyroscopic torque of the rotors, ground effect and downwash are left out.
+    Held by:
+        tests/unit/world/physics/test_rotor_kernels.py
+    """
+    M = vehicle.wrench_from_thrusts
+    thrust = tau_x = tau_y = tau_z = total = 0.0
+    for i in range(4):
+        speed = rotor_speed_rad_s[i]
+        T = vehicle.thrust_coefficient_n_s2 * speed * speed
+        thrust += M[0, i] * T
+        tau_x += M[1, i] * T
+        tau_y += M[2, i] * T
+        tau_z += M[3, i] * T
+        total += speed
+    return thrust, tau_x, tau_y, tau_z, total
+
+
+@numba.njit(cache=True, nogil=True)
+def drag_force(vehicle, total_speed, u, v, w):
+    """Return the drag of rotors and hull in a relative wind, body frame.
+
+    F_i = c_i sum(speed) u_i + 1/2 rho A_i |u| u_i          u air velocity minus body velocity
+    [N] = [N s^2/m] [rad/s] [m/s] = [kg/m^3] [m^2] [m/s]^2
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        total_speed: Sum of the rotors' speeds [rad/s].
+        u: Relative wind along body x [m/s].
+        v: Relative wind along body y [m/s].
+        w: Relative wind along body z [m/s].
+
+    Returns:
+        (F_x, F_y, F_z) body frame [N], at the centre of mass.
+
+    Source:
+        Rotor drag linear in speed: Furrer et al. 2016 (RotorS), doi:10.1007/978-3-319-26054-9_23; hull drag by the
+        drag area per axis.
+    Deviation:
+        The rotors' drag acts at the centre of mass, not at the hubs, so that it makes no torque.
+    Held by:
+        tests/unit/world/physics/test_rotor_kernels.py, tests/analytic/test_world_flight.py (terminal speed)
+    """
+    speed = math.sqrt(u * u + v * v + w * w)
+    c, q = vehicle.rotor_drag_n_s2_m, vehicle.half_density_drag_area_kg_m
+    return (
+        (c[0] * total_speed + q[0] * speed) * u,
+        (c[1] * total_speed + q[1] * speed) * v,
+        (c[2] * total_speed + q[2] * speed) * w,
+    )

@@ -1,0 +1,27 @@
+"""`gslcosim schema`"""
+
+import json
+
+from gslcosim.cli.main import main
+from gslcosim.contract.publish.export import contract_files
+from gslcosim.contract.schema import contract_hash
+
+
+def test_export_writes_all_files(capsys, tmp_path):
+    assert main(["schema", "export", str(tmp_path / "new" / "contract")]) == 0
+    assert contract_hash() in capsys.readouterr().out
+    written = {path.relative_to(tmp_path / "new" / "contract").as_posix() for path in tmp_path.rglob("*.*")}
+    assert written == set(contract_files())
+
+
+def test_json_lists_what_was_written(capsys, tmp_path):
+    assert main(["schema", "export", str(tmp_path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["hash"] == contract_hash()
+    assert all((tmp_path / name).is_file() for name in told["files"])
+
+
+def test_a_folder_that_cannot_be_written_is_a_wrong_call(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    assert main(["schema", "export", str(tmp_path / "file" / "contract")]) == 2
+    assert "expected a folder that can be written" in capsys.readouterr().err

@@ -1,0 +1,175 @@
+"""Files of geometry: parts come as the file has them, and what is damaged is named."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from gslcosim.environment.geometry.mesh_formats import load_parts
+from gslcosim.errors import EnvironmentDataError
+
+BOUNDS = [(0, 0, 0), (4, 3, 2)]
+
+
+def box():
+    return trimesh.creation.box(bounds=BOUNDS)
+
+
+def obj_text(mesh):
+    lines = ["v {} {} {}".format(*vertex) for vertex in mesh.vertices]
+    return "\n".join(lines + ["f {} {} {}".format(*face) for face in mesh.faces + 1]) + "\n"
+
+
+def glb(mesh):
+    return trimesh.Scene(mesh).export(file_type="glb")
+
+
+MJCF = '<mujoco><worldbody><geom name="box" type="box" size="2 1.5 1" pos="2 1.5 1"/></worldbody></mujoco>'
+CONTENTS = {
+    "box.stl": lambda: box().export(file_type="stl"),
+    "text.stl": lambda: box().export(file_type="stl_ascii").encode(),
+    "box.obj": lambda: obj_text(box()).encode(),
+    "box.glb": lambda: glb(box()),
+    "box.xml": lambda: MJCF.encode(),
+}
+
+
+def load(path, *, scale=1.0, up="z", translate_m=(0.0, 0.0, 0.0)):
+    return load_parts(path, scale=scale, up=up, translate_m=translate_m)
+
+
+def write(tmp_path, name, content=None):
+    (tmp_path / name).write_bytes(CONTENTS[name]() if content is None else content)
+    return tmp_path / name
+
+
+def refusal(path):
+    with pytest.raises(EnvironmentDataError) as error:
+        load(path)
+    return str(error.value)
+
+
+def extent(parts):
+    corners_m = np.concatenate([part.vertices_m[part.faces] for part in parts]).reshape(-1, 3)
+    return corners_m.min(axis=0).tolist(), corners_m.max(axis=0).tolist()
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+def test_a_box_of_each_format_has_its_twelve_triangles(tmp_path, name):
+    (part,) = load(write(tmp_path, name))
+    assert part.faces.shape == (12, 3)
+    assert extent([part]) == ([0, 0, 0], [4, 3, 2])
+
+
+def test_gltf_points_up_along_y_unless_it_is_told_otherwise(tmp_path):
+    path = write(tmp_path, "box.glb")
+    assert extent(load(path, up=None)) == ([0, -2, 0], [4, 0, 3])
+    assert extent(load(path, up="z")) == ([0, 0, 0], [4, 3, 2])
+
+
+def test_parts_are_scaled_then_turned_then_moved(tmp_path):
+    parts = load(write(tmp_path, "box.stl"), scale=0.5, up="y", translate_m=(10, 0, 1))
+    assert extent(parts) == ([10, -1, 1], [12, 0, 2.5])
+
+
+def test_groups_and_materials_of_obj_have_names(tmp_path):
+    text = "o hall\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\ng floor\nusemtl concrete\nf 1 2 3 4\no lid\ng inlet\nf 1 3 4\n"
+    parts = load(write(tmp_path, "hall.obj", text.encode()))
+    assert sorted(len(part.faces) for part in parts) == [1, 2]
+    names = {len(part.faces): part.names for part in parts}
+    assert {"hall", "floor"} <= names[2]
+    assert {"lid", "inlet"} <= names[1]
+
+
+def test_nodes_of_gltf_stand_where_the_scene_has_them_in_their_colour(tmp_path):
+    mesh = box()
+    material = trimesh.visual.material.PBRMaterial(name="brass", baseColorFactor=[255, 51, 0, 102])
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    scene = trimesh.Scene()
+    for name, x_m in (("left", 0.0), ("right", 10.0)):
+        scene.add_geometry(
+            mesh, node_name=name, geom_name="crate", transform=trimesh.transformations.translation_matrix((x_m, 0, 0))
+        )
+    parts = load(write(tmp_path, "two.glb", scene.export(file_type="glb")))
+    assert [(part.name, extent([part])[0][0]) for part in parts] == [("left", 0), ("right", 10)]
+    assert parts[0].names == {"left", "crate", "brass"}
+    assert parts[0].rgba == (1.0, 0.2, 0.0, 0.4)
+
+
+def volume_of(part):
+    return trimesh.Trimesh(part.vertices_m, part.faces).volume
+
+
+@pytest.mark.parametrize(
+    ("geom", "volume", "half"),
+    [
+        ('type="box" size="1 2 3"', 48, (1, 2, 3)),
+        ('type="sphere" size="1"', 4 / 3 * np.pi, (1, 1, 1)),
+        ('type="ellipsoid" size="1 2 0.5"', 4 / 3 * np.pi, (1, 2, 0.5)),
+        ('type="cylinder" size="1 2"', 4 * np.pi, (1, 1, 2)),
+        ('type="capsule" size="0.5 2"', np.pi + np.pi / 6, (0.5, 0.5, 2.5)),
+    ],
+)
+def test_geoms_of_mjcf_are_closed_and_have_their_volume(tmp_path, geom, volume, half):
+    text = f'<mujoco><worldbody><body name="b" pos="5 0 0"><geom {geom}/></body></worldbody></mujoco>'
+    (part,) = load(write(tmp_path, "geom.xml", text.encode()))
+    mesh = trimesh.Trimesh(part.vertices_m, part.faces)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(volume, rel=0.02)
+    low, high = extent([part])
+    assert np.subtract(high, (5, 0, 0)) == pytest.approx(half, rel=0.01)
+    assert np.subtract((5, 0, 0), low) == pytest.approx(half, rel=0.01)
+    assert part.names == {"b"}
+
+
+def test_geoms_of_mjcf_are_turned_and_planes_have_their_size(tmp_path):
+    text = (
+        '<mujoco><worldbody><geom name="ground" type="plane" size="3 4 1"/>'
+        '<geom name="beam" type="box" size="2 0.1 0.1" euler="0 0 90"/></worldbody></mujoco>'
+    )
+    ground, beam = load(write(tmp_path, "two.xml", text.encode()))
+    assert extent([ground]) == ([-3, -4, 0], [3, 4, 0])
+    assert extent([beam])[1] == pytest.approx([0.1, 2, 0.1])
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.93])
+def test_a_truncated_file_is_named(tmp_path, name, share):
+    content = CONTENTS[name]()
+    if name == "box.obj":
+        # Text without a length: what is missing shows where a face has lost a corner.
+        content = content[: content.index(b"f") + 4] if share else b""
+    text = refusal(write(tmp_path, name, content if name == "box.obj" else content[: int(share * len(content))]))
+    assert text.startswith(f"{name}: expected ")
+    assert str(tmp_path / name) in text
+
+
+@pytest.mark.parametrize("name", CONTENTS)
+def test_a_file_of_something_else_is_named(tmp_path, name):
+    content = bytes(np.random.default_rng(1).integers(1, 255, size=4000, dtype=np.uint8))
+    assert refusal(write(tmp_path, name, content)).startswith(f"{name}: expected ")
+
+
+@pytest.mark.parametrize("name", ["empty.stl", "empty.obj", "empty.glb"])
+def test_a_file_without_triangles_is_named(tmp_path, name):
+    points = trimesh.Scene(trimesh.PointCloud([(0, 0, 0), (1, 1, 1)])).export(file_type="glb")
+    content = {"stl": bytes(84), "obj": b"v 0 0 0\nv 1 0 0\n", "glb": points}
+    assert f"{name}: expected" in refusal(write(tmp_path, name, content[name[-3:]]))
+
+
+def test_vertices_that_are_not_finite_are_named(tmp_path):
+    mesh = box()
+    content = bytearray(mesh.export(file_type="stl"))
+    content[84 + 12 : 84 + 16] = np.float32(np.nan).tobytes()
+    text = refusal(write(tmp_path, "nan.stl", bytes(content)))
+    assert "expected finite vertices, was 1 that are not, the first number 0" in text
+
+
+def test_a_face_of_a_vertex_that_there_is_not_is_named(tmp_path):
+    assert refusal(write(tmp_path, "bad.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")).startswith("bad.obj: expected")
+
+
+def test_a_missing_file_and_an_unknown_ending_are_named(tmp_path):
+    assert "nowhere.stl: expected a file of geometry, was no such file" in refusal(tmp_path / "nowhere.stl")
+    (tmp_path / "folder.stl").mkdir()
+    assert "was a folder" in refusal(tmp_path / "folder.stl")
+    assert "expected a file of .stl, .obj, .glb, .gltf, .xml, was .dwg" in refusal(tmp_path / "plan.dwg")

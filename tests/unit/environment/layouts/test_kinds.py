@@ -1,0 +1,160 @@
+"""Layouts: walls, openings and obstacles of a room, and everything that can be wrong with them."""
+
+import pytest
+
+from gslcosim.environment.layouts.kinds import plan_room, problems_of_layout
+from gslcosim.environment.shell import WALL_NAMES
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, OpeningSpec, WindSpec
+
+BUILT_IN, UNIFORM = WindSpec(), WindSpec(solver="uniform")
+
+
+def opening(min_m, max_m):
+    return OpeningSpec(min_m=min_m, max_m=max_m)
+
+
+def only_problem(layout, wind=BUILT_IN):
+    (problem,) = problems_of_layout(layout, wind)
+    return problem
+
+
+def test_walls_close_the_box_of_air_on_all_sides_without_reaching_into_it():
+    plan = plan_room(LayoutSpec(size_m=(6.0, 5.0, 3.0), wall_m=0.25), UNIFORM)
+    assert tuple(box.name for box in plan.boxes) == WALL_NAMES
+    outer = {"min": (-0.25, -0.25, -0.25), "max": (6.25, 5.25, 3.25)}
+    assert tuple(min(box.min_m[axis] for box in plan.boxes) for axis in range(3)) == outer["min"]
+    assert tuple(max(box.max_m[axis] for box in plan.boxes) for axis in range(3)) == outer["max"]
+    for box in plan.boxes:
+        inside = [min(box.max_m[a], plan.grid.max_m[a]) - max(box.min_m[a], 0.0) for a in range(3)]
+        assert min(inside) <= 0.0
+    volume_m3 = sum(
+        (b.max_m[0] - b.min_m[0]) * (b.max_m[1] - b.min_m[1]) * (b.max_m[2] - b.min_m[2]) for b in plan.boxes
+    )
+    # Boxes do not overlap: together they are the outer box less the air.
+    assert volume_m3 == pytest.approx(6.5 * 5.5 * 3.5 - 6.0 * 5.0 * 3.0)
+
+
+def test_the_grid_covers_exactly_the_air():
+    plan = plan_room(LayoutSpec(size_m=(6.0, 5.0, 3.0)), UNIFORM)
+    assert plan.grid.origin_m == (0.0, 0.0, 0.0)
+    assert plan.grid.shape == (30, 25, 15)
+    assert plan.grid.max_m == pytest.approx((6.0, 5.0, 3.0))
+
+
+def test_the_thesis_room_has_its_openings_in_opposite_corners_in_whole_cells():
+    plan = plan_room(LayoutSpec(), WindSpec())
+    inlet, outlet = plan.openings
+    assert (inlet.kind, inlet.min_m, inlet.max_m) == ("inlet", (0.0, 0.0, 0.0), (0.0, 1.6, 2.4))
+    assert inlet.velocity_m_s == (1.0, 0.0, 0.0)
+    assert (outlet.kind, outlet.min_m, outlet.max_m) == ("outlet", (15.0, 13.4, 0.0), (15.0, 15.0, 2.4))
+    assert [notice.split(" is taken as ")[1] for notice in plan.notices] == [
+        "[0, 0, 0] to [0, 1.6, 2.4] m, which is whole cells of 0.2 m.",
+        "[15, 13.4, 0] to [15, 15, 2.4] m, which is whole cells of 0.2 m.",
+    ]
+
+
+def test_openings_of_whole_cells_stay_and_are_not_mentioned():
+    layout = LayoutSpec(
+        inlet=opening((0.0, 0.4, 0.2), (0.0, 1.4, 2.0)), outlet=opening((3.0, 2.0, 8.0), (5.0, 4.0, 8.0))
+    )
+    plan = plan_room(layout, WindSpec())
+    assert [(o.min_m, o.max_m) for o in plan.openings] == [
+        ((0.0, 0.4, 0.2), (0.0, 1.4, 2.0)),
+        ((3.0, 2.0, 8.0), (5.0, 4.0, 8.0)),
+    ]
+    assert plan.notices == ()
+
+
+def test_an_opening_smaller_than_a_cell_becomes_one_cell():
+    plan = plan_room(LayoutSpec(inlet=opening((0.0, 1.04, 1.01), (0.0, 1.06, 1.05))), WindSpec())
+    assert plan.openings[0].min_m == pytest.approx((0.0, 1.0, 1.0))
+    assert plan.openings[0].max_m == pytest.approx((0.0, 1.2, 1.2))
+
+
+def test_default_openings_shrink_with_the_room():
+    inlet, outlet = plan_room(LayoutSpec(size_m=(3.0, 2.0, 2.0)), WindSpec()).openings
+    assert inlet.max_m == pytest.approx((0.0, 0.8, 1.2))
+    assert outlet.min_m == pytest.approx((3.0, 1.2, 0.0))
+
+
+def test_a_side_that_is_no_whole_number_of_cells_is_refused_with_the_nearest_sizes():
+    problem = only_problem(LayoutSpec(size_m=(15.0, 15.1, 8.0)))
+    assert problem.path == "environment.layout.size_m[1]"
+    assert problem.found == "15.1 m, which is 75.5 cells"
+    assert problem.remedy == "Nearest: 15 m or 15.2 m; or wind.cell_m 0.1."
+
+
+def test_a_side_with_no_useful_common_cell_gets_no_advice_on_cells():
+    assert only_problem(LayoutSpec(size_m=(15.0, 15.001, 8.0))).remedy == "Nearest: 15 m or 15.2 m."
+
+
+def test_a_room_thinner_than_a_cell_is_refused():
+    assert only_problem(LayoutSpec(size_m=(15.0, 15.0, 0.05))).path == "environment.layout.size_m[2]"
+
+
+def test_an_absurd_number_of_cells_is_refused_before_anything_is_built():
+    problem = only_problem(LayoutSpec(size_m=(1000.0, 1000.0, 100.0)), WindSpec(cell_m=0.01))
+    assert (problem.path, problem.found) == ("wind.cell_m", "0.01 m, which makes 1e+14")
+    assert problem.remedy.startswith("Take cells of at least 0.8 m")
+
+
+def test_an_opening_off_the_faces_is_refused():
+    problem = only_problem(LayoutSpec(outlet=opening((14.0, 1.0, 0.0), (14.0, 2.0, 2.0))))
+    assert problem.path == "environment.layout.outlet"
+    assert problem.found == "[14, 1, 0] to [14, 2, 2] m"
+    assert "[0, 0, 0] to [15, 15, 8] m" in problem.expected
+
+
+def test_an_opening_that_leaves_its_face_is_refused():
+    problem = only_problem(LayoutSpec(inlet=opening((0.0, 14.0, 0.0), (0.0, 16.0, 2.0))))
+    assert problem.path == "environment.layout.inlet"
+    assert (problem.expected, problem.found) == ("y inside the face, from 0 to 15 m", "14 to 16 m")
+
+
+def test_overlapping_openings_are_refused():
+    problem = only_problem(LayoutSpec(inlet=opening((15.0, 13.0, 0.0), (15.0, 14.0, 2.0))), UNIFORM)
+    assert problem.path == "environment.layout.inlet"
+    assert "overlap" in problem.found
+
+
+def test_openings_that_share_an_edge_are_allowed():
+    layout = LayoutSpec(
+        inlet=opening((0.0, 0.0, 0.0), (0.0, 2.0, 2.0)), outlet=opening((0.0, 2.0, 0.0), (0.0, 4.0, 2.0))
+    )
+    assert problems_of_layout(layout, WindSpec()) == []
+
+
+@pytest.mark.parametrize("velocity_m_s", [(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+def test_a_wind_that_does_not_enter_through_the_inlet_is_refused(velocity_m_s):
+    problem = only_problem(LayoutSpec(), WindSpec(inlet_velocity_m_s=velocity_m_s))
+    assert problem.path == "wind.inlet_velocity_m_s"
+    assert "x_min" in problem.expected
+    assert "+x" in problem.expected
+
+
+def test_still_air_and_uniform_wind_may_have_any_direction():
+    assert problems_of_layout(LayoutSpec(), WindSpec(inlet_velocity_m_s=(0.0, 0.0, 0.0))) == []
+    assert problems_of_layout(LayoutSpec(), WindSpec(solver="uniform", inlet_velocity_m_s=(-1.0, 0.0, 0.0))) == []
+
+
+def test_an_obstacle_outside_the_room_is_refused():
+    box = BoxSpec(name="shelf", min_m=(14.0, 3.0, 0.0), max_m=(16.0, 4.0, 2.0))
+    problem = only_problem(LayoutSpec(obstacles=(box,)))
+    assert problem.path == "environment.layout.obstacles[0]"
+    assert (problem.found, problem.remedy) == ("14 to 16 m", "Cut it to 14 to 15 m.")
+
+
+@pytest.mark.parametrize("name", ["floor", "shelf"])
+def test_a_name_taken_twice_is_refused(name):
+    first = BoxSpec(name="shelf", min_m=(1.0, 3.0, 0.0), max_m=(2.0, 4.0, 2.0))
+    second = BoxSpec(name=name, min_m=(5.0, 3.0, 0.0), max_m=(6.0, 4.0, 2.0))
+    problem = only_problem(LayoutSpec(obstacles=(first, second)))
+    assert (problem.path, problem.found) == ("environment.layout.obstacles[1].name", name)
+
+
+def test_all_problems_come_in_one_error():
+    box = BoxSpec(name="floor", min_m=(-1.0, 3.0, 0.0), max_m=(2.0, 4.0, 20.0))
+    with pytest.raises(ScenarioError) as error:
+        plan_room(LayoutSpec(size_m=(15.1, 15.0, 8.0), obstacles=(box,)), WindSpec())
+    assert len(str(error.value).splitlines()) == 4

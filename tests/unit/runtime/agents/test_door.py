@@ -1,0 +1,155 @@
+"""Whatever an agent sends, exactly one valid command passes for each observation that awaits one."""
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Command, Observation
+from gslcosim.runtime.agents.door import GONE, MAX_COMMAND_BYTES, MAX_EARLY, MAX_FAULTS, Door
+
+
+def observation(tick, *, awaiting=True):
+    return Observation(
+        tick=tick,
+        agent="beetle",
+        time_s=0.0,
+        position_world_m=(0.0, 0.0, 0.0),
+        yaw_rad=0.0,
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        status="holding",
+        awaiting_command=awaiting,
+        readings=(),
+    )
+
+
+def waypoint(tick):
+    return Command(tick=tick, kind="waypoint", position_world_m=(1.0, 2.0, 3.0))
+
+
+def test_a_valid_answer_passes_unchanged():
+    """The command that was asked for goes through, without a fault."""
+    door = Door("beetle")
+    assert door.observed(observation(5)) == []
+    assert door.received(codec.encode(waypoint(5))) == [waypoint(5)]
+    assert door.faults == []
+    assert door.pending == ()
+
+
+def test_an_answer_that_overtakes_its_observation_is_kept():
+    """Two links have no order between them: the early answer passes when its observation arrives."""
+    door = Door("beetle")
+    assert door.received(codec.encode(waypoint(5))) == []
+    assert door.observed(observation(4, awaiting=False)) == []
+    assert door.observed(observation(5)) == [waypoint(5)]
+    assert door.faults == []
+
+
+def nan_waypoint():
+    return msgpack.packb({"tick": 5, "kind": "waypoint", "position_world_m": [float("nan"), 0.0, 0.0]})
+
+
+BAD_ANSWERS = {
+    "garbage": (b"\xc1garbage", "expected a msgpack map"),
+    "empty": (b"", "expected a msgpack map"),
+    "not a map": (msgpack.packb([1, 2]), "expected a msgpack map"),
+    "NaN": (nan_waypoint(), "position_world_m.0"),
+    "float tick": (msgpack.packb({"tick": 5.0, "kind": "noop"}), "tick: "),
+    "future tick": (codec.encode(waypoint(6)), "tick: expected 5, was 6"),
+    "unknown kind": (msgpack.packb({"tick": 5, "kind": "teleport"}), "kind"),
+    "no position": (msgpack.packb({"tick": 5, "kind": "waypoint"}), "needs position_world_m"),
+    "failed": (codec.encode(Command(tick=5, kind="failed")), "expected one of waypoint, hold"),
+    "too large": (bytes(MAX_COMMAND_BYTES + 1), f"expected at most {MAX_COMMAND_BYTES} bytes"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_ANSWERS)
+def test_a_bad_answer_becomes_a_hold_and_a_fault(name):
+    """The vehicle holds, the run goes on, and the fault says what was expected."""
+    payload, expected = BAD_ANSWERS[name]
+    door = Door("beetle")
+    door.observed(observation(5))
+    (command,) = door.received(payload)
+    assert (command.tick, command.kind) == (5, "hold")
+    assert expected in door.faults[0].text
+    assert door.pending == ()
+
+
+def test_a_repeated_answer_is_ignored_without_a_fault():
+    """After a lost message an agent repeats itself; that is not wrong."""
+    door = Door("beetle")
+    door.observed(observation(5))
+    door.received(codec.encode(waypoint(5)))
+    assert door.received(codec.encode(waypoint(5))) == []
+    door.observed(observation(6))
+    assert door.received(codec.encode(waypoint(5))) == []
+    assert len(door.pending) == 1
+    assert door.n_faults == 0
+
+
+def test_a_flood_is_counted_not_kept():
+    """Memory stays bounded however much an agent sends."""
+    door = Door("beetle")
+    door.observed(observation(5, awaiting=False))
+    for tick in range(1000):
+        assert door.received(codec.encode(waypoint(100 + tick))) == []
+    assert door.n_faults == 1000 - MAX_EARLY
+    assert len(door.faults) == MAX_FAULTS
+
+
+def test_an_agent_that_is_gone_fails_where_it_owes_an_answer():
+    """`failed` passes at the pending tick, or at the next one, and nothing after it."""
+    door = Door("beetle")
+    assert door.lost("was killed") == []
+    (command,) = door.observed(observation(5))
+    assert (command.tick, command.kind, command.reason) == (5, "failed", GONE)
+    assert door.observed(observation(6)) == []
+    assert door.received(codec.encode(waypoint(6))) == []
+    door = Door("beetle")
+    door.observed(observation(3))
+    assert door.lost("was killed")[0].tick == 3
+
+
+def test_in_latency_mode_several_answers_may_be_open():
+    """Later observations come before earlier answers; each answer finds its own."""
+    door = Door("beetle", may_overlap=True)
+    for tick in range(3):
+        door.observed(observation(tick))
+    assert door.received(codec.encode(waypoint(1))) == [waypoint(1)]
+    assert door.received(codec.encode(waypoint(3))) == []
+    assert door.received(codec.encode(waypoint(0))) == [waypoint(0)]
+    assert door.observed(observation(3)) == [waypoint(3)]
+    assert [pending.tick for pending in door.pending] == [2]
+
+
+@settings(deadline=None)
+@given(st.lists(st.one_of(st.binary(max_size=40), st.integers(0, 12)), max_size=30))
+def test_one_command_for_each_question(events):
+    """For any mixture of garbage, repeated, early and right answers, no tick is answered twice, none unasked."""
+    door = Door("beetle")
+    passed = []
+    tick = 0
+    for event in events:
+        if not door.pending:
+            passed += door.observed(observation(tick, awaiting=tick % 2 == 0))
+            tick += 1
+        payload = event if isinstance(event, bytes) else codec.encode(waypoint(event))
+        passed += door.received(payload)
+    ticks = [command.tick for command in passed]
+    assert ticks == sorted(set(ticks))
+    assert all(t % 2 == 0 and t < tick for t in ticks)
+
+
+@pytest.mark.parametrize("name", ["garbage", "too large"])
+def test_an_unreadable_answer_that_overtakes_its_observation_is_one_too(name):
+    """The question is answered with a hold; waiting for a second answer would be waiting for ever."""
+    payload, expected = BAD_ANSWERS[name]
+    door = Door("beetle")
+    door.observed(observation(1, awaiting=False))
+    assert door.received(payload) == []
+    assert door.observed(observation(2, awaiting=False)) == []
+    (command,) = door.observed(observation(5))
+    assert (command.tick, command.kind) == (5, "hold")
+    assert [expected in fault.text for fault in door.faults] == [True]
+    assert door.pending == ()
