@@ -190,4 +190,5 @@ def wind_difficulty(toward: np.ndarray) -> float:
     if len(toward) == 0:
         return math.nan
     length = min(1.0, float(np.hypot(*toward.mean(axis=0))))
-    return min(1.0, math.sqrt(-2.0 * math.log(length)) / math.pi) if length > 0.0 else 1.0
+    # abs: the logarithm of 1 would give -0.
+    return min(1.0, math.sqrt(abs(2.0 * math.log(length))) / math.pi) if length > 0.0 else 1.0
