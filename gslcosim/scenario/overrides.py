@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.scenario.problems import (
@@ -13,6 +14,7 @@ from gslcosim.scenario.problems import (
     child_path,
     parent_of,
 )
+from gslcosim.scenario.set_paths import from_directory
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
 
 SET_OPTION = "--set"
@@ -33,7 +35,8 @@ def apply_overrides(
         tree: The file's values; they are not modified.
         overrides: Texts like `agents[0].vehicle.hold_s=1`, values in YAML; later ones win.
         seed: Replaces the scenario's seed.
-        source: What problems with them are said to stand in.
+        source: What problems with them are said to stand in. Relative paths of a `--set` start at the working
+            directory.
     """
     marks = Marks(tree.marks.root, dict(tree.marks.places))
     values = _copy(tree.values)
@@ -41,6 +44,8 @@ def apply_overrides(
     for text in overrides:
         try:
             path, value = _parse(text, source)
+            if source == SET_OPTION:
+                value = from_directory(path, value, Path.cwd())
             _put(values, path, value, source)
             _mark(marks, path, Place(source=source))
         except InvalidScenarioError as error:

@@ -8,7 +8,8 @@ from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.suggestions import did_you_mean
 
-_SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
+SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
+"""Endings by which the second word of a command is known as a file."""
 
 
 def problem_of_python(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
@@ -64,7 +65,7 @@ def problem_of_command(command: tuple[str, ...], *, directory: Path, path: str) 
 
 def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> Problem | None:
     script = command[1] if len(command) > 1 else ""
-    if not script.endswith(_SCRIPT_ENDINGS) or (directory / script).is_file():
+    if not script.endswith(SCRIPT_ENDINGS) or (directory / script).is_file():
         return None
     remedy = f"There is no {(directory / script).resolve()}."
     return Problem(path=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)

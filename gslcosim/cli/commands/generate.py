@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gslcosim.generation import Outcome
     from gslcosim.scenario.recipes import Recipe
 
-EXAMPLES = """  gslcosim generate warehouse_complex --out hall
+EXAMPLES = """  gslcosim generate warehouse_complex
   gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
   gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
   gslcosim generate gsl_bench_3 --out both --compare-solvers
@@ -32,7 +32,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a scenario, a YAML file with the keys layout and wind, or a kind of layout (gslcosim list layouts)",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="the environment's folder, or that of all"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="the environment's folder, or that of all (default: environments/NAME)",
     )
     parser.add_argument("--count", type=at_least_one, default=1, metavar="N", help="how many, each with the next seed")
     parser.add_argument("--jobs", type=at_least_one, default=1, metavar="N", help="how many at the same time")
@@ -93,6 +96,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.scenario.recipes import load_recipe
 
     recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_places)
+    arguments.out = arguments.out or Path("environments") / recipe.name
     if arguments.mesh_study:
         return _study_meshes(recipe, arguments)
     if arguments.compare_solvers:

@@ -1,0 +1,58 @@
+"""Every `gslcosim …` on a page is a command that there is, with options that it has."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from gslcosim.cli.main import COMMANDS
+from gslcosim.cli.parsing import all_actions_of, build_parser, choices_of, parse
+from gslcosim.errors import UsageError
+
+PARSER = build_parser(COMMANDS, version="")
+
+
+def parts_of(command):
+    actions = all_actions_of(choices_of(PARSER)[command.name])
+    return [name for action in actions if isinstance(action.choices, dict) for name in action.choices]
+
+
+NAMES = {
+    name for command in COMMANDS for name in [(command.name,), *((command.name, part) for part in parts_of(command))]
+}
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "agents").glob("*/README.md")), *sorted((ROOT / "scenarios").rglob("README.md")),
+]  # fmt: skip
+# What a reader is to fill in, or what stands for more of the same.
+OPEN = re.compile(r"…|\.\.\.|\bOPTIONS?\b|\|")
+
+
+def commands_on(page):
+    text = page.read_text(encoding="utf-8")
+    fenced = "\n".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL)).replace("\\\n", " ")
+    inline = re.findall(r"`(gslcosim [^`]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+    lines = [line.strip().removeprefix("$ ") for line in fenced.splitlines()]
+    return [line for line in (*lines, *inline) if line.startswith("gslcosim ")]
+
+
+SHOWN = sorted({(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands_on(page)})
+
+
+@pytest.mark.parametrize(("page", "line"), [shown for shown in SHOWN if not OPEN.search(shown[1])])
+def test_a_command_on_a_page_is_understood(page, line):
+    words = shlex.split(line.replace("--seed SEED", "--seed 1"), comments=True)
+    end = next((i for i, word in enumerate(words) if word in ("&&", ";", "&", ">", "2>", "<")), len(words))
+    # A page may name a command without its arguments, such as `gslcosim agent check`.
+    if tuple(words[1:end]) in NAMES or words[1:end] == ["up", "--set"]:
+        return
+    try:
+        parse(PARSER, COMMANDS, words[1:end])
+    except UsageError as error:
+        pytest.fail(f"{page}: {line}\n{error}")
+    # `--version` and `--help` end here, and well.
+    except SystemExit as ended:
+        if ended.code:
+            pytest.fail(f"{page}: {line}")

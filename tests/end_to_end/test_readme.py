@@ -1,0 +1,77 @@
+"""README.md is true: its commands and its agent run as they stand, one after the other, in an empty folder."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+# What a reader has already when the page says so: two runs of one seed, the newest of them, and a scenario.
+GIVEN = {
+    "RUN_A": "$(ls -d runs/* | tail -n 2 | head -n 1)",
+    "RUN_B": "$(ls -d runs/* | tail -n 1)",
+    "RUN": "$(ls -d runs/* | tail -n 1)",
+}
+
+
+def section(title):
+    return README.split(f"## {title}\n")[1].split("\n## ")[0]
+
+
+def commands_of(title):
+    return [line for block in re.findall(r"```sh\n(.*?)```", section(title), re.DOTALL) for line in block.splitlines()]
+
+
+def run(line, folder):
+    for word, value in GIVEN.items():
+        line = re.sub(rf"\b{word}\b", value, line)
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    return subprocess.run(
+        ["sh", "-e", "-c", line], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True,
+        timeout=300, check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "my.yaml").write_text((ROOT / "scenarios" / "tiny_room.yaml").read_text())
+    return tmp_path
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("title", ["Everyday commands", "Compare methods"])
+def test_every_command_works_as_it_stands(title, folder):
+    lines = commands_of(title)
+    assert len(lines) >= 4
+    for line in lines:
+        # The viewer is a window that stays open; a picture of the same view ends by itself.
+        line = line.replace("gslcosim view RUN ", "gslcosim view RUN --screenshot view.png ")
+        ended = run(line, folder)
+        assert ended.returncode == 0, f"{line}\n{ended.stdout}\n{ended.stderr}"
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+def test_the_agent_flies_by_the_command_beside_it(folder):
+    (program,) = re.findall(r"```python\n(.*?)```", section("Write an agent"), re.DOTALL)
+    (folder / "upwind.py").write_text(program)
+    (command,) = re.findall(r"`(gslcosim up [^`]*upwind\.py[^`]*)`", section("Write an agent"))
+    ended = run(command, folder)
+    assert ended.returncode in (0, 1), f"{ended.stdout}\n{ended.stderr}"
+    assert (next((folder / "runs").iterdir()) / "result.json").is_file()
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+def test_the_quickstart_ends_as_the_page_shows(folder):
+    (shown,) = re.findall(r"ends with[^`]*```\n(.*?)```", section("Two commands"), re.DOTALL)
+    ended = run(f"gslcosim up {ROOT / 'scenarios' / 'warehouse_empty.yaml'}", folder)
+    assert ended.returncode == 0, ended.stderr
+    for line in shown.strip().splitlines():
+        assert " ".join(line.split()) in [" ".join(said.split()) for said in ended.stdout.splitlines()]
