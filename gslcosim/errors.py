@@ -1,28 +1,55 @@
 """The exception tree: one class per party that can cause a problem and has to act on it."""
 
+from enum import IntEnum
+from typing import ClassVar
+
+
+class ExitCode(IntEnum):
+    """What the command line returns: who has to act."""
+
+    SUCCESS = 0
+    AGENT_FAILED = 1
+    USAGE = 2
+    FAULT = 3
+    TIMEOUT = 4
+    DIVERGENCE = 5
+    INTERRUPTED = 130
+
 
 class GslCosimError(Exception):
     """Base of all errors raised on purpose; its text is meant for a person."""
 
+    exit_code: ClassVar[ExitCode] = ExitCode.FAULT
+
 
 class ScenarioError(GslCosimError):
-    """A scenario file is wrong; the user corrects the places listed in the message (exit code 2)."""
+    """A scenario file is wrong; the user corrects the places listed in the message."""
+
+    exit_code = ExitCode.USAGE
 
 
 class UsageError(GslCosimError):
-    """A command line is wrong; the user corrects the call (exit code 2)."""
+    """A command line is wrong; the user corrects the call."""
+
+    exit_code = ExitCode.USAGE
 
 
 class EnvironmentDataError(GslCosimError):
     """An environment folder or imported file is missing, corrupt or inconsistent; the user fixes the file."""
 
+    exit_code = ExitCode.USAGE
+
 
 class RecordingError(GslCosimError):
     """A recording cannot be written, shown, or repaired; the user frees the disk, installs what is named, or reruns."""
 
+    exit_code = ExitCode.USAGE
+
 
 class FlowError(GslCosimError):
     """A wind solve cannot start or has diverged; the user changes boundary, cell or time step."""
+
+    exit_code = ExitCode.USAGE
 
 
 class ShapeError(GslCosimError, ValueError):
@@ -42,12 +69,14 @@ class DataflowError(GslCosimError):
 
 
 class ModelError(GslCosimError):
-    """A core's state became invalid (not finite, out of its range); the run is stopped (exit code 3)."""
+    """A core's state became invalid (not finite, out of its range); the run is stopped."""
 
 
 class SimulationFault(GslCosimError):  # noqa: N818 - it is somebody's fault, and the text says whose
-    """A service failed during a run; names the culprit (exit code 3)."""
+    """A service failed during a run; names the culprit."""
 
 
 class RunTimeoutError(GslCosimError):
-    """Nothing moved for longer than allowed; says who waits for whom (exit code 4)."""
+    """Nothing moved for longer than allowed; says who waits for whom."""
+
+    exit_code = ExitCode.TIMEOUT

@@ -24,15 +24,7 @@ from gslcosim.cli.commands import (
 )
 from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import write_note
-from gslcosim.errors import (
-    EnvironmentDataError,
-    FlowError,
-    GslCosimError,
-    RecordingError,
-    RunTimeoutError,
-    ScenarioError,
-    UsageError,
-)
+from gslcosim.errors import ExitCode, GslCosimError
 
 COMMANDS = (
     up.COMMAND,
@@ -52,11 +44,6 @@ COMMANDS = (
     doctor.COMMAND,
 )
 
-EXIT_USAGE = 2
-EXIT_FAULT = 3
-EXIT_TIMEOUT = 4
-EXIT_INTERRUPTED = 130
-
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
@@ -69,25 +56,18 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         if not words:
             parser.print_help(sys.stderr)
-            return EXIT_USAGE
+            return ExitCode.USAGE
         arguments = parse(parser, COMMANDS, words)
         exit_code = int(arguments.call(arguments))
         sys.stdout.flush()
         return exit_code
     except KeyboardInterrupt:
         write_note("Interrupted.")
-        return EXIT_INTERRUPTED
+        return ExitCode.INTERRUPTED
     except BrokenPipeError:
         # Whoever read our output has gone; Python would complain once more when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except GslCosimError as error:
         write_note(str(error))
-        return exit_code_of(error)
-
-
-def exit_code_of(error: GslCosimError) -> int:
-    """Return the exit code that tells who has to act on an error."""
-    if isinstance(error, ScenarioError | UsageError | EnvironmentDataError | FlowError | RecordingError):
-        return EXIT_USAGE
-    return EXIT_TIMEOUT if isinstance(error, RunTimeoutError) else EXIT_FAULT
+        return error.exit_code

@@ -2,26 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import Any
 
 from gslcosim.contract.messages import Ending, Verdict
+from gslcosim.errors import ExitCode
 from gslcosim.runtime.agents.door import AgentFault
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
-
-
-class ExitCode(IntEnum):
-    """What the command line returns."""
-
-    SUCCESS = 0
-    AGENT_FAILED = 1
-    USAGE = 2
-    FAULT = 3
-    TIMEOUT = 4
-    DIVERGENCE = 5
-    INTERRUPTED = 130
 
 
 def ending_of(verdict: Verdict | None) -> Ending:

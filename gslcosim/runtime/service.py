@@ -7,11 +7,9 @@ import sys
 from pathlib import Path
 
 from gslcosim.bus.port import Join
-from gslcosim.errors import GslCosimError, UsageError
+from gslcosim.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.runtime.host import ParticipantHost
 from gslcosim.runtime.privacy import keep_memory_private
-
-FAULT_EXIT_CODE = 3
 
 
 def serve(name: str) -> None:
@@ -28,7 +26,7 @@ def serve(name: str) -> None:
         _serve(name)
     except GslCosimError as error:
         logging.getLogger(name).error("%s", error)
-        sys.exit(FAULT_EXIT_CODE)
+        sys.exit(ExitCode.FAULT)
 
 
 def _serve(name: str) -> None:

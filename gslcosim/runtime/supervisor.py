@@ -12,6 +12,7 @@ from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, ZenohBus, new_passwo
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Command, Ending, Observation, Verdict
 from gslcosim.contract.schema import contract_hash
+from gslcosim.errors import ExitCode
 from gslcosim.runtime import control
 from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES, door_name, door_of, faults_of
 from gslcosim.runtime.agents.guests import COMMAND, GONE, READY, REFUSED, Guests
@@ -23,7 +24,7 @@ from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
-from gslcosim.runtime.outcome import ExitCode, Outcome, ServiceFault, ending_of
+from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text, python_command
 from gslcosim.runtime.status import FlightStatus

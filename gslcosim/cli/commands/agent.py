@@ -5,12 +5,12 @@ from pathlib import Path
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim agent new python my_agent
   gslcosim agent check -- python my_agent/agent.py
   gslcosim agent check --door stdio --format json -- ./my-agent --verbose"""
 
-EXIT_BROKEN_RULES = 1
 DEFAULT_TIMEOUT_S = 30.0
 
 
@@ -83,7 +83,7 @@ def _check(arguments: argparse.Namespace) -> int:
         write_json(report.as_fields())
     else:
         write(report.as_text())
-    return 0 if report.has_passed else EXIT_BROKEN_RULES
+    return 0 if report.has_passed else ExitCode.AGENT_FAILED
 
 
 def _new(arguments: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.run_dirs import RECORDING
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
-from gslcosim.errors import UsageError
+from gslcosim.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from gslcosim.benchmark.execution.jobs import Pool
@@ -21,7 +21,6 @@ EXAMPLES = """  gslcosim bench list
   gslcosim bench report results/smoke
   gslcosim bench verify results/smoke --sample 5"""
 
-EXIT_WITHOUT_RESULT, EXIT_DIFFERENT, EXIT_INTERRUPTED = 1, 5, 130
 RESULTS_DIR = Path("results")
 
 
@@ -203,8 +202,8 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     else:
         write(summary_text(summary, page))
     if summary.is_interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_WITHOUT_RESULT if summary.n_without_result else 0
+        return ExitCode.INTERRUPTED
+    return ExitCode.AGENT_FAILED if summary.n_without_result else 0
 
 
 def _report(arguments: argparse.Namespace) -> int:
@@ -238,7 +237,7 @@ def _show(arguments: argparse.Namespace) -> int:
         equal = f"the same as in the row, digest {digest}" if is_same else f"digest {digest}, the row has {expected}"
         write(f"{trial.case}, {trial.entry}, repetition {trial.repetition}: {equal}.\nRun: {place}")
     if not is_same:
-        return EXIT_DIFFERENT
+        return ExitCode.DIVERGENCE
     if not arguments.no_view and not arguments.json:
         from gslcosim.recording.viewer import open_viewer
 
@@ -265,7 +264,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         write_json(verification_fields(verification))
     else:
         write(verification_text(verification))
-    return EXIT_DIFFERENT if verification.differences else 0
+    return ExitCode.DIVERGENCE if verification.differences else 0
 
 
 def _rank(arguments: argparse.Namespace) -> int:

@@ -5,11 +5,10 @@ import argparse
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import DIGEST, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim compare runs/first runs/second
   gslcosim compare warehouse_empty-seed7-20250101 warehouse_empty-seed7-20250102 --json"""
-
-EXIT_DIVERGENCE = 5
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +42,7 @@ def _run(arguments: argparse.Namespace) -> int:
         )
         for file, digest in zip(files, (a, b), strict=True):
             write(f"  {digest.hex}  final tick {digest.final_tick}  {file.parent}")
-    return 0 if divergence is None else EXIT_DIVERGENCE
+    return 0 if divergence is None else ExitCode.DIVERGENCE
 
 
 COMMAND = Command(

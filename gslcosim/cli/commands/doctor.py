@@ -4,11 +4,10 @@ import argparse
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim doctor
   gslcosim doctor --json"""
-
-EXIT_FAULT = 3
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +26,7 @@ def _run(arguments: argparse.Namespace) -> int:
     is_able = all(finding.level != "FAIL" for finding in findings)
     if arguments.json:
         write_json({"able": is_able, "findings": [vars(finding) for finding in findings]})
-    return 0 if is_able else EXIT_FAULT
+    return 0 if is_able else ExitCode.FAULT
 
 
 COMMAND = Command(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.scenarios import check_places
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+from gslcosim.errors import ExitCode
 
 if TYPE_CHECKING:
     from gslcosim.generation import Outcome
@@ -21,8 +22,6 @@ EXAMPLES = """  gslcosim generate warehouse_complex
   gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
   gslcosim generate gsl_bench_3 --out both --compare-solvers
   gslcosim generate gsl_bench_3 --out study --mesh-study 0.4,0.3,0.2,0.15 --probe 5,3,2"""
-
-EXIT_NONE_MADE, EXIT_SOME_FAILED = 2, 3
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -115,7 +114,7 @@ def _run(arguments: argparse.Namespace) -> int:
         if outcome.error is not None:
             write_note(f"{outcome.order.folder}: {outcome.error}")
     n_failed = sum(outcome.error is not None for outcome in outcomes)
-    return 0 if not n_failed else EXIT_NONE_MADE if n_failed == len(outcomes) else EXIT_SOME_FAILED
+    return 0 if not n_failed else ExitCode.USAGE if n_failed == len(outcomes) else ExitCode.FAULT
 
 
 def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, start_pool, sweep_text
+from gslcosim.errors import ExitCode
 
 if TYPE_CHECKING:
     from gslcosim.benchmark.tuning.sweeping import Sweep
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
 EXAMPLES = """  gslcosim sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
   gslcosim sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
   gslcosim sweep my_suite.yaml --entry surge_cast --vary growth=growing,fixed,doubling --results results/growth"""
-
-EXIT_WITHOUT_RESULT, EXIT_INTERRUPTED = 1, 130
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,11 +61,11 @@ def _run(arguments: argparse.Namespace) -> int:
         ).fly()
     if summary.is_interrupted:
         write_note(f"Interrupted after {summary.n_flown} flights. The same command goes on.")
-        return EXIT_INTERRUPTED
+        return ExitCode.INTERRUPTED
     ids = {trial.id for trial in plan.trials}
     sweep = sweeper.sweep([row for row in folder.rows() if row["trial"] in ids])
     _write(sweep, folder.path, is_json=arguments.json)
-    return EXIT_WITHOUT_RESULT if any(point.figures.n_without_result for point in sweep.points) else 0
+    return ExitCode.AGENT_FAILED if any(point.figures.n_without_result for point in sweep.points) else 0
 
 
 def _write(sweep: "Sweep", folder: Path, *, is_json: bool) -> None:

@@ -5,12 +5,11 @@ import argparse
 from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, start_pool, tuning_text, watched_tuning
+from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
   gslcosim tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400 --jobs 2
   gslcosim tune my_suite.yaml --entry surge_cast --range n_casts=1:8 --budget 1000 --flights-per-setting 20 --seed 7"""
-
-EXIT_INTERRUPTED = 130
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,7 +71,7 @@ def _run(arguments: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             watch.end()
             write_note("Interrupted. The same command goes on.")
-            return EXIT_INTERRUPTED
+            return ExitCode.INTERRUPTED
     fields = tuning_fields(tuning)
     write_fields(folder / "tuning.json", fields)
     write_text(folder / "tuning.csv", tuning_csv(tuning))

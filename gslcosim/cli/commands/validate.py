@@ -5,12 +5,11 @@ import argparse
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim validate my_scenario.yaml
   gslcosim validate warehouse_empty --set wind.cell_m=0.1
   gslcosim validate my_scenario.yaml --resolved > complete.yaml"""
-
-EXIT_PROBLEMS = 2
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +30,7 @@ def _run(arguments: argparse.Namespace) -> int:
         if not arguments.json:
             raise
         write_json({"valid": False, "problems": [located.as_fields() for located in error.problems]})
-        return EXIT_PROBLEMS
+        return ExitCode.USAGE
     if arguments.json:
         scenario = loaded.scenario.model_dump(mode="json", by_alias=True)
         write_json({"valid": True, "problems": [], "scenario": scenario})

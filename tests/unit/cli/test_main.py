@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim import __version__, errors
-from gslcosim.cli.main import COMMANDS, exit_code_of, main
+from gslcosim.cli.main import COMMANDS, main
 from gslcosim.cli.parsing import all_actions_of, build_parser, choices_of, parse
 
 ROOT = Path(__file__).parents[3]
@@ -117,7 +117,7 @@ def test_every_example_is_a_call_that_can_be_parsed(line):
     ],
 )  # fmt: skip
 def test_an_error_has_the_exit_code_of_who_must_act(error, code):
-    assert exit_code_of(error("told")) == code
+    assert error("told").exit_code == code
 
 
 def test_an_error_is_told_without_a_traceback(capsys, tmp_path):
