@@ -8,11 +8,9 @@ from gslcosim.environment.layouts.kinds import plan_room, problems_of_layout
 from gslcosim.environment.occupancy import problems_of_occupancy
 from gslcosim.scenario.models.layouts import HomeSpec, Layout, OfficeSpec, OpeningSpec, WindTunnelSpec
 from gslcosim.scenario.models.scenario import BoxSpec, WindSpec
+from gslcosim.scenario.schema_walk import kinds_of, slot_at
 
-KINDS = (
-    "warehouse_empty", "warehouse_simple", "warehouse_complex", "office", "home", "cluttered_rooms", "plant",
-    "wind_tunnel",
-)  # fmt: skip
+KINDS = kinds_of(slot_at(("environment", "layout")).annotation)
 BY_LOT = ("warehouse_simple", "warehouse_complex", "office", "home", "cluttered_rooms", "plant")
 COARSE = WindSpec(cell_m=0.25)
 
