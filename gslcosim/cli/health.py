@@ -31,7 +31,7 @@ ROUND_TRIP_LIMIT_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Health:
     """One thing that was checked: `WARN` limits what can be done, `FAIL` prevents flying."""
 
     name: str
@@ -40,23 +40,23 @@ class Finding:
     remedy: str = ""
 
 
-def all_findings() -> Iterator[Finding]:
+def all_findings() -> Iterator[Health]:
     """Check everything, one after the other; a check that fails itself is a finding too."""
     for name, check in CHECKS.items():
         try:
             yield from check()
         except Exception as error:  # the doctor must reach the end, whatever is broken
-            yield Finding(name=name, level="FAIL", text=f"the check failed: {error!r}", remedy="Please report this.")
+            yield Health(name=name, level="FAIL", text=f"the check failed: {error!r}", remedy="Please report this.")
 
 
-def check_python() -> Iterator[Finding]:
+def check_python() -> Iterator[Health]:
     """Check Python's version."""
     version = sys.version_info[:3]
     text = f"{'.'.join(map(str, version))} at {sys.executable}"
     yield _graded("Python", "OK" if version >= MIN_PYTHON else "FAIL", text, "Install Python 3.11 or newer.")
 
 
-def check_packages(requirements: list[str] | None = None) -> Iterator[Finding]:
+def check_packages(requirements: list[str] | None = None) -> Iterator[Health]:
     """Check that each package gslcosim requires is there in a version that fits.
 
     Args:
@@ -71,13 +71,13 @@ def check_packages(requirements: list[str] | None = None) -> Iterator[Finding]:
         try:
             version = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            yield Finding(name=name, level="FAIL", text=f"missing, needs {bounds or 'any version'}", remedy=remedy)
+            yield Health(name=name, level="FAIL", text=f"missing, needs {bounds or 'any version'}", remedy=remedy)
             continue
         fits = version_fits(version, bounds)
         yield _graded(name, "OK" if fits else "WARN", version if fits else f"{version}, needs {bounds}", remedy)
 
 
-def check_imports() -> Iterator[Finding]:
+def check_imports() -> Iterator[Health]:
     """Check that the packages with compiled code can be loaded, in a process of its own."""
     call = [sys.executable, "-c", f"import {', '.join(COMPILED_MODULES)}"]
     loading = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
@@ -102,14 +102,14 @@ def version_fits(version: str, bounds: str) -> bool:
     return True
 
 
-def check_cores() -> Iterator[Finding]:
+def check_cores() -> Iterator[Health]:
     """Check how many CPU cores this process may use."""
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     remedy = "A run is six processes; with one core `gslcosim up --in-process` is faster."
     yield _graded("CPU cores", "OK" if n_cores > 1 else "WARN", f"{n_cores}", remedy)
 
 
-def check_memory() -> Iterator[Finding]:
+def check_memory() -> Iterator[Health]:
     """Check how much memory is free."""
     free_gb = free_memory_gb()
     level = _level(free_gb, MIN_MEMORY_GB, GOOD_MEMORY_GB)
@@ -118,7 +118,7 @@ def check_memory() -> Iterator[Finding]:
     )
 
 
-def check_cache() -> Iterator[Finding]:
+def check_cache() -> Iterator[Health]:
     """Check that the cache can be written and that its disk has room."""
     from gslcosim._kernel_cache import cache_root
 
@@ -129,25 +129,25 @@ def check_cache() -> Iterator[Finding]:
         with tempfile.TemporaryFile(dir=root):
             pass
     except OSError as error:
-        yield Finding(name="cache", level="FAIL", text=f"{root} cannot be written: {error.strerror}", remedy=remedy)
+        yield Health(name="cache", level="FAIL", text=f"{root} cannot be written: {error.strerror}", remedy=remedy)
         return
-    yield Finding(name="cache", level="OK", text=f"{root} can be written")
+    yield Health(name="cache", level="OK", text=f"{root} can be written")
     free_gb = shutil.disk_usage(root).free / 1e9
     yield _graded("free disk", _level(free_gb, MIN_DISK_GB, GOOD_DISK_GB), f"{free_gb:.1f} GB in the cache", remedy)
 
 
-def check_zenoh() -> Iterator[Finding]:
+def check_zenoh() -> Iterator[Health]:
     """Check a question and its answer through a real router and a second session, as a run does it."""
     try:
         median_s = zenoh_round_trip_s()
     except Exception as error:
         remedy = "Reinstall eclipse-zenoh; `gslcosim up --in-process` works without it."
-        yield Finding(name="Zenoh round trip", level="FAIL", text=f"{error}", remedy=remedy)
+        yield Health(name="Zenoh round trip", level="FAIL", text=f"{error}", remedy=remedy)
         return
-    yield Finding(name="Zenoh round trip", level="OK", text=f"{1e3 * median_s:.2f} ms through a router")
+    yield Health(name="Zenoh round trip", level="OK", text=f"{1e3 * median_s:.2f} ms through a router")
 
 
-def check_rendering() -> Iterator[Finding]:
+def check_rendering() -> Iterator[Health]:
     """Check whether pictures can be drawn without a display."""
     call = [sys.executable, "-m", "gslcosim.cli.rendering_probe"]
     try:
@@ -163,7 +163,7 @@ def check_rendering() -> Iterator[Finding]:
     yield _graded("GL (EGL)", "OK" if egl["is_there"] else "WARN", egl["text"], remedy)
 
 
-CHECKS: dict[str, Callable[[], Iterator[Finding]]] = {
+CHECKS: dict[str, Callable[[], Iterator[Health]]] = {
     "Python": check_python,
     "packages": check_packages,
     "compiled packages": check_imports,
@@ -223,8 +223,8 @@ def _round_trip_s(member: "Bus", answers: "queue.SimpleQueue[bytes]") -> float:
     return time.perf_counter() - began
 
 
-def _graded(name: str, level: Level, text: str, remedy: str) -> Finding:
-    return Finding(name=name, level=level, text=text, remedy="" if level == "OK" else remedy)
+def _graded(name: str, level: Level, text: str, remedy: str) -> Health:
+    return Health(name=name, level=level, text=text, remedy="" if level == "OK" else remedy)
 
 
 def _level(value: float, minimum: float, good: float) -> Level:

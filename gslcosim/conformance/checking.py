@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from gslcosim.conformance.findings import Failure, Report, findings_of
-from gslcosim.conformance.flight import Flight, Limits, Script, Transcript, Variation
+from gslcosim.conformance.findings import CheckReport, Failure, findings_of
+from gslcosim.conformance.flight import Flight, FlightLimits, Script, Transcript, Variation
 from gslcosim.conformance.judging import (
     GROUNDS_FOR_STOPPING,
     difference,
@@ -31,8 +31,8 @@ _IN_FLIGHT = tuple(rule for rule in RULES if rule not in (*_AFTER_FIRST, "joins"
 
 
 def check_agent(
-    wiring: Wiring, limits: Limits | None = None, report_progress: Callable[[str], None] = lambda _: None
-) -> Report:
+    wiring: Wiring, limits: FlightLimits | None = None, report_progress: Callable[[str], None] = lambda _: None
+) -> CheckReport:
     """Return what a check finds out about an agent.
 
     Args:
@@ -44,7 +44,7 @@ def check_agent(
         UsageError: there is no such program.
     """
     wiring.check()
-    return Check(wiring, limits or Limits(), report_progress).run()
+    return Check(wiring, limits or FlightLimits(), report_progress).run()
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Check:
     """One agent under check: what was played with it, and the rules it has broken so far."""
 
     wiring: Wiring
-    limits: Limits
+    limits: FlightLimits
     report_progress: Callable[[str], None]
     failures: dict[str, Failure] = field(default_factory=dict[str, Failure])
     unjudged: dict[str, str] = field(default_factory=dict[str, str])
@@ -60,7 +60,7 @@ class Check:
     remarks: list[str] = field(default_factory=list[str])
     _started_at: float = 0.0
 
-    def run(self) -> Report:
+    def run(self) -> CheckReport:
         """Play all flights that still can say something; return the report."""
         first = self._play("first", "plain")
         found = flight_failures(first, self.limits)
@@ -71,7 +71,7 @@ class Check:
             self._note_pace(first)
             self._repeat_all(first)
         findings = findings_of(self.wiring.door, self.failures, self.unjudged, self.notes)
-        return Report(
+        return CheckReport(
             command=self.wiring.command,
             door=self.wiring.door,
             format=self.wiring.format,

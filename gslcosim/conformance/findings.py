@@ -57,7 +57,7 @@ class Finding:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class CheckReport:
     """All findings about one agent, in the order of the rules, and what else was seen."""
 
     command: tuple[str, ...]

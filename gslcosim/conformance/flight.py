@@ -26,7 +26,7 @@ BELIEF_EVERY_TICKS = BELIEF_EVERY_S * NS_PER_S // TICK_NS
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class FlightLimits:
     """How long a check waits [s]: for the agent to join, to answer, to exit, and for what it may still have to say."""
 
     join_s: float = 30.0
@@ -108,7 +108,7 @@ class Transcript:
 class Flight:
     """Plays one script with one start of an agent."""
 
-    def __init__(self, wire: Wire, script: Script, limits: Limits, needs: Needs | None = None) -> None:
+    def __init__(self, wire: Wire, script: Script, limits: FlightLimits, needs: Needs | None = None) -> None:
         self._wire = wire
         self._limits = limits
         self._began = time.monotonic()

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gslcosim.conformance.answers import shown_command
 from gslcosim.conformance.findings import Failure
-from gslcosim.conformance.flight import BELIEF_EVERY_TICKS, FLOOD_MESSAGES, Arrival, Limits, Question, Transcript
+from gslcosim.conformance.flight import BELIEF_EVERY_TICKS, FLOOD_MESSAGES, Arrival, FlightLimits, Question, Transcript
 from gslcosim.contract.messages import Command
 from gslcosim.runtime.processes import exit_text
 
@@ -29,7 +29,7 @@ GROUNDS_FOR_STOPPING = frozenset(
 )
 
 
-def flight_failures(transcript: Transcript, limits: Limits) -> dict[str, Failure]:
+def flight_failures(transcript: Transcript, limits: FlightLimits) -> dict[str, Failure]:
     """Return the rules broken in one flight, each with its first break; how the agent ends is not part of it."""
     found: dict[str, Failure] = {}
     for failure in _in_order(transcript, limits):
@@ -37,7 +37,7 @@ def flight_failures(transcript: Transcript, limits: Limits) -> dict[str, Failure
     return found
 
 
-def ending_failures(transcript: Transcript, limits: Limits) -> dict[str, Failure]:
+def ending_failures(transcript: Transcript, limits: FlightLimits) -> dict[str, Failure]:
     """Return the rules broken after the agent was told the end: `ending` or `exit-code`."""
     if transcript.end_told_at_s is None:
         return {}
@@ -107,7 +107,7 @@ def slowest_answer_s(transcript: Transcript) -> float | None:
     return max((transcript.answers_to(q)[0].at_s - q.sent_at_s for q in answered), default=None)
 
 
-def _in_order(transcript: Transcript, limits: Limits) -> Iterator[Failure]:
+def _in_order(transcript: Transcript, limits: FlightLimits) -> Iterator[Failure]:
     if transcript.joined_at_s is None or _died_unheard(transcript):
         yield _absence(transcript, limits)
         return
@@ -142,7 +142,7 @@ def _died_unheard(transcript: Transcript) -> bool:
     return is_first and is_over and is_mute
 
 
-def _absence(transcript: Transcript, limits: Limits) -> Failure:
+def _absence(transcript: Transcript, limits: FlightLimits) -> Failure:
     got = f"nothing for {limits.join_s:g} s"
     if transcript.exited_at_s is not None:
         got = f"the process {exit_text(transcript.exit_code or 0)} after {transcript.exited_at_s:.1f} s"
@@ -152,7 +152,7 @@ def _absence(transcript: Transcript, limits: Limits) -> Failure:
     return _failure(transcript, "joins", sent="its environment", expected=expected, got=got + _words(transcript))
 
 
-def _question_failures(transcript: Transcript, question: Question, limits: Limits) -> Iterator[Failure]:
+def _question_failures(transcript: Transcript, question: Question, limits: FlightLimits) -> Iterator[Failure]:
     sent = _observation(question.tick)
     answers = transcript.answers_to(question)
     others = [a for a in transcript.arrivals if a.open_tick == question.tick and a not in answers]

@@ -9,11 +9,11 @@ from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.model import Box, Cell, Opening
 from gslcosim.environment.occupancy_kernels import reachable_cells
 from gslcosim.environment.openings import cells_at, snapped_range
-from gslcosim.environment.plan import LAYOUT_PATH, Plan
+from gslcosim.environment.plan import LAYOUT_PATH, RoomPlan
 from gslcosim.scenario.problems import Problem
 
 
-def occupancy_of(plan: Plan) -> NDArray[np.uint8]:
+def occupancy_of(plan: RoomPlan) -> NDArray[np.uint8]:
     """Return the (nx, ny, nz) cells of a planned room: its boxes, sealed pockets filled, outlets marked.
 
     Air is what is connected, through faces of cells, with an opening. The rest can neither be flown to nor be blown
@@ -53,7 +53,7 @@ def reachable_from(is_open: NDArray[np.bool_], openings: Sequence[Opening], grid
     return reachable_cells(is_open, np.argwhere(is_seed & is_open))
 
 
-def problems_of_occupancy(plan: Plan) -> list[Problem]:
+def problems_of_occupancy(plan: RoomPlan) -> list[Problem]:
     """Return what keeps the air from coming in, passing and going out; empty when it can."""
     is_open = ~voxelize(plan.boxes, plan.grid)
     problems = [
@@ -84,5 +84,5 @@ def problems_of_occupancy(plan: Plan) -> list[Problem]:
     return problems
 
 
-def _path_to_blame(plan: Plan) -> str:
+def _path_to_blame(plan: RoomPlan) -> str:
     return f"{LAYOUT_PATH}.obstacles" if any(box.kind == "obstacle" for box in plan.boxes) else LAYOUT_PATH

@@ -11,7 +11,7 @@ MAX_CELLS = 200_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class RoomPlan:
     """A room on paper: where its air, its solids and its openings are.
 
     `grid` covers exactly the air, from the corner (0, 0, 0) to the layout's `size_m`; walls, floor and ceiling lie

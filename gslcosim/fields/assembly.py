@@ -24,7 +24,7 @@ from gslcosim.fields.filament.source_shapes import SourceShape
 from gslcosim.fields.gas_field import GasField, Sight
 from gslcosim.fields.gases import air_density_mol_m3, gas_named
 from gslcosim.fields.models.farrell import FarrellWind, Gusts, OpenFieldPlume, open_field
-from gslcosim.fields.models.formula_fields import FormulaField, PlaybackField, Plume
+from gslcosim.fields.models.formula_fields import FormulaField, FormulaPlume, PlaybackField
 from gslcosim.fields.models.gaussian_plume import GaussianPlume, MeanderingPlume
 from gslcosim.fields.reading.concentration import CUTOFF_SIGMA, Walls
 from gslcosim.fields.reading.filament_field import READINGS_WORTH_AN_INDEX, FilamentField
@@ -230,18 +230,18 @@ def _formula_field(scenario: Scenario, environment: Environment) -> GasField:
     ]
     columns = [gases.index(source.gas or gas.gas) for source in gas.sources]
 
-    def steady(_seed: int) -> list[Plume]:
+    def steady(_seed: int) -> list[FormulaPlume]:
         return [
-            Plume(
+            FormulaPlume(
                 gas_index=column,
                 mixing_ratio_ppm_at=lambda points, _time_s, mean=mean: mean.mixing_ratio_ppm_at(points),
             )
             for column, mean in zip(columns, means, strict=True)
         ]
 
-    def meandering(seed: int) -> list[Plume]:
+    def meandering(seed: int) -> list[FormulaPlume]:
         return [
-            Plume(
+            FormulaPlume(
                 gas_index=column,
                 mixing_ratio_ppm_at=MeanderingPlume.seeded(
                     mean,

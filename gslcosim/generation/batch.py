@@ -42,7 +42,7 @@ class Order:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class MadeEnvironment:
     """What became of an order: figures of the environment, or the reason why there is none.
 
     `random_source_m` is a place in its free air, drawn with the layout's seed, for those who want a source anywhere.
@@ -78,7 +78,9 @@ def _order(recipe: Recipe, spec: EnvironmentSpec, folder: Path) -> Order:
     return Order(spec=spec, wind=recipe.wind, folder=folder, scenario_dir=recipe.directory, sources_m=recipe.sources_m)
 
 
-def generate_many(orders: Sequence[Order], *, jobs: int = 1, report: Progress | None = None) -> tuple[Outcome, ...]:
+def generate_many(
+    orders: Sequence[Order], *, jobs: int = 1, report: Progress | None = None
+) -> tuple[MadeEnvironment, ...]:
     """Make environments, several at a time if wanted; one that fails does not keep the others from being made.
 
     Args:
@@ -94,7 +96,7 @@ def generate_many(orders: Sequence[Order], *, jobs: int = 1, report: Progress | 
     return tuple(outcomes[i] for i in range(len(orders)))
 
 
-def _made_one_by_one(orders: Sequence[Order], report: Progress) -> Iterator[tuple[int, Outcome]]:
+def _made_one_by_one(orders: Sequence[Order], report: Progress) -> Iterator[tuple[int, MadeEnvironment]]:
     for i, order in enumerate(orders):
 
         def tell(text: str, fraction: float, i: int = i) -> None:
@@ -103,7 +105,7 @@ def _made_one_by_one(orders: Sequence[Order], report: Progress) -> Iterator[tupl
         yield i, _made(order, tell)
 
 
-def _made_by_processes(orders: Sequence[Order], jobs: int, report: Progress) -> Iterator[tuple[int, Outcome]]:
+def _made_by_processes(orders: Sequence[Order], jobs: int, report: Progress) -> Iterator[tuple[int, MadeEnvironment]]:
     # Spawned, because threads of this process must not be copied into the others.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=min(jobs, len(orders)), mp_context=context) as pool:
@@ -117,16 +119,16 @@ def _made_by_processes(orders: Sequence[Order], jobs: int, report: Progress) -> 
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _outcome_of(future: "Future[Outcome]", order: Order) -> Outcome:
+def _outcome_of(future: "Future[MadeEnvironment]", order: Order) -> MadeEnvironment:
     try:
         return future.result()
     except BrokenProcessPool:
-        return Outcome(
+        return MadeEnvironment(
             order=order, duration_s=0.0, error="the process that made it ended; was there too little memory?"
         )
 
 
-def _made(order: Order, progress: Progress | None = None) -> Outcome:
+def _made(order: Order, progress: Progress | None = None) -> MadeEnvironment:
     started_s = time.perf_counter()
     try:
         made = generate_environment(
@@ -140,12 +142,12 @@ def _made(order: Order, progress: Progress | None = None) -> Outcome:
         rng = stream(order.seed, "layout.random_source")
         random_source_m = random_free_point_m(made.environment, rng)
     except (GslCosimError, OSError, MemoryError) as error:
-        return Outcome(
+        return MadeEnvironment(
             order=order, duration_s=time.perf_counter() - started_s, error=str(error) or type(error).__name__
         )
     environment = made.environment
     n_solid = int((environment.occupancy == Cell.SOLID).sum())
-    return Outcome(
+    return MadeEnvironment(
         order=order,
         duration_s=time.perf_counter() - started_s,
         n_air_cells=environment.occupancy.size - n_solid,

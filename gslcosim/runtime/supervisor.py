@@ -16,7 +16,7 @@ from gslcosim.errors import ExitCode
 from gslcosim.runtime import control
 from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES, door_name, door_of, faults_of
 from gslcosim.runtime.agents.guests import COMMAND, GONE, READY, REFUSED, Guests
-from gslcosim.runtime.agents.inlet import Inlet
+from gslcosim.runtime.agents.inlet import CommandQueue
 from gslcosim.runtime.agents.seat import Seat
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
@@ -61,7 +61,7 @@ class Supervisor:
         self._services = service_names(setup.scenario)
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._seats = {
-            agent.name: Seat(agent, door_of(agent, setup.scenario), Inlet(agent.name, self._put_event))
+            agent.name: Seat(agent, door_of(agent, setup.scenario), CommandQueue(agent.name, self._put_event))
             for agent in setup.scenario.agents
         }
         # Who flies whom: a process has the name of the agent that it was started for.

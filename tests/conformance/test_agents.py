@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from languages import BUILD_LIMIT_S, of_every_language
 
-from gslcosim.conformance import Limits, Wiring, check_agent
+from gslcosim.conformance import FlightLimits, Wiring, check_agent
 from gslcosim.conformance.creation import create_agent
 
 ROOT = Path(__file__).parents[2]
 FRAMED = ROOT / "tests" / "end_to_end" / "agents" / "framed.py"
-LIMITS = Limits(exit_s=20.0)  # of right agents nobody waits for the limit
+LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 
 # The first test of a language builds it.
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_LIMIT_S + 120)]

@@ -4,11 +4,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from gslcosim.conformance import Limits, Wiring, check_agent
+from gslcosim.conformance import FlightLimits, Wiring, check_agent
 from gslcosim.runtime.processes import python_command
 from gslcosim.scenario.bundled import bundled_agents
 
-LIMITS = Limits(exit_s=20.0)  # of right agents nobody waits for the limit
+LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 # A check mostly waits: for processes to start, join and exit.
 N_AT_ONCE = 4
 

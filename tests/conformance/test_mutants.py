@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance import Limits, Wiring, check_agent
+from gslcosim.conformance import FlightLimits, Wiring, check_agent
 
 MUTANT = Path(__file__).parent / "agents" / "mutant.py"
-LIMITS = Limits(join_s=20, answer_s=1.2, exit_s=2.0, settle_s=0.15)
+LIMITS = FlightLimits(join_s=20, answer_s=1.2, exit_s=2.0, settle_s=0.15)
 
 # Name, what fails (first the rule meant for it, then what follows from it), and words that lead to the fix.
 OVER_PIPES = {

@@ -24,7 +24,7 @@ from gslcosim.benchmark.execution.ray_connection import (
     ray_module,
     software_text,
 )
-from gslcosim.benchmark.execution.ray_worker import Done, RayWorker, Recorded, Room, installed
+from gslcosim.benchmark.execution.ray_worker import Done, RayWorker, Recorded, RoomAtHand, installed
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.errors import GslCosimError, SimulationFault, UsageError
 
@@ -346,7 +346,7 @@ class RayPool:
         self._end(order, worker, result=result)
 
     def _finish_room(self, order: _Order, worker: str) -> None:
-        rooms: dict[str, Room] = order.results
+        rooms: dict[str, RoomAtHand] = order.results
         if len({room.content_hash for room in rooms.values()}) > 1:
             addresses = {each.node.id: each.node.address for each in self._workers}
             told = ", ".join(f"{addresses.get(node, node)}: {room.content_hash}" for node, room in rooms.items())

@@ -27,7 +27,7 @@ _DIGITS = 24
 
 
 @dataclass(frozen=True, kw_only=True)
-class Room:
+class RoomAtHand:
     """A room on a node: where it is there, and what it holds."""
 
     folder: Path
@@ -120,7 +120,7 @@ class RayWorker:
             self._rooms[job.trial.room] = ended.result
             if job.kind == "room":
                 folder = ended.result
-                room = Room(folder=folder, content_hash=load_environment(folder).content_hash)
+                room = RoomAtHand(folder=folder, content_hash=load_environment(folder).content_hash)
                 return self._told(replace(ended, result=room), root)
         return self._told(self._ended(replace(job, environment_dir=self._rooms[job.trial.room])), root)
 

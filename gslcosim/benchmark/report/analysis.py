@@ -9,7 +9,7 @@ import numpy as np
 from gslcosim.benchmark.report.cases import CaseGrade, FailureGroup, case_grades, failure_groups
 from gslcosim.benchmark.report.curves import (
     BeliefTracks,
-    Declared,
+    DeclarationCounts,
     LastBelief,
     Line,
     Times,
@@ -24,7 +24,7 @@ from gslcosim.benchmark.report.curves import (
     times,
 )
 from gslcosim.benchmark.report.reading import Flags, Material
-from gslcosim.benchmark.report.rooms import Room, Start, Track, rooms_of, starts_of, tracks_of
+from gslcosim.benchmark.report.rooms import DrawnRoom, Start, Track, rooms_of, starts_of, tracks_of
 from gslcosim.benchmark.report.standings import Standing, clusters_of, matrix_of, standings_of
 from gslcosim.benchmark.statistics.estimates import N_DRAWS, Estimate
 from gslcosim.benchmark.statistics.pairs import N_FLIPS
@@ -62,7 +62,7 @@ class Compared:
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class ReportView:
     """All figures over some of the cases: all of them, those of a family, or those of a scenario."""
 
     key: str
@@ -77,7 +77,7 @@ class View:
     profiles: tuple[Line, ...]
     runtimes: Mapping[str, tuple[Line, ...]]
     pairs: tuple[Compared, ...]
-    declarations: tuple[Declared, ...]
+    declarations: tuple[DeclarationCounts, ...]
     beliefs: Mapping[str, tuple[Line, ...]]
     last_beliefs: tuple[LastBelief, ...]
 
@@ -87,8 +87,8 @@ class Analysis:
     """All that the report tells. `draws_plumes` says whether intervals draw whole plumes or single flights."""
 
     material: Material
-    views: tuple[View, ...]
-    rooms: tuple[Room, ...]
+    views: tuple[ReportView, ...]
+    rooms: tuple[DrawnRoom, ...]
     starts: tuple[Start, ...]
     tracks: tuple[Track, ...]
     grades: tuple[CaseGrade, ...]
@@ -96,7 +96,7 @@ class Analysis:
     draws_plumes: bool
 
     @property
-    def everything(self) -> View:
+    def everything(self) -> ReportView:
         """The view of all cases."""
         return self.views[0]
 
@@ -133,10 +133,12 @@ def _parts(material: Material) -> list[tuple[str, str, str, Flags]]:
     return [part for part in parts if not ((mark := part[3].tobytes()) in known or known.add(mark))]
 
 
-def _view(material: Material, within: Flags, *, key: str, label: str, kind: str, tracks: BeliefTracks | None) -> View:
+def _view(
+    material: Material, within: Flags, *, key: str, label: str, kind: str, tracks: BeliefTracks | None
+) -> ReportView:
     rows = material.rows
     standings = standings_of(material, within)
-    return View(
+    return ReportView(
         key=key,
         label=label,
         kind=kind,

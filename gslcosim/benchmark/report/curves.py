@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.benchmark.report.reading import Flags, Floats, Ints, Material, Rows
+from gslcosim.benchmark.report.reading import Flags, Floats, Ints, Material, TrialRows
 from gslcosim.benchmark.report.standings import clusters_of, paired_rows
 from gslcosim.benchmark.statistics.aggregates import mean, stratified_bootstrap
 from gslcosim.benchmark.statistics.estimates import UNDEFINED, Estimate
@@ -64,7 +64,7 @@ class Times:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Declared:
+class DeclarationCounts:
     """What an entry declared where: counts of flights, rates, and areas below its curves.
 
     Attributes:
@@ -97,7 +97,7 @@ def flights(material: Material, within: Flags, *, is_control: bool = False) -> l
     return [(i, some) for i, some in found if some.size]
 
 
-def limit_s(rows: Rows) -> float:
+def limit_s(rows: TrialRows) -> float:
     """Return the longest time limit [s]."""
     return float(np.max(rows["time_limit_s"], initial=1.0))
 
@@ -118,7 +118,7 @@ def times(material: Material, within: Flags) -> tuple[Times, ...]:
     return tuple(_times(rows, entry, some, edges_s) for entry, some in flights(material, within))
 
 
-def _times(rows: Rows, entry: int, some: Ints, edges_s: Floats) -> Times:
+def _times(rows: TrialRows, entry: int, some: Ints, edges_s: Floats) -> Times:
     time_s, success, clusters = rows.time_s[some], rows["success"][some], clusters_of(rows, some)
     end_s = np.nan_to_num(rows["end_s"][some], nan=0.0)
     run_s = np.where(success, time_s, np.where(end_s > 0.0, end_s, rows["time_limit_s"][some]))
@@ -173,7 +173,7 @@ def _line(entry: int, curve: Curve) -> Line:
     return Line(entry=entry, x=c.at_s, value=c.value, low=c.low, high=c.high, n=c.n)
 
 
-def declarations(material: Material, within: Flags) -> tuple[Declared, ...]:
+def declarations(material: Material, within: Flags) -> tuple[DeclarationCounts, ...]:
     """Return what those entries declared that declared anything anywhere."""
     with_gas, without = dict(flights(material, within)), dict(flights(material, within, is_control=True))
     declaring = material.rows["declared"] & within
@@ -184,7 +184,7 @@ def declarations(material: Material, within: Flags) -> tuple[Declared, ...]:
     )
 
 
-def _declared(rows: Rows, entry: int, some: Ints, controls: Ints) -> Declared:
+def _declared(rows: TrialRows, entry: int, some: Ints, controls: Ints) -> DeclarationCounts:
     declared, near = rows["declared"][some], rows["declared_error_m"][some] <= rows["within_m"][some]
     right, n = int((declared & near).sum()), len(some)
     elsewhere, alarms = int((declared & ~near).sum()), int(rows["declared"][controls].sum())
@@ -192,7 +192,7 @@ def _declared(rows: Rows, entry: int, some: Ints, controls: Ints) -> Declared:
     score = np.nan_to_num(rows["declared_confidence"][both], nan=0.0)
     positive = ~rows.is_control[both]
     at_place = np.concatenate([declared & near, np.zeros(len(controls), dtype=bool)])
-    return Declared(
+    return DeclarationCounts(
         entry=entry, right=right, elsewhere=elsewhere, silent=n - right - elsewhere, alarms=alarms,
         quiet=len(controls) - alarms, right_frac=wilson(right, n), elsewhere_frac=wilson(elsewhere, n),
         silent_frac=wilson(n - right - elsewhere, n), alarm_frac=wilson(alarms, len(controls)),
@@ -275,7 +275,7 @@ def last_beliefs(material: Material, within: Flags) -> tuple[LastBelief, ...]:
     return tuple(found)
 
 
-def _mean_of(rows: Rows, column: str, some: Ints) -> Estimate:
+def _mean_of(rows: TrialRows, column: str, some: Ints) -> Estimate:
     some = some[np.isfinite(rows[column][some])]
     return stratified_bootstrap(rows[column][some], rows.cells[some], mean, clusters=clusters_of(rows, some))
 

@@ -12,11 +12,11 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from gslcosim.benchmark.report import formats
-from gslcosim.benchmark.report.analysis import Analysis, View
+from gslcosim.benchmark.report.analysis import Analysis, ReportView
 from gslcosim.benchmark.report.curves import RADII_M, Line, limit_s
 from gslcosim.benchmark.report.making import facts_of
 from gslcosim.benchmark.report.reading import Floats
-from gslcosim.benchmark.report.rooms import QUANTUM_M, Room, base64_of
+from gslcosim.benchmark.report.rooms import QUANTUM_M, DrawnRoom, base64_of
 from gslcosim.benchmark.statistics.estimates import Estimate
 from gslcosim.benchmark.statistics.roc import Roc
 from gslcosim.benchmark.store.columns import TRIAL_COLUMNS
@@ -149,7 +149,7 @@ def _data(analysis: Analysis, looks: Sequence[Look]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _view(view: View) -> dict[str, Any]:
+def _view(view: ReportView) -> dict[str, Any]:
     return {
         "key": view.key,
         "label": view.label,
@@ -189,7 +189,7 @@ def _radius(key: str) -> str:
     return "all radii together" if key == "all" else f"within {RADII_M[key]:g} m"
 
 
-def _rocs(view: View) -> dict[str, Any] | None:
+def _rocs(view: ReportView) -> dict[str, Any] | None:
     curves = [(d.entry, d.curve, d.place_curve) for d in view.declarations if d.curve and d.place_curve]
     if not curves:
         return None
@@ -215,7 +215,7 @@ def _lines(lines: Sequence[Line]) -> list[dict[str, Any]]:
     ]
 
 
-def _room(room: Room) -> dict[str, Any]:
+def _room(room: DrawnRoom) -> dict[str, Any]:
     return {
         "scenario": room.scenario, "label": room.label, "origin": room.origin_m, "extent": room.extent_m,
         "box": room.box_m, "sources": room.sources_m, "ppm": _number(room.greatest_ppm),

@@ -27,7 +27,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class FlownEntry:
     """A method under a name.
 
     Attributes:
@@ -75,7 +75,7 @@ class RoomMap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rows:
+class TrialRows:
     """The rows of `trials.parquet` as arrays: nan, "" and False where a value is absent.
 
     Attributes:
@@ -132,8 +132,8 @@ class Material:
     name: str
     manifest: Mapping[str, Any]
     suite: Mapping[str, Any]
-    entries: tuple[Entry, ...]
-    rows: Rows
+    entries: tuple[FlownEntry, ...]
+    rows: TrialRows
     maps: tuple[RoomMap, ...]
     tracks: pa.Table | None
 
@@ -196,7 +196,7 @@ def _tracks(path: Path) -> pa.Table | None:
         raise UsageError(f"{path}: expected a table of tracks, was a damaged file. Take it from a copy.") from error
 
 
-def _entries(manifest: Mapping[str, Any], table: pa.Table) -> tuple[Entry, ...]:
+def _entries(manifest: Mapping[str, Any], table: pa.Table) -> tuple[FlownEntry, ...]:
     told = {str(entry.get("name")): entry for entry in manifest.get("entries") or ()}
     flown = dict.fromkeys(table.column("entry").to_pylist())
     anchors = {name: which for which, name in (manifest.get("anchors") or {}).items() if name}
@@ -204,8 +204,8 @@ def _entries(manifest: Mapping[str, Any], table: pa.Table) -> tuple[Entry, ...]:
     return tuple(_entry(name, told.get(name) or {}, anchors.get(name, "")) for name in names)
 
 
-def _entry(name: str, told: Mapping[str, Any], anchor: str) -> Entry:
-    return Entry(
+def _entry(name: str, told: Mapping[str, Any], anchor: str) -> FlownEntry:
+    return FlownEntry(
         name=name,
         title=str(told.get("title") or name),
         family=str(told.get("family") or ""),
@@ -225,12 +225,12 @@ def _text(value: Any) -> str:
     return "+".join(map(str, value)) if isinstance(value, Sequence) else json.dumps(value)
 
 
-def _rows(table: pa.Table, entries: Sequence[Entry]) -> Rows:
+def _rows(table: pa.Table, entries: Sequence[FlownEntry]) -> TrialRows:
     columns = {name: _array(table.column(name)) for name in table.schema.names}
     index = {entry.name: i for i, entry in enumerate(entries)}
     keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
     units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
-    return Rows(
+    return TrialRows(
         columns=columns,
         entry=np.array([index[name] for name in columns["entry"]], dtype=np.int64),
         unit=np.array([units[key] for key in keys], dtype=np.int64),

@@ -27,7 +27,7 @@ _DECADES = 2.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Room:
+class DrawnRoom:
     """A plan to draw on: (nx, ny) bytes, 255 solid, else how much gas there is, 0 to 250 on a logarithmic scale.
 
     `rows` are the flights in it; `plan` is the map it was drawn from, if there is one; `box_m` is what is shown,
@@ -67,9 +67,9 @@ class Track:
     steps: Ints
 
 
-def rooms_of(material: Material) -> tuple[Room, ...]:
+def rooms_of(material: Material) -> tuple[DrawnRoom, ...]:
     """Return the rooms that were flown in; those without a map are the box around starts and sources."""
-    rows, rooms = material.rows, list[Room]()
+    rows, rooms = material.rows, list[DrawnRoom]()
     for scenario in dict.fromkeys(rows["scenario"].tolist()):
         here = np.flatnonzero(rows["scenario"] == scenario)
         maps = [room for room in material.maps if room.scenario == scenario]
@@ -96,11 +96,11 @@ def _hashable(value: Mapping[str, object], want: Mapping[str, object]) -> object
     return {key: value.get(key) for key in want}.items() if value else {}.items()
 
 
-def _mapped(label: str, room: RoomMap, some: Ints) -> Room:
+def _mapped(label: str, room: RoomMap, some: Ints) -> DrawnRoom:
     cells, cell_m, greatest = _packed(room)
     nx, ny = cells.shape
     x0, y0 = room.origin_m
-    return Room(
+    return DrawnRoom(
         scenario=room.scenario, label=label, origin_m=room.origin_m, extent_m=(nx * cell_m, ny * cell_m),
         box_m=(x0, y0, x0 + room.occupied.shape[0] * room.cell_m, y0 + room.occupied.shape[1] * room.cell_m),
         cells=cells, greatest_ppm=greatest, height_m=room.height_m,
@@ -108,14 +108,14 @@ def _mapped(label: str, room: RoomMap, some: Ints) -> Room:
     )  # fmt: skip
 
 
-def _bare(material: Material, label: str, some: Ints) -> Room:
+def _bare(material: Material, label: str, some: Ints) -> DrawnRoom:
     rows = material.rows
     sources = {(float(x), float(y)) for x, y in zip(rows["source_x_m"][some], rows["source_y_m"][some])}
     sources = {place for place in sources if all(np.isfinite(place))}
     starts = np.stack([rows["start_x_m"][some], rows["start_y_m"][some]], axis=1)
     places = np.concatenate([starts[np.isfinite(starts).all(axis=1)], np.array(list(sources)).reshape(-1, 2)])
     low, high = (places.min(0) - 2.0, places.max(0) + 2.0) if places.size else (np.zeros(2), np.ones(2))
-    return Room(
+    return DrawnRoom(
         scenario=str(rows["scenario"][some[0]]), label=label, origin_m=(float(low[0]), float(low[1])),
         extent_m=(float(high[0] - low[0]), float(high[1] - low[1])),
         box_m=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
@@ -148,7 +148,7 @@ def _blocks(values: Floats, every: int) -> Floats:
     return values
 
 
-def starts_of(material: Material, rooms: Sequence[Room]) -> tuple[Start, ...]:
+def starts_of(material: Material, rooms: Sequence[DrawnRoom]) -> tuple[Start, ...]:
     """Return the success of each entry from each start in each room."""
     rows, found = material.rows, list[Start]()
     everything = np.ones(len(rows), dtype=bool)
@@ -166,7 +166,7 @@ def starts_of(material: Material, rooms: Sequence[Room]) -> tuple[Start, ...]:
     return tuple(found)
 
 
-def tracks_of(material: Material, rooms: Sequence[Room]) -> tuple[Track, ...]:
+def tracks_of(material: Material, rooms: Sequence[DrawnRoom]) -> tuple[Track, ...]:
     """Return some tracks of each entry in each room, thinned: as many of each as fit on a page of bounded size."""
     if material.tracks is None:
         return ()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslcosim.benchmark.report.reading import Flags, Floats, Ints, Material, Rows
+from gslcosim.benchmark.report.reading import Flags, Floats, Ints, Material, TrialRows
 from gslcosim.benchmark.statistics.aggregates import bootstrap_of_cells, interquartile_mean, mean, stratified_bootstrap
 from gslcosim.benchmark.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.benchmark.statistics.lift import lift
@@ -68,7 +68,7 @@ def standings_of(material: Material, within: Flags) -> tuple[Standing, ...]:
     return tuple(sorted(completed, key=lambda row: (row.rank, -row.score.value, row.entry)))
 
 
-def clusters_of(rows: Rows, chosen: Ints) -> Ints | None:
+def clusters_of(rows: TrialRows, chosen: Ints) -> Ints | None:
     """Return which of the chosen rows met one plume and are drawn together; None where rooms have too few plumes.
 
     Args:
@@ -80,7 +80,7 @@ def clusters_of(rows: Rows, chosen: Ints) -> Ints | None:
     return plumes if counts and min(counts) >= _FEWEST_PLUMES and max(counts) < len(chosen) else None
 
 
-def _standing(rows: Rows, entry: int, chosen: Ints) -> Standing:
+def _standing(rows: TrialRows, entry: int, chosen: Ints) -> Standing:
     controls = chosen[rows.is_control[chosen]]
     chosen = chosen[~rows.is_control[chosen]]
     success, clusters, cells = rows["success"][chosen], clusters_of(rows, chosen), rows.cells[chosen]
@@ -112,7 +112,7 @@ def median_of(values: Floats) -> Estimate:
     return stratified_bootstrap(values, None, lambda drawn: np.median(drawn, axis=-1), n_draws=1000)
 
 
-def lift_of(rows: Rows, chosen: Ints, controls: Ints) -> Estimate:
+def lift_of(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
     """Return success less luck; paired where every flight has its control.
 
     Args:
@@ -130,7 +130,7 @@ def lift_of(rows: Rows, chosen: Ints, controls: Ints) -> Estimate:
     return lift(success[chosen], success[controls], paired=False)
 
 
-def _false_alarms(rows: Rows, chosen: Ints, controls: Ints) -> Estimate:
+def _false_alarms(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
     if len(controls):
         return wilson(int(rows["declared"][controls].sum()), len(controls))
     return wilson(int((rows["n_false_declarations"][chosen] > 0).sum()), len(chosen))
@@ -143,7 +143,7 @@ def _normalised(score: Estimate, walker: float | None, oracle: float | None) -> 
     return Estimate(value, low, high, score.n)
 
 
-def matrix_of(rows: Rows, within: Flags, entries: Sequence[int], values: Floats) -> tuple[Floats, Ints]:
+def matrix_of(rows: TrialRows, within: Flags, entries: Sequence[int], values: Floats) -> tuple[Floats, Ints]:
     """Return values by pair and entry, (n_units, n_entries), nan where one has not flown, and a row of each unit.
 
     Args:
@@ -160,12 +160,12 @@ def matrix_of(rows: Rows, within: Flags, entries: Sequence[int], values: Floats)
     return matrix, chosen[first]
 
 
-def _ranks(rows: Rows, within: Flags, bare: Sequence[Standing]) -> list[int]:
+def _ranks(rows: TrialRows, within: Flags, bare: Sequence[Standing]) -> list[int]:
     matrix, some = matrix_of(rows, within, [row.entry for row in bare], rows.score)
     return ranks(matrix, lower_is_better=False, clusters=clusters_of(rows, some), strata=rows.cells[some])
 
 
-def paired_rows(rows: Rows, within: Flags, a: int, b: int) -> tuple[Ints, Ints]:
+def paired_rows(rows: TrialRows, within: Flags, a: int, b: int) -> tuple[Ints, Ints]:
     """Return the rows of two entries in the same cases and repetitions with gas, in the same order."""
     some = [np.flatnonzero(within & ~rows.is_control & (rows.entry == entry)) for entry in (a, b)]
     _, left, right = np.intersect1d(rows.unit[some[0]], rows.unit[some[1]], return_indices=True)

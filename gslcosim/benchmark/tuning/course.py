@@ -21,7 +21,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Course:
+class TuningCourse:
     """Cases and repetitions that every setting flies, with seeds of their own.
 
     Attributes:
@@ -62,7 +62,7 @@ class Course:
         )
 
 
-def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: frozenset[int]) -> Course:
+def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: frozenset[int]) -> TuningCourse:
     """Return a course of n flights.
 
     All cases are flown equally often. What is left over goes to cases of all scenarios in turn, by lot within each.
@@ -84,7 +84,7 @@ def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: fro
         rounds = max(rounds + 1, math.ceil(n / len(cases)))
     slots = [(case, i) for i in range(rounds) for case in cases][:n]
     chosen = replace(subject, loaded=restricted(loaded, {case for case, _ in slots}))
-    return Course(subject=chosen, name=f"{purpose}_{subject.entry.name}", slots=tuple(slots))
+    return TuningCourse(subject=chosen, name=f"{purpose}_{subject.entry.name}", slots=tuple(slots))
 
 
 # One case of each scenario, then a second one of each, and so on.
@@ -175,7 +175,7 @@ class Flyer:
     """Flies settings of a course into a folder; flights that are there are not flown again."""
 
     def __init__(
-        self, course: Course, folder: ResultsFolder, pool: KeptPool, report: Callable[[Progress], None]
+        self, course: TuningCourse, folder: ResultsFolder, pool: KeptPool, report: Callable[[Progress], None]
     ) -> None:
         """Take a course, where its rows go, who flies, and who is told."""
         self.course = course

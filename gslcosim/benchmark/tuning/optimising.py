@@ -10,7 +10,7 @@ from gslcosim.benchmark.statistics.estimates import Estimate
 from gslcosim.benchmark.store.folder import ResultsFolder
 from gslcosim.benchmark.suite.seeds import seed_of
 from gslcosim.benchmark.tuning.budget import Budget
-from gslcosim.benchmark.tuning.course import Course, Flyer, KeptPool, Row, course_of
+from gslcosim.benchmark.tuning.course import Flyer, KeptPool, Row, TuningCourse, course_of
 from gslcosim.benchmark.tuning.deriving import DEFAULT, Setting, seeds_of, seeds_of_tests
 from gslcosim.benchmark.tuning.figures import Figures, Flights, difference_of, figures_of, flights_of, p_of
 from gslcosim.benchmark.tuning.searching import Search, load_optuna
@@ -198,7 +198,7 @@ class Tuner:
             n_flown_before=n_used - n_now,
         )
 
-    def courses(self) -> tuple[Course, Course]:
+    def courses(self) -> tuple[TuningCourse, TuningCourse]:
         """Return the flights of training and of validation: no seed is one of the other's or of a suite's."""
         self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
         tests = seeds_of_tests(self._subject.loaded)

@@ -69,7 +69,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance import Limits, Wiring, check_agent
+    from gslcosim.conformance import FlightLimits, Wiring, check_agent
 
     wiring = Wiring(
         command=tuple(arguments.words),
@@ -77,7 +77,7 @@ def _check(arguments: argparse.Namespace) -> int:
         format=arguments.format,
         observations=arguments.observations,
     )
-    limits = Limits(answer_s=arguments.timeout, join_s=max(arguments.timeout, DEFAULT_TIMEOUT_S))
+    limits = FlightLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, DEFAULT_TIMEOUT_S))
     report = check_agent(wiring, limits, lambda name: write_note(f"flight: {name}"))
     if arguments.json:
         write_json(report.as_fields())

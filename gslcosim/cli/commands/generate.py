@@ -14,7 +14,7 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json, wri
 from gslcosim.errors import ExitCode
 
 if TYPE_CHECKING:
-    from gslcosim.generation import Outcome
+    from gslcosim.generation import MadeEnvironment
     from gslcosim.scenario.recipes import Recipe
 
 EXAMPLES = """  gslcosim generate warehouse_complex
@@ -146,7 +146,7 @@ def _compare_solvers(recipe: "Recipe", arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _write_table(outcomes: "list[Outcome]") -> None:
+def _write_table(outcomes: "list[MadeEnvironment]") -> None:
     if outcomes:
         rows = [
             [
@@ -161,7 +161,7 @@ def _write_table(outcomes: "list[Outcome]") -> None:
         write(table(["seed", "air cells", "solid cells", "seconds", "folder"], rows))
 
 
-def _as_fields(outcome: "Outcome") -> dict[str, Any]:
+def _as_fields(outcome: "MadeEnvironment") -> dict[str, Any]:
     return {
         "folder": str(outcome.order.folder),
         "kind": outcome.order.kind,

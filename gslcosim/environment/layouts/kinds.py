@@ -16,7 +16,7 @@ from gslcosim.environment.openings import (
     problems_of_opening,
     snapped,
 )
-from gslcosim.environment.plan import LAYOUT_PATH, MAX_CELLS, Plan
+from gslcosim.environment.plan import LAYOUT_PATH, MAX_CELLS, RoomPlan
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.environment.shell import OBSTACLE_RGBA, WALL_NAMES, closing_boxes
 from gslcosim.scenario.models.layouts import BoxSpec, FurtherOpeningSpec, Layout, OpeningSpec, PlantSpec
@@ -30,7 +30,7 @@ WHITE_UP_TO_M, YELLOW_RGBA = 3.0, (0.95, 0.80, 0.15, 1.0)
 LIGHT_EVERY_M, LIGHT_BELOW_CEILING_FRAC = 6.0, 0.02
 
 
-def plan_room(layout: Layout, wind: WindSpec) -> Plan:
+def plan_room(layout: Layout, wind: WindSpec) -> RoomPlan:
     """Lay out a room.
 
     Args:
@@ -43,7 +43,7 @@ def plan_room(layout: Layout, wind: WindSpec) -> Plan:
     raise_if_any(problems_of_layout(layout, wind))
     grid = _grid(layout, wind.cell_m)
     openings, notices = _openings(layout, wind, grid)
-    return Plan(
+    return RoomPlan(
         name=layout.kind,
         grid=grid,
         boxes=(

@@ -19,7 +19,7 @@ Formula = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plume:
+class FormulaPlume:
     """One source's plume: the mixing ratio [ppm] at (m, 3) points [m] and a time [s], and which gas it is."""
 
     gas_index: int
@@ -61,7 +61,7 @@ class FormulaField(_TimedField):
     """The sum of closed forms; see `GasField`. Walls and cut-offs have no meaning for it."""
 
     def __init__(
-        self, plumes_of: Callable[[int], Sequence[Plume]], gases: tuple[str, ...], *, step_s: float, seed: int
+        self, plumes_of: Callable[[int], Sequence[FormulaPlume]], gases: tuple[str, ...], *, step_s: float, seed: int
     ) -> None:
         """Build the field.
 

@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class TapeSchedule:
     """At which gas steps a run looks at the gas: `n_frames` times, from `first_step` on, `stride` steps apart."""
 
     first_step: int
@@ -59,7 +59,7 @@ class Schedule:
     n_frames: int
 
     @classmethod
-    def of(cls, scenario: Scenario) -> "Schedule":
+    def of(cls, scenario: Scenario) -> "TapeSchedule":
         """Return the schedule of a run up to its time limit."""
         timing = gas_timing(scenario)
         n_ticks = ticks_from_seconds(scenario.referee.stop.time_limit_s, scenario.tick_ns)
@@ -129,7 +129,7 @@ class GasTape:
         return self._filaments[some], sources
 
 
-def record_tape(plume: FilamentPlume, schedule: Schedule, folder: Path) -> None:
+def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> None:
     """Advance a plume, which stands at time 0, and keep what a run will look at.
 
     Several processes may record the same tape at the same time: the first to finish keeps its folder.
@@ -173,7 +173,7 @@ class TapedPlume:
         self._plume_of = plume_of
         self._scenario = scenario
         self._environment = environment
-        self._schedule = Schedule.of(scenario)
+        self._schedule = TapeSchedule.of(scenario)
         self._step_s = gas_timing(scenario).step_s
         self._tapes_dir = tapes_dir or cache_root() / "tapes"
         live = plume_of(scenario.seed).filaments
@@ -248,7 +248,7 @@ def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:
         "gas": scenario.gas.model_dump(mode="json", exclude=_NO_MATTER),
         "seed": seed,
         "tick_ns": scenario.tick_ns,
-        "n_frames": Schedule.of(scenario).n_frames,
+        "n_frames": TapeSchedule.of(scenario).n_frames,
         "environment": environment.content_hash,
         "packages": {name: version(name) for name in ("numpy", "numba", "llvmlite")},
         "processor": get_host_cpu_name(),
@@ -258,7 +258,7 @@ def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:
     return digest.hexdigest()
 
 
-def _record(plume: FilamentPlume, schedule: Schedule, folder: Path) -> None:
+def _record(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> None:
     n_sources = len(plume.filaments.gas_index)
     first = [0]
     plume.advance(schedule.first_step)

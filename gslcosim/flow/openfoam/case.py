@@ -15,7 +15,7 @@ from gslcosim.flow.openfoam.polymesh import PolyMesh, polymesh_of
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
 from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT
 from gslcosim.flow.walls.domain import build_domain
-from gslcosim.flow.walls.inflow import Schedule
+from gslcosim.flow.walls.inflow import InflowSchedule
 from gslcosim.flow.walls.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
 
 COURANT = 1.0  # AutoGDM+'s
@@ -73,7 +73,7 @@ _SOLUTION = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class FoamCase:
     """A case folder and what is needed to read its result: the mesh and the field that will be the wind."""
 
     folder: Path
@@ -94,7 +94,7 @@ def write_case(
     turbulence: Turbulence = "k_epsilon",
     nu_m2_s: float = AIR_NU_M2_S,
     courant: float = COURANT,
-) -> Case:
+) -> FoamCase:
     """Write a room as a case for pimpleFoam, to be run by `solve_wind_openfoam` or elsewhere.
 
     What is solved is what AutoGDM+ asks of pimpleFoam: one outer loop (PISO), Euler in time, the k-epsilon model with
@@ -132,7 +132,7 @@ def write_case(
     dictionary.write_dictionary(folder / "system" / "fvSolution", _SOLUTION)
     dictionary.write_dictionary(folder / "system" / "controlDict", _control(end_time_s, average_from_s, courant))
     dictionary.write_dictionary(folder / "system" / "decomposeParDict", _decomposition(n_ranks, mesh.air.shape))
-    return Case(folder=folder, mesh=mesh, field="U" if average_from_s is None else "UMean", n_ranks=n_ranks)
+    return FoamCase(folder=folder, mesh=mesh, field="U" if average_from_s is None else "UMean", n_ranks=n_ranks)
 
 
 def _check(patches: Sequence[Patch], folder: Path, turbulence: str, n_ranks: int, courant: float) -> None:
@@ -163,9 +163,9 @@ def _check_kind(patch: Patch) -> None:
         raise FlowError(
             f"{patch}: expected one of {names} for OpenFOAM, was {type(patch).__name__}. Use the built-in solver."
         )
-    if isinstance(patch, Inlet) and (patch.factor is not None or isinstance(patch.velocity_m_s, Schedule)):
+    if isinstance(patch, Inlet) and (patch.factor is not None or isinstance(patch.velocity_m_s, InflowSchedule)):
         raise FlowError(
-            f"{patch}: expected a velocity that does not change in time for OpenFOAM, found a Schedule. "
+            f"{patch}: expected a velocity that does not change in time for OpenFOAM, found a schedule. "
             f"Use the built-in solver."
         )
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import FlowError
-from gslcosim.flow.openfoam.case import Case
+from gslcosim.flow.openfoam.case import FoamCase
 
 F32 = NDArray[np.float32]
 
 
-def read_wind(case: Case) -> F32:
+def read_wind(case: FoamCase) -> F32:
     """Return the wind of a case that has been run, (nx, ny, nz, 3) at cell centres [m/s], zero in solids.
 
     Raises:
@@ -31,7 +31,7 @@ def read_wind(case: Case) -> F32:
     return velocity_m_s
 
 
-def _parts(case: Case) -> list[Path]:
+def _parts(case: FoamCase) -> list[Path]:
     parts = [case.folder / f"processor{rank}" for rank in range(case.n_ranks)]
     return parts if case.n_ranks > 1 else [case.folder]
 

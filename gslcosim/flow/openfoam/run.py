@@ -9,14 +9,14 @@ import subprocess
 from collections.abc import Callable, Sequence
 
 from gslcosim.errors import FlowError
-from gslcosim.flow.openfoam.case import Case
+from gslcosim.flow.openfoam.case import FoamCase
 from gslcosim.flow.openfoam.installation import Installation
 
 _TIME = re.compile(r"^Time = ([0-9.eE+-]+)s?$")
 _N_LAST_LINES = 15
 
 
-def run_case(case: Case, installation: Installation, *, on_time: Callable[[float], None]) -> None:
+def run_case(case: FoamCase, installation: Installation, *, on_time: Callable[[float], None]) -> None:
     """Solve a case: cut its mesh into parts and let pimpleFoam run on them.
 
     Args:
@@ -35,7 +35,7 @@ def run_case(case: Case, installation: Installation, *, on_time: Callable[[float
 
 
 def _run(
-    case: Case,
+    case: FoamCase,
     installation: Installation,
     command: Sequence[str],
     *,

@@ -19,7 +19,7 @@ _AXES = "xyz"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class InflowSchedule:
     """Values at given times, linear in between; held before the first and after the last time, or repeated.
 
     Attributes:
@@ -61,7 +61,7 @@ class Schedule:
         return np.array([np.interp(time_s, times_s, component) for component in values.T])
 
 
-InletVelocity = Vec3 | NDArray[Any] | Profile | Schedule
+InletVelocity = Vec3 | NDArray[Any] | Profile | InflowSchedule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,8 @@ class Inflow:
     """
 
     profile_m_s: F32
-    factor: Schedule | None
-    velocity: Schedule | None
+    factor: InflowSchedule | None
+    velocity: InflowSchedule | None
 
     def at(self, time_s: float) -> F32:
         """Return (na, nb, 3) velocities at a time [s]."""
@@ -111,7 +111,7 @@ class Inflow:
         return np.abs(np.multiply.outer(np.asarray(factors, float), speeds))
 
 
-def make_inflow(name: str, velocity: InletVelocity, factor: Schedule | None, centres_m: F64) -> Inflow:
+def make_inflow(name: str, velocity: InletVelocity, factor: InflowSchedule | None, centres_m: F64) -> Inflow:
     """Lay an inlet's velocity out on its cells.
 
     Args:
@@ -124,12 +124,12 @@ def make_inflow(name: str, velocity: InletVelocity, factor: Schedule | None, cen
         FlowError: the velocity has the wrong shape or is not finite, or schedules are mixed up.
     """
     if factor is not None and factor.has_velocities:
-        raise FlowError(f"{name}: factor: expected a Schedule of numbers, was one of velocities. Use velocity_m_s.")
-    if isinstance(velocity, Schedule):
+        raise FlowError(f"{name}: factor: expected a schedule of numbers, was one of velocities. Use velocity_m_s.")
+    if isinstance(velocity, InflowSchedule):
         if factor is not None or not velocity.has_velocities:
             raise FlowError(
-                f"{name}: velocity_m_s: expected a Schedule of velocities without a factor beside it. "
-                f"For a profile that changes in time give the profile as velocity_m_s and the Schedule as factor."
+                f"{name}: velocity_m_s: expected a schedule of velocities without a factor beside it. "
+                f"For a profile that changes in time give the profile as velocity_m_s and the schedule as factor."
             )
         return Inflow(profile_m_s=np.zeros(centres_m.shape, np.float32), factor=None, velocity=velocity)
     return Inflow(profile_m_s=_profile(name, velocity, centres_m), factor=factor, velocity=None)

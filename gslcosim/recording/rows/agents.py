@@ -23,7 +23,7 @@ from gslcosim.recording.rows.columns import (
     ScalarRows,
     TrackRows,
 )
-from gslcosim.recording.rows.onboard import ImageRows, LidarRows, Poses, RayRows, Timing
+from gslcosim.recording.rows.onboard import ImageRows, LidarRows, Poses, RayRows, RowTiming
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.vehicle_shapes import draw_vehicle
 from gslcosim.scenario.models.scenario import SensorSpec
@@ -165,7 +165,7 @@ class AgentRows:
         return styles
 
     def _space_rows(self, sensor: SensorSpec) -> SpaceRows | None:
-        entity, timing, color = self.names.seen(sensor.name), Timing(sensor, self._tick_ns), self.names.color
+        entity, timing, color = self.names.seen(sensor.name), RowTiming(sensor, self._tick_ns), self.names.color
         if sensor.model in LIDAR_MODELS:
             return LidarRows(entity, sensor, self._poses, timing, color)
         if sensor.model in RANGE_FINDER_MODELS:
@@ -176,5 +176,5 @@ class AgentRows:
 
     def _beam_rows(self, sensor: SensorSpec) -> RayRows:
         direction = np.array([sensor.beam_body]) / np.linalg.norm(sensor.beam_body)
-        entity, timing = self.names.seen(sensor.name), Timing(sensor, self._tick_ns)
+        entity, timing = self.names.seen(sensor.name), RowTiming(sensor, self._tick_ns)
         return RayRows(entity, sensor, self._poses, timing, direction, self.names.color)

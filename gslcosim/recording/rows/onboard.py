@@ -50,7 +50,7 @@ class Poses:
         return world_from_body_rotation(quaternion), np.array(position_m)
 
 
-class Timing:
+class RowTiming:
     """When a sensor's readings are new, and how old what they show is then."""
 
     def __init__(self, sensor: SensorSpec, tick_ns: int) -> None:
@@ -68,7 +68,7 @@ class LidarRows:
     Ranges at the end of the lidar's reach are no points.
     """
 
-    def __init__(self, entity: str, sensor: SensorSpec, poses: Poses, timing: Timing, color: Rgb) -> None:
+    def __init__(self, entity: str, sensor: SensorSpec, poses: Poses, timing: RowTiming, color: Rgb) -> None:
         self._entity = entity
         self._sensor = sensor
         self._poses = poses
@@ -114,7 +114,7 @@ class RayRows:
         entity: str,
         sensor: SensorSpec,
         poses: Poses,
-        timing: Timing,
+        timing: RowTiming,
         directions: NDArray[np.float64],
         color: Rgb,
     ) -> None:

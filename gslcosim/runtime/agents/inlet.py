@@ -9,7 +9,7 @@ _EVENT_BYTES = 256  # what even an empty message costs while it waits
 COMMAND, REFUSED = "command", "command refused"
 
 
-class Inlet:
+class CommandQueue:
     """Puts each command as an event `COMMAND`, or `REFUSED` with the reason why it was not kept.
 
     The bus calls `on_command` and `on_longer` on one thread; whoever handles a `COMMAND` calls `handled` on another.

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from gslcosim.runtime.agents.door import Door
-from gslcosim.runtime.agents.inlet import Inlet
+from gslcosim.runtime.agents.inlet import CommandQueue
 from gslcosim.runtime.digest import Trail
 from gslcosim.runtime.host import Kept
 from gslcosim.runtime.in_order import InOrder
@@ -16,7 +16,7 @@ class Seat:
 
     spec: AgentSpec
     door: Door
-    inlet: Inlet
+    inlet: CommandQueue
     trail: Trail = field(default_factory=Trail)
     kept: Kept = field(default_factory=Kept)
     in_order: InOrder = field(default_factory=InOrder)

@@ -24,7 +24,7 @@ _SAME_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class DetourPlan:
     """Legs to fly; with a notice when a place was moved. Without legs the notice says why there is no way."""
 
     legs: tuple[Leg, ...] = ()
@@ -48,7 +48,7 @@ class Avoidance:
     tick_ns: int
     has_wheels: bool
 
-    def plan(self, legs: Sequence[Leg], state: NDArray[np.float64]) -> Plan:
+    def plan(self, legs: Sequence[Leg], state: NDArray[np.float64]) -> DetourPlan:
         """Return the legs that keep clear, or why there are none.
 
         Args:
@@ -64,11 +64,11 @@ class Avoidance:
                 planned += self._legs_to(moved, state)
                 state = planned[-1].end
         except _NoWayError as reason:
-            return Plan(notice=str(reason))
+            return DetourPlan(notice=str(reason))
         n_more = len(notices) - _MOST_NOTICES
         if n_more > 0:
             notices[_MOST_NOTICES:] = [f"{n_more} more places are moved."]
-        return Plan(legs=tuple(planned), notice=" ".join(notices) or None)
+        return DetourPlan(legs=tuple(planned), notice=" ".join(notices) or None)
 
     def is_way_free(self, a_m: Vec3, b_m: Vec3) -> bool:
         """Return whether the straight way between two places, world frame [m], keeps clear."""

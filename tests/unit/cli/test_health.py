@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from gslcosim.cli import health
-from gslcosim.cli.health import Finding
+from gslcosim.cli.health import Health
 from gslcosim.cli.main import main
 
 
@@ -144,7 +144,7 @@ def test_a_check_that_fails_itself_does_not_end_the_others(monkeypatch):
     def broken():
         raise RuntimeError("broken")
 
-    checks = {"first": broken, "second": lambda: iter([Finding(name="second", level="OK", text="fine")])}
+    checks = {"first": broken, "second": lambda: iter([Health(name="second", level="OK", text="fine")])}
     monkeypatch.setattr(health, "CHECKS", checks)
     assert [(f.name, f.level) for f in health.all_findings()] == [("first", "FAIL"), ("second", "OK")]
 
@@ -159,8 +159,8 @@ def findings(monkeypatch):
 
 def test_the_doctor_writes_a_line_for_each_finding(findings, capsys):
     findings += [
-        Finding(name="Python", level="OK", text="3.11.7"),
-        Finding(name="CPU cores", level="WARN", text="1", remedy="Use --in-process."),
+        Health(name="Python", level="OK", text="3.11.7"),
+        Health(name="CPU cores", level="WARN", text="1", remedy="Use --in-process."),
     ]
     assert main(["doctor"]) == 0
     assert capsys.readouterr().out.splitlines() == [
@@ -170,7 +170,7 @@ def test_the_doctor_writes_a_line_for_each_finding(findings, capsys):
 
 
 def test_the_doctor_returns_3_when_this_machine_cannot_fly(findings, capsys):
-    findings.append(Finding(name="numpy", level="FAIL", text="missing", remedy="Install it."))
+    findings.append(Health(name="numpy", level="FAIL", text="missing", remedy="Install it."))
     assert main(["doctor", "--json"]) == 3
     told = json.loads(capsys.readouterr().out)
     assert told == {

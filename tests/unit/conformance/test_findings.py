@@ -4,14 +4,14 @@ import json
 
 import pytest
 
-from gslcosim.conformance.findings import Failure, Report, findings_of
+from gslcosim.conformance.findings import CheckReport, Failure, findings_of
 from gslcosim.conformance.rules import RULES
 
 
 def report(door="zenoh", failures=(), unjudged=()):
     broken = {rule: Failure(rule=rule, flight="first", sent="this", expected="that", got="other") for rule in failures}
     findings = findings_of(door, broken, dict.fromkeys(unjudged, "first put right: x"), {})
-    return Report(command=("./agent",), door=door, format="msgpack", findings=findings)
+    return CheckReport(command=("./agent",), door=door, format="msgpack", findings=findings)
 
 
 def test_every_rule_says_what_a_right_agent_does_and_what_the_author_of_a_wrong_one_does_next():

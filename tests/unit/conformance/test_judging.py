@@ -6,10 +6,10 @@ import msgpack
 import pytest
 
 from gslcosim.conformance.answers import read_answer
-from gslcosim.conformance.flight import Arrival, Limits, Question, Script, Transcript
+from gslcosim.conformance.flight import Arrival, FlightLimits, Question, Script, Transcript
 from gslcosim.conformance.judging import difference, ending_failures, flight_failures, repeat_failures
 
-LIMITS = Limits(join_s=10.0, answer_s=1.0)
+LIMITS = FlightLimits(join_s=10.0, answer_s=1.0)
 
 
 def sent(tick, at_s, open_tick=None, **changes):

@@ -11,7 +11,7 @@ import pytest
 from gslcosim.benchmark.execution import ray_pool
 from gslcosim.benchmark.execution.jobs import Ended, Job
 from gslcosim.benchmark.execution.ray_pool import RayPool
-from gslcosim.benchmark.execution.ray_worker import Done, Room
+from gslcosim.benchmark.execution.ray_worker import Done, RoomAtHand
 from gslcosim.benchmark.suite import Trial, load_suite, plan_of
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.errors import SimulationFault, UsageError
@@ -120,7 +120,7 @@ def flights(trial: Trial, n: int) -> list[Job]:
 
 
 def made(node: str, job: Job) -> Done:
-    room = Room(folder=Path("/rooms") / node, content_hash="the same")
+    room = RoomAtHand(folder=Path("/rooms") / node, content_hash="the same")
     return Done(taken_s=1.0, result=room if job.kind == "room" else node, peak_mb=100.0, reference_loops_s=(0.02,))
 
 
@@ -160,7 +160,7 @@ def test_a_room_is_made_on_every_node_and_read_from_this_one(played: Any, trial:
 
 def test_nodes_that_make_different_rooms_are_told(played: Any, trial: Trial) -> None:
     def act(node: str, job: Job) -> Done:
-        return Done(taken_s=1.0, result=Room(folder=Path("/rooms"), content_hash=f"of {node}"))
+        return Done(taken_s=1.0, result=RoomAtHand(folder=Path("/rooms"), content_hash=f"of {node}"))
 
     pool, _ = played(act, here=1, there=1)
     pool.submit(Job(key="room", kind="room", trial=trial))

@@ -9,7 +9,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.errors import EnvironmentDataError, ModelError
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.offline.sampling import Instant, RoomFields, View
-from gslcosim.fields.stored.tape import GasTape, Schedule, record_tape, tape_hash
+from gslcosim.fields.stored.tape import GasTape, TapeSchedule, record_tape, tape_hash
 from gslcosim.scenario.models.scenario import Scenario
 
 SOURCES = [{"position_m": (5.0, 5.0, 2.0)}, {"position_m": (5.0, 5.2, 2.0), "gas": "methane", "ppm": 50.0}]
@@ -105,7 +105,7 @@ def test_a_damaged_tape_is_recorded_anew(scenario_of, room, cache, caplog):
 
 
 def test_whoever_comes_second_keeps_the_first_ones_tape(scenario_of, room, cache, make_plume):
-    schedule = Schedule(first_step=0, stride=1, n_frames=5)
+    schedule = TapeSchedule(first_step=0, stride=1, n_frames=5)
     record_tape(make_plume(), schedule, cache / "tape")
     before = (cache / "tape" / "head.json").stat().st_ino
     record_tape(make_plume(), schedule, cache / "tape")
@@ -114,12 +114,12 @@ def test_whoever_comes_second_keeps_the_first_ones_tape(scenario_of, room, cache
 
 
 def test_a_plume_without_filaments_can_be_on_tape(cache, make_plume):
-    record_tape(make_plume(), Schedule(first_step=0, stride=1, n_frames=1), cache / "tape")
+    record_tape(make_plume(), TapeSchedule(first_step=0, stride=1, n_frames=1), cache / "tape")
     assert GasTape(cache / "tape").frame(0)[0].shape == (0, 4)
 
 
 def test_only_instants_that_a_run_looks_at_are_on_tape():
-    schedule = Schedule(first_step=10, stride=2, n_frames=3)
+    schedule = TapeSchedule(first_step=10, stride=2, n_frames=3)
     assert [schedule.frame_at(step) for step in (10, 12, 14, 16, 400)] == [0, 1, 2, 2, 2]
     for step in (9, 11, 0):
         with pytest.raises(ModelError, match="expected step 10 or a multiple of 2 after it"):

@@ -1,12 +1,12 @@
 """Commands from the bus wait in bounded memory, however many come and however large they are."""
 
 from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES
-from gslcosim.runtime.agents.inlet import COMMAND, MAX_WAITING_BYTES, REFUSED, Inlet
+from gslcosim.runtime.agents.inlet import COMMAND, MAX_WAITING_BYTES, REFUSED, CommandQueue
 
 
 def inlet_with_events():
     events = []
-    return Inlet("beetle", lambda *event: events.append(event)), events
+    return CommandQueue("beetle", lambda *event: events.append(event)), events
 
 
 def test_a_command_becomes_an_event():
