@@ -10,6 +10,7 @@ from gslcosim.search.draws import Draws
 from gslcosim.search.method import settings_of
 from gslcosim.search.moving.legs import Room
 from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.reactive.sidestep import Sidestep
 from gslcosim.search.reactive.silkmoth import SURGE, TrueWind, heading_after, phase_at
 from gslcosim.search.reactive.spirals import random_side
 from gslcosim.search.senses.hits import GasHits
@@ -38,6 +39,7 @@ class Silkmoth(Agent):
         self.goal_since_s = 0.0
         self.heading_rad = 0.0
         self.side = random_side(self.draws)
+        self.sidestep = Sidestep(side=self.side, keep_s=self.settings.sidestep_s)
         self.hit_s = -math.inf
         self.last_s: float | None = None
 
@@ -94,9 +96,14 @@ class Silkmoth(Agent):
         return observation.time_s - self.goal_since_s > self.settings.late_s
 
     def fly(self, observation: Observation, speed_m_s: float) -> Command:
-        """Return the velocity along the heading, without what leads out of the margin, and to the search height."""
+        """Return the velocity along the heading, without what leads out of the margin, and to the search height.
+
+        Where the last one was refused, something is in the way: it turns until it is not.
+        """
         here_m = observation.position_world_m
-        along = (math.cos(self.heading_rad), math.sin(self.heading_rad))
+        self.sidestep.note(observation.time_s, is_refused=observation.notice is not None)
+        heading_rad = self.heading_rad + self.sidestep.turn_rad
+        along = (math.cos(heading_rad), math.sin(heading_rad))
         x_m_s, y_m_s = (
             0.0 if (x <= low and share < 0.0) or (x >= high and share > 0.0) else speed_m_s * share
             for x, low, high, share in zip(here_m, self.room.min_m, self.room.max_m, along)
@@ -107,7 +114,7 @@ class Silkmoth(Agent):
             kind="velocity",
             velocity_world_m_s=(x_m_s, y_m_s, climb_m_s),
             hold_s=self.settings.command_s,
-            yaw_rad=math.remainder(self.heading_rad, math.tau),
+            yaw_rad=math.remainder(heading_rad, math.tau),
         )
 
 
