@@ -13,6 +13,7 @@ from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import MESHES
 from gslcosim.recording.run_file import RunFile
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.success import SuccessSpec
 
 SOLID = rr.components.FillMode.Solid
 WIRE = rr.components.FillMode.MajorWireframe
@@ -61,10 +62,8 @@ def draw_room(file: RunFile, environment: Environment) -> None:
 
 
 def draw_sources(file: RunFile, scenario: Scenario) -> None:
-    """Draw every source with its success radius."""
-    within_m = scenario.referee.success.within_m
-    # Where heights do not count, what counts is a column.
-    tall_m = COLUMN_HALF_HEIGHT_M if scenario.referee.success.horizontal else within_m
+    """Draw every source with what the success criterion draws around it."""
+    half_size_m = _half_size_around_sources_m(scenario.referee.success)
     for i, source in enumerate(scenario.gas.sources):
         label = "source" if len(scenario.gas.sources) == 1 else f"source {i + 1}"
         entity = f"sources/{i}"
@@ -72,14 +71,23 @@ def draw_sources(file: RunFile, scenario: Scenario) -> None:
             f"{entity}/place",
             rr.Points3D([source.position_m], radii=[0.14], colors=[colors.SOURCE], labels=[label], show_labels=True),
         )
-        radius = rr.Ellipsoids3D(
-            centers=[source.position_m],
-            half_sizes=[[within_m, within_m, tall_m]],
-            colors=[colors.SOURCE],
-            line_radii=[0.006],
-            fill_mode=WIRE,
-        )
-        file.draw(f"{entity}/success_radius", radius)
+        if half_size_m:
+            radius = rr.Ellipsoids3D(
+                centers=[source.position_m],
+                half_sizes=[half_size_m],
+                colors=[colors.SOURCE],
+                line_radii=[0.006],
+                fill_mode=WIRE,
+            )
+            file.draw(f"{entity}/success_radius", radius)
+
+
+# Where heights do not count, what counts is a column.
+def _half_size_around_sources_m(success: SuccessSpec) -> tuple[float, float, float] | None:
+    radius_m = success.drawn_radius_m
+    if radius_m is None:
+        return None
+    return (radius_m, radius_m, COLUMN_HALF_HEIGHT_M if success.is_horizontal else radius_m)
 
 
 def slice_height_m(height_m: float) -> float:

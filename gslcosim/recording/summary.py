@@ -38,9 +38,7 @@ def _mission(scenario: Scenario, environment: Environment) -> str:
         f"{agent.vehicle.search_height_m:.3g} m height"
         for agent in scenario.agents
     ]
-    plane = " in the plane" if success.horizontal else ""
-    what = "vehicle" if success.of == "source" else "declaration"
-    lines.append(f"- success: {what} within {success.within_m:g} m of a source{plane} in {stop.time_limit_s:g} s")
+    lines.append(f"- success: {success.summary_text} in {stop.time_limit_s:g} s")
     return "\n".join(lines)
 
 

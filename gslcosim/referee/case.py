@@ -15,6 +15,8 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.referee import metrics
 from gslcosim.referee.beliefs import score_of
+from gslcosim.referee.success import Evidence, criterion_of
+from gslcosim.scenario.models.success import SuccessSpec
 from gslcosim.ticks import seconds_from_ticks
 
 Vec3 = tuple[float, float, float]
@@ -31,20 +33,17 @@ GIVES_WAY_M = 0.05
 class Rules:
     """By what an agent is judged; positions and lengths in the world frame [m].
 
-    `success_of` says whether the vehicle or its declaration has to be within `within_m` of a source; `floors` are the
-    names of the boxes a vehicle may touch on the ground; `min_m` and `max_m` are the corners of the room's air;
-    `is_horizontal` says that heights do not count in distances to sources.
+    `success` is the scenario's block; `floors` are the names of the boxes a vehicle may touch on the ground; `min_m`
+    and `max_m` are the corners of the room's air.
     """
 
     tick_ns: int
     sources_m: tuple[Vec3, ...]
-    within_m: float
-    success_of: Literal["source", "declaration"]
+    success: SuccessSpec
     ends_on_collision: bool
     floors: frozenset[str]
     min_m: Vec3
     max_m: Vec3
-    is_horizontal: bool = False
 
 
 class AgentCase:
@@ -59,6 +58,7 @@ class AgentCase:
         self.name = name
         self.outcome: Outcome | None = None
         self._rules = rules
+        self._criterion = criterion_of(rules.success, rules.sources_m)
         self._start_m: Vec3 | None = None
         self._body: BodyState | None = None
         self._end_tick = 0
@@ -95,10 +95,10 @@ class AgentCase:
             *self._note_gas(samples),
             *self._note_contact(body),
         ]
-        if outcome := self._outcome_of(body, command):
+        if outcome := self._failure_of(body, command):
             reason = command.reason if command is not None and command.kind == "failed" else ""
-            events.append(self.end(outcome, reason=reason))
-        return events
+            return [*events, self.end(outcome, reason=reason)]
+        return [*events, *self._judge(body, command)]
 
     def end(self, outcome: Outcome, *, reason: str = "") -> RefereeEvent:
         """Close the case with the state of the last observed tick and return the event that says so."""
@@ -106,7 +106,8 @@ class AgentCase:
         self.outcome = outcome
         time_s = seconds_from_ticks(self._end_tick, self._rules.tick_ns)
         distance_m = self._distance_m(self._body.position_world_m)
-        text = f"{_OUTCOME_TEXTS[outcome]} after {time_s:g} s, {distance_m:.2f} m from the source"
+        told = self._rules.success.met_text if outcome == "success" else _OUTCOME_TEXTS[outcome]
+        text = f"{told} after {time_s:g} s, {distance_m:.2f} m from the source"
         return self._event(outcome, f"{text}: {reason}" if reason else text)
 
     def score(self, body: BodyState) -> AgentScore:
@@ -130,7 +131,7 @@ class AgentCase:
         is_success = self.outcome == "success"
         end_m, path_length_m = self._body.position_world_m, self._body.path_length_m
         source_m = metrics.nearest(self._start_m, self._rules.sources_m)
-        if self._rules.is_horizontal:
+        if self._rules.success.is_horizontal:
             source_m = metrics.at_height_of(source_m, self._start_m)
         return AgentResult(
             name=self.name,
@@ -154,7 +155,7 @@ class AgentCase:
             return []
         self._n_commands += 1
         if command.belief is not None:
-            self._belief = score_of(command.belief, self._rules.sources_m, within_m=self._rules.within_m)
+            self._belief = score_of(command.belief, self._rules.sources_m, within_m=self._rules.success.within_m)
         if command.declaration is None or command.kind != "declare_source":
             return []
         x, y, z = command.declaration.position_world_m
@@ -206,7 +207,7 @@ class AgentCase:
             return tuple(name for name in body.contacts if name not in self._rules.floors)
         return body.contacts
 
-    def _outcome_of(self, body: BodyState, command: Command | None) -> Outcome | None:
+    def _failure_of(self, body: BodyState, command: Command | None) -> Outcome | None:
         rules = self._rules
         if body.phase == "failed" or (command is not None and command.kind == "failed"):
             return "agent_failed"
@@ -214,18 +215,33 @@ class AgentCase:
             return "collision"
         if not _is_inside(body.position_world_m, rules.min_m, rules.max_m):
             return "out_of_bounds"
-        if rules.success_of == "source":
-            return "success" if self._distance_m(body.position_world_m) <= rules.within_m else None
-        if command is None or command.kind != "declare_source" or self._declared_error_m is None:
-            return None
-        return "success" if self._declared_error_m <= rules.within_m else "declared"
+        return None
 
-    # To the nearest of the sources; in the plane where heights do not count.
+    def _judge(self, body: BodyState, command: Command | None) -> list[RefereeEvent]:
+        declares = command is not None and command.kind == "declare_source"
+        evidence = Evidence(
+            time_s=seconds_from_ticks(self._end_tick, self._rules.tick_ns),
+            body=body,
+            distances_m=self._distances_m(body.position_world_m),
+            declared_error_m=self._declared_error_m if declares else None,
+            belief=self._belief,
+        )
+        events = [self._event("progress", text) for text in self._criterion.news(evidence)]
+        if self._criterion.is_met(evidence):
+            events.append(self.end("success"))
+        elif self._criterion.has_missed(evidence):
+            events.append(self.end("declared"))
+        return events
+
+    # To the nearest of the sources.
     def _distance_m(self, point_m: Vec3) -> float:
-        return min(
-            metrics.distance_m(
-                point_m, metrics.at_height_of(source_m, point_m) if self._rules.is_horizontal else source_m
-            )
+        return min(self._distances_m(point_m))
+
+    # To each source; in the plane where heights do not count.
+    def _distances_m(self, point_m: Vec3) -> tuple[float, ...]:
+        is_horizontal = self._rules.success.is_horizontal
+        return tuple(
+            metrics.distance_m(point_m, metrics.at_height_of(source_m, point_m) if is_horizontal else source_m)
             for source_m in self._rules.sources_m
         )
 
@@ -234,7 +250,6 @@ class AgentCase:
 
 
 _OUTCOME_TEXTS: dict[Outcome, str] = {
-    "success": "has found the source",
     "time_limit": "has not found the source in time and stopped",
     "collision": "has collided and stopped",
     "agent_failed": "has failed",

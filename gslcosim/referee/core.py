@@ -138,14 +138,15 @@ class RefereeCore:
     def _result(self, case: AgentCase) -> AgentResult:
         return case.result(self._shortest_m[case.name])
 
-    # To the source that is nearest by way, not by air. A run ends at the success radius, so the way does too: to the
-    # source itself a straight flight would be shorter than the shortest way. A declaration needs no approach at all.
-    # Who drives cannot go over things.
+    # To the source that is nearest by way, not by air. Where a run ends at the success radius the way does too: to the
+    # source itself a straight flight would be shorter than the shortest way. A rover cannot go over things.
     def _shortest_way_m(self, name: str, start_m: Vec3) -> float | None:
-        within_m = self._rules.within_m if self._rules.success_of == "source" else 0.0
+        reach_m = self._rules.success.reach_m
+        if reach_m is None:
+            return None
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
         ways_m = (
-            way_to(self._environment, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=within_m)
+            way_to(self._environment, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
             for source_m in self._rules.sources_m
         )
         return min((way_m for way_m in ways_m if way_m is not None), default=None)
@@ -153,19 +154,16 @@ class RefereeCore:
     # Where heights do not count, the shortest way leads to where the agent searches.
     def _goal_m(self, name: str, source_m: Vec3) -> Vec3:
         x_m, y_m, z_m = source_m
-        return (x_m, y_m, self._heights_m[name]) if self._rules.is_horizontal else (x_m, y_m, z_m)
+        return (x_m, y_m, self._heights_m[name]) if self._rules.success.is_horizontal else (x_m, y_m, z_m)
 
 
 def _rules(scenario: Scenario, environment: Environment) -> Rules:
-    success = scenario.referee.success
     return Rules(
         tick_ns=scenario.tick_ns,
         sources_m=tuple(source.position_m for source in scenario.gas.sources),
-        within_m=success.within_m,
-        success_of=success.of,
+        success=scenario.referee.success,
         ends_on_collision=scenario.referee.stop.on_collision,
         floors=frozenset(box.name for box in environment.boxes if box.kind == "floor"),
         min_m=environment.grid.origin_m,
         max_m=environment.grid.max_m,
-        is_horizontal=success.horizontal,
     )

@@ -16,7 +16,9 @@ from gslcosim.scenario.schema_walk import (
     Slot,
     holds_blocks,
     keys_of,
+    kind_key_of,
     kinds_of,
+    kinds_with_key,
     paths_of_key,
     slot_at,
     words_of,
@@ -68,7 +70,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
         case "missing":
             return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
         case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
-            return _unknown_kind(slot, typing.cast("dict[str, Any]", value).get("kind"))
+            return _unknown_kind(slot, typing.cast("dict[str, Any]", value))
         case "too_short" if isinstance(value, list) and typing.cast("list[Any]", value):
             return None  # pydantic counts only the valid items; those that are not have their own problems
         case _:
@@ -79,10 +81,11 @@ def _wrong_value(slot: Slot, value: Any) -> Problem:
     return Problem(path=slot.path, expected=slot.describe(), found=shown(value), remedy=_value_remedy(slot, value))
 
 
-def _unknown_kind(slot: Slot, kind: Any) -> Problem:
-    kinds = kinds_of(slot.annotation)
+def _unknown_kind(slot: Slot, block: dict[str, Any]) -> Problem:
+    kinds, key = kinds_of(slot.annotation), kind_key_of(slot.annotation)
+    kind = block.get(key)
     return Problem(
-        path=child_path(slot.path, "kind"),
+        path=child_path(slot.path, key),
         expected=f"one of {', '.join(kinds[:-1])} or {kinds[-1]}",
         found=shown(kind),
         remedy=did_you_mean(kind, kinds) if isinstance(kind, str) else "",
@@ -96,8 +99,11 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     expected = f"one of the keys {', '.join(keys)}"
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
+    kinds = kinds_with_key(key, location, root=root)
     if match:
         remedy = f"Did you mean {match}?{_unit_hint(key, slot_at((*location, match), root=root), value)}"
+    elif kinds:
+        remedy = f"{key} belongs to {' or '.join(kinds)}."
     elif homes:
         remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
     else:

@@ -11,6 +11,8 @@ from pydantic import BaseModel, StringConstraints, Tag
 from pydantic.fields import FieldInfo
 
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.models.success import OfOtherPackages
+from gslcosim.scenario.offers import names_offered
 from gslcosim.scenario.problems import child_path
 from gslcosim.scenario.units import unit_of
 
@@ -70,8 +72,29 @@ def words_of(annotation: Any) -> list[str]:
 
 
 def kinds_of(annotation: Any) -> list[str]:
-    """Return the kinds of which a block that belongs here may be, where there are several."""
-    return list(_variants(annotation))
+    """Return the kinds of which a block that belongs here may be, where there are several; others' packages' last."""
+    return [*_variants(annotation), *_offered_kinds(annotation)]
+
+
+def kinds_with_key(key: str, location: tuple[Segment, ...], *, root: type[BaseModel] = Scenario) -> list[str]:
+    """Return of which other kinds a block would have to be to have a key, written like `kind: office`.
+
+    Args:
+        key: The key.
+        location: Of the block, with its kind last where there are several; otherwise there are none.
+        root: The model of the outermost block.
+    """
+    annotation = slot_at(location[:-1], root=root).annotation
+    variants = _variants(annotation)
+    if not location or location[-1] not in variants:
+        return []
+    return [f"{kind_key_of(annotation)}: {kind}" for kind, model in variants.items() if key in keys_of(model)]
+
+
+def kind_key_of(annotation: Any) -> str:
+    """Return the key that says of which kind a block is that belongs here: `kind` of a layout, `of` of success."""
+    tag, model = next(iter(_variants(annotation).items()))
+    return next(name for name, field in model.model_fields.items() if typing.get_args(field.annotation) == (tag,))
 
 
 def holds_blocks(annotation: Any) -> bool:
@@ -153,9 +176,17 @@ def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
     for each in _kinds_of_union(annotation):
         kind, constraints = _split(each)
         tags = [constraint.tag for constraint in constraints if isinstance(constraint, Tag)]
+        if any(isinstance(constraint, OfOtherPackages) for constraint in constraints):
+            continue  # their blocks are known only when a scenario names them
         if tags and isinstance(kind, type) and issubclass(kind, BaseModel):
             variants[tags[0]] = kind
     return variants
+
+
+def _offered_kinds(annotation: Any) -> list[str]:
+    constraints = (constraint for each in _kinds_of_union(annotation) for constraint in _split(each)[1])
+    groups = [constraint.group for constraint in constraints if isinstance(constraint, OfOtherPackages)]
+    return [name for group in groups for name in names_offered(group)]
 
 
 def _item_annotation(annotation: Any) -> Any:
@@ -168,7 +199,7 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
     constraints = (*inner, *constraints)
     in_unit = f" in {unit}" if unit and not unit.startswith("per") else f" {unit}" if unit else ""
     if variants := _variants(kind):
-        return f"a block with the key kind, {_alternatives(list(variants))}"
+        return f"a block with the key {kind_key_of(kind)}, {_alternatives(list(variants))}"
     if kinds := _kinds_of_union(kind):
         return " or ".join(_describe(each, (), unit).removeprefix("one of ") for each in kinds)
     if typing.get_origin(kind) is Literal:

@@ -60,13 +60,8 @@ def _channels_of(agent: AgentSpec, scenario: Scenario) -> tuple[ChannelDescripti
 
 def mission_text(scenario: Scenario) -> str:
     """Return the task in one sentence."""
-    success, gas = scenario.referee.success, scenario.gas.gas
-    heights = "in the plane " if success.horizontal else ""
-    task = "come" if success.of == "source" else "declare a position"
-    return (
-        f"Find the source of {gas} in the room: {task} within {success.within_m:g} m of it {heights}"
-        f"in at most {scenario.referee.stop.time_limit_s:g} s."
-    )
+    referee = scenario.referee
+    return f"{referee.success.task_text(scenario.gas.gas)} in at most {referee.stop.time_limit_s:g} s."
 
 
 def _floats(vector: tuple[float, float, float]) -> tuple[float, float, float]:

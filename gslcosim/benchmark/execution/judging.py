@@ -126,7 +126,7 @@ def row_of(trial: Trial, environment_hash: str, outcome: Outcome, watch: Watch) 
 
 def _ways(trial: Trial, result: AgentResult, watch: AgentWatch) -> Row:
     sources_m = [source.position_m for source in trial.resolved.gas.sources]
-    is_horizontal = trial.resolved.referee.success.horizontal
+    is_horizontal = trial.resolved.referee.success.is_horizontal
     contact_s = first_contact_s(watch.t_s, watch.gas_ppm, GAS_CONTACT_PPM)
     phase = tracking_phase(watch.t_s, watch.position_m, contact_s)
     direct = directness(phase, sources_m, is_horizontal=is_horizontal) if phase is not None else None
@@ -162,7 +162,7 @@ def _declarations(trial: Trial, watch: Watch) -> Row:
         [source.position_m for source in trial.resolved.gas.sources],
         within_m=rules.within_m,
         is_control=trial.is_control,
-        is_horizontal=rules.horizontal,
+        is_horizontal=rules.is_horizontal,
     )
     return {
         "declared": bool(watch.declared),

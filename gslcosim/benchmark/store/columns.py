@@ -41,7 +41,9 @@ TRIAL_COLUMNS = (
     Column("environment_hash", _TEXT, "content of the room and its wind"),
     Column("time_limit_s", _REAL, "T: when every run ends [s]"),
     Column("within_m", _REAL, "success radius r_s [m]"),
-    Column("success_of", _TEXT, "what has to be within it: source (the vehicle) or declaration"),
+    Column(
+        "success_of", _TEXT, "the success criterion: source, declaration, all_sources, map, or one of another package"
+    ),
     Column("start_x_m", _REAL, "start of the first agent, world frame [m]"),
     Column("start_y_m", _REAL, "as above"),
     Column("start_z_m", _REAL, "as above"),

@@ -17,6 +17,7 @@ from gslcosim.scenario.models.sensors import CAMERA_SENSORS
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3
 from gslcosim.scenario.models.spec import Spec as Spec
+from gslcosim.scenario.models.success import SourceSuccess, Success
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
 
 SCHEMA = "gslcosim/scenario/1"
@@ -262,17 +263,6 @@ class ChannelSpec(Spec):
     max_bytes: Annotated[int, Field(ge=1, le=65536)] = 1024
 
 
-class SuccessSpec(Spec):
-    """Success: the vehicle, or the agent's declaration, is within this distance of a source [m].
-
-    With `horizontal` heights do not count: distances are those in the plane.
-    """
-
-    within_m: Positive = 1.0
-    of: Literal["source", "declaration"] = "source"
-    horizontal: bool = False
-
-
 class StopSpec(Spec):
     """What ends a run besides success: simulated time [s], or a collision."""
 
@@ -283,7 +273,7 @@ class StopSpec(Spec):
 class RefereeSpec(Spec):
     """How the run is judged."""
 
-    success: SuccessSpec = SuccessSpec()
+    success: Success = SourceSuccess()
     stop: StopSpec = StopSpec()
 
 

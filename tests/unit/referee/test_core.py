@@ -416,3 +416,44 @@ def test_nothing_is_final_after_the_verdict():
 def test_truth_without_an_agent_stops_the_run():
     with pytest.raises(ModelError, match=r"referee, tick 0: expected a body for 'beetle', was \['other'\]"):
         Court(scenario()).step(body("other"))
+
+
+OTHER = (8.0, 1.0, 2.0)
+TWO = {"sources": (SOURCE, OTHER), "success": {"within_m": 1.0, "of": "all_sources"}}
+
+
+def test_where_all_sources_are_to_be_found_one_is_progress_and_the_last_is_success():
+    court = Court(scenario(**TWO)).step(body(position_m=SOURCE)).step(body(position_m=(5.0, 1.0, 2.0)))
+    assert court.verdict is None
+    assert court.step(body(position_m=OTHER)).verdict.end_reason == "success"
+    assert [kind for kind in court.kinds() if kind in ("progress", "success")] == ["progress", "progress", "success"]
+    assert court.texts[-1].startswith("has found all sources after 0.2 s")
+    assert court.verdict.agents[0].shortest_path_m is court.verdict.agents[0].movement_overhead is None
+
+
+def test_a_source_at_which_the_vehicle_collides_is_not_found():
+    court = Court(scenario(**TWO)).step(body(position_m=SOURCE, contacts=("rack",)))
+    assert court.verdict.end_reason == "collision"
+    assert "progress" not in court.kinds()
+
+
+def test_where_all_sources_are_to_be_found_heights_may_not_count():
+    above = scenario(sources=(SOURCE,), success={"of": "all_sources", "within_m": 0.5, "horizontal": True})
+    assert Court(above).step(body(position_m=(2.0, 1.2, 4.0))).verdict.end_reason == "success"
+
+
+def test_a_belief_near_the_source_is_success_where_maps_are_judged_and_only_there():
+    court = Court(scenario(success={"of": "map", "within_m": 1.0, "mass_at_least": 0.9}))
+    court.step(body(position_m=SOURCE)).step(command=believing(5.0)).step()
+    assert court.verdict is None
+    court.step(command=believing(2.0)).step()
+    assert court.verdict.end_reason == "success"
+    assert court.texts[-1].startswith("has mapped the source")
+    elsewhere = Court(scenario(success={"of": "source", "within_m": 1.0})).step(command=believing(2.0)).step()
+    assert elsewhere.verdict is None
+
+
+def test_a_declaration_does_not_end_a_run_in_which_maps_are_judged():
+    court = Court(scenario(success={"of": "map"})).step(command=declare(FAR)).step()
+    assert "declaration" in court.kinds()
+    assert court.verdict is None

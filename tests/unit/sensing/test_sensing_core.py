@@ -18,6 +18,7 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim.sensing.core import SensingCore, mount_velocity_world_m_s
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -104,9 +105,7 @@ def test_the_mission_names_gas_radius_and_time(core):
 
 
 def test_a_declaration_task_is_told_as_such(scenario, make_room):
-    referee = scenario.referee.model_copy(
-        update={"success": scenario.referee.success.model_copy(update={"of": "declaration"})}
-    )
+    referee = scenario.referee.model_copy(update={"success": DeclarationSuccess(within_m=0.75)})
     core = SensingCore(scenario.model_copy(update={"referee": referee}), make_room())
     assert "declare a position within 0.75 m" in core.reset(Episode(seed=3))[keys.briefing("moth")].mission
 

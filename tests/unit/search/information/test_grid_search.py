@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from briefings import PLUME, briefing, observation, open_map
 
+from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim.search.bayes.encounters_kernels import likelihoods_into
 from gslcosim.search.beliefs import best_ball, entropy_bits, mass_within
 from gslcosim.search.grids import CellGrid
@@ -228,8 +229,7 @@ def test_the_mission_s_sentence_tells_whether_arrival_ends_the_run(make_scenario
     scenario = make_scenario({})
     coming = briefing(mission=mission_text(scenario))
     assert arrival_radius_m(coming) == scenario.referee.success.within_m
-    declared = scenario.referee.success.model_copy(update={"of": "declaration"})
-    referee = scenario.referee.model_copy(update={"success": declared})
+    referee = scenario.referee.model_copy(update={"success": DeclarationSuccess()})
     declaring = briefing(mission=mission_text(scenario.model_copy(update={"referee": referee})))
     assert arrival_radius_m(declaring) == 0.0
 

@@ -1,0 +1,253 @@
+"""What counts as success: a block for each criterion, with what agents are told and what is recorded of it.
+
+The blocks hold settings and words. `gslcosim.referee.success` judges by them and finds the judge by the block's type.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import (
+    Discriminator,
+    Field,
+    SerializeAsAny,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+from pydantic_core import InitErrorDetails, to_json
+
+from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.spec import Positive, Spec
+from gslcosim.scenario.offers import import_offered, names_offered, not_what_is_offered
+
+# Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
+SUCCESS_ENTRY_POINTS = "gslcosim.success"
+DEFAULT_CRITERION = "source"
+
+
+@dataclass(frozen=True)
+class OfOtherPackages:
+    """Marks the member of a union of blocks that stands for the kinds of other packages, and where they are offered."""
+
+    group: str
+
+
+class SuccessSpec(Spec):
+    """What all criteria have: `of` names the criterion, `within_m` is the success radius [m].
+
+    Beliefs are scored with the same radius, whatever the criterion. One of a third party derives from this class,
+    narrows `of` to its name, and says what its task is.
+    """
+
+    within_m: Positive = 1.0
+    of: str
+
+    @property
+    def is_horizontal(self) -> bool:
+        """Whether heights do not count in distances to sources."""
+        return False
+
+    @property
+    def reach_m(self) -> float | None:
+        """How near to a source the shortest way that suffices has to lead [m].
+
+        0: to the source itself, where nothing has to be approached. None: the way to one source does not suffice, and
+        no shortest way is told.
+        """
+        return 0.0
+
+    @property
+    def drawn_radius_m(self) -> float | None:
+        """The radius drawn around each source [m]; None draws nothing. Where heights do not count it is a column."""
+        return self.within_m
+
+    @property
+    def met_text(self) -> str:
+        """The sentence, without its subject, that says of an agent that it succeeded."""
+        return "has found the source"
+
+    @abstractmethod
+    def task_text(self, gas: str) -> str:
+        """Return the agent's task as the beginning of a sentence, which goes on with a limit of time."""
+
+    @property
+    @abstractmethod
+    def summary_text(self) -> str:
+        """What has to be reached, in a few words for the recording."""
+
+
+class _PlaceSpec(SuccessSpec):
+    horizontal: bool = False
+
+    @property
+    def is_horizontal(self) -> bool:
+        return self.horizontal
+
+    @property
+    def _in_the_plane(self) -> str:
+        return " in the plane" if self.horizontal else ""
+
+
+class SourceSuccess(_PlaceSpec):
+    """The vehicle is within `within_m` of a source.
+
+    With `horizontal` heights do not count: distances are those in the plane.
+    """
+
+    of: Literal["source"] = "source"  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @property
+    def reach_m(self) -> float | None:
+        """The success radius: a flight ends there, so the way does too."""
+        return self.within_m
+
+    def task_text(self, gas: str) -> str:
+        """Return the agent's task."""
+        return f"Find the source of {gas} in the room: come within {self.within_m:g} m of it{self._in_the_plane}"
+
+    @property
+    def summary_text(self) -> str:
+        """What has to be reached."""
+        return f"vehicle within {self.within_m:g} m of a source{self._in_the_plane}"
+
+
+class DeclarationSuccess(_PlaceSpec):
+    """The place that the agent declares is within `within_m` of a source; a wrong declaration ends its run.
+
+    With `horizontal` heights do not count: distances are those in the plane.
+    """
+
+    of: Literal["declaration"] = "declaration"  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def task_text(self, gas: str) -> str:
+        """Return the agent's task."""
+        where = f"within {self.within_m:g} m of it{self._in_the_plane}"
+        return f"Find the source of {gas} in the room: declare a position {where}"
+
+    @property
+    def summary_text(self) -> str:
+        """What has to be reached."""
+        return f"declaration within {self.within_m:g} m of a source{self._in_the_plane}"
+
+
+class AllSourcesSuccess(_PlaceSpec):
+    """The vehicle has been within `within_m` of every source, in any order; each agent for itself.
+
+    With `horizontal` heights do not count: distances are those in the plane. Agents are not told how many sources
+    there are.
+    """
+
+    of: Literal["all_sources"] = "all_sources"  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @property
+    def reach_m(self) -> float | None:
+        """None: the shortest tour of all sources is not computed."""
+        return None
+
+    @property
+    def met_text(self) -> str:
+        """The sentence that says of an agent that it succeeded."""
+        return "has found all sources"
+
+    def task_text(self, gas: str) -> str:
+        """Return the agent's task."""
+        return f"Find all sources of {gas} in the room: come within {self.within_m:g} m of each{self._in_the_plane}"
+
+    @property
+    def summary_text(self) -> str:
+        """What has to be reached."""
+        return f"vehicle once within {self.within_m:g} m of each source{self._in_the_plane}"
+
+
+class MapSuccess(SuccessSpec):
+    """The agent's last belief gives the places within `within_m` of a source a probability of `mass_at_least`.
+
+    A belief with two axes is judged in the plane. An agent that sends no beliefs cannot succeed.
+    """
+
+    of: Literal["map"] = "map"  # pyright: ignore[reportIncompatibleVariableOverride]
+    mass_at_least: Annotated[float, Field(gt=0, le=1)] = 0.5
+
+    @property
+    def met_text(self) -> str:
+        """The sentence that says of an agent that it succeeded."""
+        return "has mapped the source"
+
+    def task_text(self, gas: str) -> str:
+        """Return the agent's task."""
+        what = f"a belief with a probability of at least {self.mass_at_least:g} within {self.within_m:g} m of it"
+        return f"Find the source of {gas} in the room: send {what}"
+
+    @property
+    def summary_text(self) -> str:
+        """What has to be reached."""
+        return f"belief with at least {self.mass_at_least:g} within {self.within_m:g} m of a source"
+
+
+_OWN = (SourceSuccess, DeclarationSuccess, AllSourcesSuccess, MapSuccess)
+CRITERIA = tuple(str(block.model_fields["of"].default) for block in _OWN)
+"""The names of gslcosim's own criteria."""
+
+
+def _kind_of(value: Any) -> str | None:
+    if isinstance(value, SuccessSpec):
+        name = value.of
+    else:
+        name = cast("dict[str, Any]", value).get("of", DEFAULT_CRITERION) if isinstance(value, dict) else None
+    if not isinstance(name, str) or name in CRITERIA:
+        return name if isinstance(name, str) else None
+    return SUCCESS_ENTRY_POINTS if name in names_offered(SUCCESS_ENTRY_POINTS) else name
+
+
+# Strict about JSON, as scenario files are read; lenient about what a program has put together, as all blocks are.
+def _block_of_another_package(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> SuccessSpec:
+    del handler
+    if isinstance(value, SuccessSpec):
+        return value
+    block = _offered_block(value["of"])
+    try:
+        if info.mode == "json":
+            return block.model_validate_json(to_json(value), strict=True)
+        return block.model_validate(value)
+    except ValidationError as error:
+        raise _as_rules(error, block) from None
+
+
+def _offered_block(name: str) -> type[SuccessSpec]:
+    point, block = import_offered(SUCCESS_ENTRY_POINTS, name, kind=f"the criterion {name!r}", key="of")
+    if isinstance(block, type) and issubclass(block, SuccessSpec) and block.model_fields["of"].default == name:
+        return block
+    expected = f"a class for {name!r} that derives from SuccessSpec"
+    raise not_what_is_offered(point, cast("object", block), expected=expected, key="of")
+
+
+# The models of a scenario do not know the fields of others' blocks, so these problems bring their words along.
+def _as_rules(error: ValidationError, block: type[SuccessSpec]) -> ValidationError:
+    from gslcosim.scenario.explain import problems_of
+
+    rules = (
+        broken_rule(key=problem.path, expected=problem.expected, found=problem.found, remedy=problem.remedy)
+        for problem in problems_of(error, root=block)
+    )
+    return ValidationError.from_exception_data(
+        block.__name__, [InitErrorDetails(type=rule, loc=(), input=None) for rule in rules]
+    )
+
+
+# Chosen by `of`; a block that does not say it judges by the vehicle's distance to a source.
+Success = Annotated[
+    Annotated[SourceSuccess, Tag("source")]
+    | Annotated[DeclarationSuccess, Tag("declaration")]
+    | Annotated[AllSourcesSuccess, Tag("all_sources")]
+    | Annotated[MapSuccess, Tag("map")]
+    | Annotated[
+        SerializeAsAny[SuccessSpec],
+        WrapValidator(_block_of_another_package),
+        OfOtherPackages(SUCCESS_ENTRY_POINTS),
+        Tag(SUCCESS_ENTRY_POINTS),
+    ],
+    Discriminator(_kind_of),
+]

@@ -1,0 +1,87 @@
+"""docs/success.md and docs/extend/success-criterion.md: every step is carried out, on a copy."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.models.success import CRITERIA, SUCCESS_ENTRY_POINTS
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "extend" / "success-criterion.md").read_text()
+CRITERIA_PAGE = (ROOT / "docs" / "success.md").read_text()
+
+
+@pytest.mark.parametrize("piece", re.findall(r"```yaml\n(.*?)```", CRITERIA_PAGE, re.DOTALL))
+def test_pieces_of_scenarios_are_valid(piece, tmp_path):
+    values = yaml.safe_load((ROOT / "scenarios" / "tiny_room.yaml").read_text()) | yaml.safe_load(piece)
+    (tmp_path / "scenario.yaml").write_text(yaml.safe_dump(values))
+    assert load_scenario(tmp_path / "scenario.yaml").scenario.referee.success.of in piece
+
+
+def test_every_criterion_is_on_the_page():
+    assert [name for name in CRITERIA if f"| `{name}` |" not in CRITERIA_PAGE] == []
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """Write the page's files and put the package where Python finds it, as an installation does."""
+    folder = tmp_path_factory.mktemp("staying")
+    for name, text in re.findall(r"^`(\S+)`:\n\n```\w+\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL):
+        (folder / name).write_text(text)
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    info = folder / f"{project['name']}-{project['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
+    lines = [f"[{group}]\n{name} = {at}\n" for group, x in project["entry-points"].items() for name, at in x.items()]
+    assert lines[0].startswith(f"[{SUCCESS_ENTRY_POINTS}]")
+    (info / "entry_points.txt").write_text("".join(lines))
+    return folder
+
+
+def gslcosim(words, package, folder):
+    call = [sys.executable, "-m", "gslcosim", *words]
+    paths = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.run(call, capture_output=True, text=True, cwd=folder, env=os.environ | {"PYTHONPATH": paths})
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_the_criterion_of_a_package_is_flown_told_and_judged(package, tmp_path):
+    (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
+    program, *words = shlex.split(command)
+    assert program == "gslcosim"
+    done = gslcosim([*words, "--json"], package, tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (result,) = tmp_path.glob("runs/*/result.json")
+    (agent,) = json.loads(result.read_text())["agents"]
+    assert agent["outcome"] == "success"
+    assert agent["time_to_source_s"] == pytest.approx(1.0)
+    (resolved,) = tmp_path.glob("runs/*/scenario.yaml")
+    assert yaml.safe_load(resolved.read_text())["referee"]["success"] == {"within_m": 4.0, "of": "stay", "for_s": 1.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("block", "told"),
+    [
+        ("{of: stay, for_s: 0}", "referee.success.for_s: expected a number greater than 0 in seconds, was 0."),
+        ("{of: stay, horizontal: true}",
+         "referee.success.horizontal: expected one of the keys within_m, of, for_s, was an unknown key."),
+        ("{of: sty}",
+         "referee.success.of: expected one of source, declaration, all_sources, map or stay, was 'sty'. "
+         "Did you mean stay?"),
+    ],
+)  # fmt: skip
+def test_what_the_block_does_not_have_is_refused(package, tmp_path, block, told):
+    done = gslcosim(["validate", "tiny_room", "--set", f"referee.success={block}"], package, tmp_path)
+    assert done.returncode == 2
+    assert told in done.stdout + done.stderr

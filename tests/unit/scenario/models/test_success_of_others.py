@@ -1,0 +1,72 @@
+"""Criteria of installed packages: named, imported when asked for, refused when they are something else."""
+
+import importlib
+import sys
+import types
+from typing import Literal
+
+import pytest
+
+from gslcosim.scenario.models.scenario import RefereeSpec
+from gslcosim.scenario.models.success import SUCCESS_ENTRY_POINTS, SuccessSpec
+
+
+class Hover(SuccessSpec):
+    of: Literal["hover"] = "hover"
+    n_rounds: int = 3
+
+    def task_text(self, gas: str) -> str:
+        return f"Hover over {gas}"
+
+    @property
+    def summary_text(self) -> str:
+        return "hovering"
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install a package that offers a criterion, one that is none, and one that cannot be imported."""
+    module = types.ModuleType("somebodys_success")
+    vars(module).update(hover=Hover, number=42, misnamed=Hover)
+    monkeypatch.setitem(sys.modules, "somebodys_success", module)
+    folder = tmp_path / "somebodys_success-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-success\nVersion: 1.0\n")
+    lines = [f"{name} = somebodys_success:{name}" for name in ("hover", "number", "misnamed")]
+    lines.append("broken = somebodys_missing_module:broken")
+    (folder / "entry_points.txt").write_text("\n".join([f"[{SUCCESS_ENTRY_POINTS}]", *lines]) + "\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    importlib.invalidate_caches()
+    yield
+    monkeypatch.undo()
+    importlib.invalidate_caches()
+
+
+def test_a_scenario_may_name_the_criterion_of_a_package_and_keeps_its_settings(package):
+    referee = RefereeSpec.model_validate({"success": {"of": "hover", "n_rounds": 5}})
+    assert referee.success == Hover(n_rounds=5)
+    assert RefereeSpec.model_validate_json(referee.model_dump_json(), strict=True) == referee
+    assert RefereeSpec(success=Hover()).success.task_text("ethanol") == "Hover over ethanol"
+
+
+@pytest.mark.parametrize(
+    ("block", "line"),
+    [
+        ("{of: hover, n_rounds: many}", "n_rounds: expected a whole number, was 'many'."),
+        ("{of: hover, n_round: 2}",
+         "n_round: expected one of the keys within_m, of, n_rounds, was an unknown key. Did you mean n_rounds?"),
+        ("{of: number}",
+         "of: expected somebodys_success:number to be a class for 'number' that derives from SuccessSpec, was 42. "
+         "Correct the entry point of the package."),
+        ("{of: broken}",
+         "of: expected somebodys_missing_module:broken to be imported for the criterion 'broken', was "
+         "ModuleNotFoundError(\"No module named 'somebodys_missing_module'\"). Correct the package."),
+    ],
+)  # fmt: skip
+def test_problems_of_such_a_block_have_place_expected_found_and_remedy(package, told, block, line):
+    assert told(("agents:", f"referee:\n  success: {block}\nagents:")) == [f"hall.yaml:9: referee.success.{line}"]
+
+
+def test_a_name_that_the_class_does_not_have_is_refused(package, told):
+    (line,) = told(("agents:", "referee: {success: {of: misnamed}}\nagents:"))
+    assert "to be a class for 'misnamed'" in line
