@@ -1,1 +1,1 @@
-"""Process shells: build a core, hand it to the runtime."""
+"""The process shell of every service: name a core, hand it to the runtime."""

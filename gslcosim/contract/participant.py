@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from gslcosim.contract.messages import Message
 
@@ -73,4 +73,22 @@ class Core(Protocol):
             inbox: For each declared read the message of `tick - delay_ticks`; a port is missing from it
                 where no message exists (before tick 0, between periods, not announced, closed).
         """
+        ...
+
+
+@runtime_checkable
+class Closes(Protocol):
+    """A core that holds something open, such as a file: it is closed after the last tick, whatever ended the run."""
+
+    def close(self) -> None:
+        """Let go of it; called once."""
+        ...
+
+
+@runtime_checkable
+class Rehearses(Protocol):
+    """A core that computes in flight what its first ticks do not reach."""
+
+    def rehearse(self) -> None:
+        """Use those kernels once, after the made-up ticks and before the reset that begins the run."""
         ...

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.errors import UsageError
+from gslcosim.runtime.participants import upstream_rank
 
 SCHEMA = "gslcosim/digest/1"
 LINK_BYTES = 8
@@ -112,31 +113,23 @@ class Divergence:
     text: str
 
 
-def first_divergence(a: RunDigest, b: RunDigest, *, order: tuple[str, ...] = ()) -> Divergence | None:
+def first_divergence(a: RunDigest, b: RunDigest) -> Divergence | None:
     """Return the earliest tick, and there the most upstream port, at which two runs differ; None when they are equal.
 
-    Args:
-        a: One run.
-        b: The other run.
-        order: Participants from upstream to downstream, to name the cause and not its consequence; by default the
-            order in which the services depend on each other.
+    The most upstream one is the cause, the others are its consequences.
     """
-    ranks = {name: rank for rank, name in enumerate(order or DEFAULT_ORDER)}
-    found: list[tuple[int, int, Divergence]] = []
+    found: list[tuple[int, tuple[int, int], Divergence]] = []
     for port in sorted({*a.trails, *b.trails}):
         writer = a.writer_of.get(port) or b.writer_of[port]
         divergence = _port_divergence(port, writer, a.trails.get(port), b.trails.get(port))
         if divergence:
-            found.append((divergence.tick, ranks.get(writer, len(ranks)), divergence))
+            found.append((divergence.tick, upstream_rank(writer), divergence))
     if found:
         return min(found, key=lambda item: item[:2])[2]
     if a.final_tick != b.final_tick:
         tick = min(a.final_tick, b.final_tick)
         return Divergence(tick, "referee", "referee/verdict", f"one run ends at tick {tick}, the other goes on")
     return None
-
-
-DEFAULT_ORDER = ("world", "fields", "radio", "cameras", "sensing", "agent", "referee")
 
 
 def _port_divergence(port: str, writer: str, a: Trail | None, b: Trail | None) -> Divergence | None:

@@ -8,10 +8,11 @@ from pathlib import Path
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError, RecordingError
 from gslcosim.generation import prepare_environment
-from gslcosim.runtime.assembly import Setup, dataflow_of
+from gslcosim.runtime.assembly import dataflow_of
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.runtime.supervisor import Supervisor
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved

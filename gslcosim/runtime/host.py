@@ -15,7 +15,7 @@ import gslcosim
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Verdict
-from gslcosim.contract.participant import Core, Episode
+from gslcosim.contract.participant import Closes, Core, Episode
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import ContractError, GslCosimError, RunTimeoutError
 from gslcosim.runtime import control
@@ -229,9 +229,8 @@ class ParticipantHost:
         self._bus.publish(control.FAULT, note.to_bytes(), urgent=True)
 
     def _say_goodbye(self) -> None:
-        close = getattr(self._core, "close", None)
-        if close is not None:
-            close()
+        if isinstance(self._core, Closes):
+            self._core.close()
         self._tell_progress()
         trails = {port: trail.as_fields() for port, trail in self._stepper.trails.items()}
         bye = control.Bye(

@@ -13,15 +13,17 @@ from pathlib import Path
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Message, Observation, Verdict
+from gslcosim.contract.participant import Closes
 from gslcosim.errors import GslCosimError, UsageError
 from gslcosim.runtime.agents.door import Door, door_name, door_of, faults_of
 from gslcosim.runtime.agents.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.agents.starting import find_python_agent, load_python_agent
-from gslcosim.runtime.assembly import Setup, build_core, dataflow_of, service_names
+from gslcosim.runtime.assembly import build_core, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
+from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Stepper
 from gslcosim.scenario import Scenario
@@ -280,10 +282,9 @@ class InProcessFlight:
 
     def _close(self, outcome: Outcome) -> None:
         for name, stepper in self._steppers.items():
-            close = getattr(stepper.core, "close", None)
             try:
-                if close is not None:
-                    close()
+                if isinstance(stepper.core, Closes):
+                    stepper.core.close()
             except Exception:  # the others must still be closed
                 fault = ServiceFault(participant=name, tick=self._tick, text=traceback.format_exc())
                 outcome.fault = outcome.fault or fault

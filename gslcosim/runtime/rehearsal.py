@@ -17,11 +17,10 @@ from gslcosim.contract.messages import (
     MountSample,
     RadioTraffic,
 )
-from gslcosim.contract.participant import Core, Episode
+from gslcosim.contract.participant import Core, Episode, Rehearses
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 
-REHEARSED = ("world", "fields", "sensing")
 N_TICKS = 2
 _STILL = (0.0, 0.0, 0.0)
 
@@ -30,14 +29,14 @@ def rehearse(core: Core, scenario: Scenario) -> None:
     """Reset a core and step it with all vehicles at their starts; it must be reset before it is used.
 
     Compiling takes seconds on a machine's first run and loading a tenth of a second on every other; both would
-    otherwise happen in the first ticks. A core that computes what these two ticks do not reach has a method `rehearse`.
+    otherwise happen in the first ticks. A core that computes what these two ticks do not reach `Rehearses` the rest.
     """
     core.reset(Episode(seed=scenario.seed))
     ports = [read.port for read in core.spec.reads if read.port in _MADE_UP]
     for tick in range(N_TICKS):
         core.step(tick, {port: _MADE_UP[port](scenario, tick) for port in ports})
-    if rest := getattr(core, "rehearse", None):
-        rest()
+    if isinstance(core, Rehearses):
+        core.rehearse()
 
 
 def _at_start(scenario: Scenario, tick: int) -> BodyPoses:

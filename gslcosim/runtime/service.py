@@ -4,12 +4,27 @@ import faulthandler
 import logging
 import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.runtime.host import ParticipantHost
+from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
+
+
+def main(words: Sequence[str]) -> None:
+    """Serve the service that the command line names.
+
+    Args:
+        words: The command line after the program; exactly one name is expected.
+    """
+    if len(words) != 1:
+        names = ", ".join(kind.name for kind in SERVICES)
+        sys.stderr.write(f"usage: python -m gslcosim_services NAME, with the name of a service: {names}\n")
+        sys.exit(ExitCode.USAGE)
+    serve(words[0])
 
 
 def serve(name: str) -> None:
@@ -31,7 +46,8 @@ def serve(name: str) -> None:
 
 def _serve(name: str) -> None:
     from gslcosim.bus.zenoh_bus import ZenohBus
-    from gslcosim.runtime.assembly import Setup, build_core, dataflow_of
+    from gslcosim.runtime.assembly import build_core, dataflow_of
+    from gslcosim.runtime.setup import Setup
 
     join = Join.from_environment()
     if join.run_dir is None:

@@ -19,7 +19,7 @@ from gslcosim.runtime.agents.guests import COMMAND, GONE, READY, REFUSED, Guests
 from gslcosim.runtime.agents.inlet import CommandQueue
 from gslcosim.runtime.agents.seat import Seat
 from gslcosim.runtime.agents.starting import start_command
-from gslcosim.runtime.assembly import Setup, dataflow_of, service_names
+from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.host import PROGRESS_EVERY_TICKS
 from gslcosim.runtime.interruption import Interruption
@@ -27,6 +27,7 @@ from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text, python_command
+from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent
 from gslcosim.ticks import seconds_from_ticks
@@ -169,7 +170,7 @@ class Supervisor:
         for name in self._services:
             join = self._join(name, SERVICE_USER, self._service_password, run_dir=str(run_dir.path.resolve()))
             if self._network.starts_services:
-                command = python_command("-m", f"gslcosim_services.{name}")
+                command = python_command("-m", "gslcosim_services", name)
                 children.start(name, command, join=join, log=run_dir.log(name))
             else:
                 self._network.write_join("services", join, run_dir.path)

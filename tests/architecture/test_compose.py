@@ -55,7 +55,7 @@ def test_all_run_the_same_image(services):
 
 def test_each_service_runs_its_own_module_with_its_own_join_file(services):
     for name in set(services) - {"supervisor", "agent-beetle"}:
-        assert services[name]["command"] == ["python", "-m", f"gslcosim_services.{name}"]
+        assert services[name]["command"] == ["python", "-m", "gslcosim_services", name]
         assert services[name]["environment"]["GSLCOSIM_JOIN"] == f"/join/services/{name}.json"
 
 

@@ -15,7 +15,7 @@ AGENT_MAY_IMPORT = {"gslcosim.agent_kit", "gslcosim.contract", "gslcosim.search"
 WRONG_ARROWS = {
     "Arrows point only inward": ("gslcosim/world/__init__.py", "import gslcosim.fields"),
     "What an agent's author imports": ("gslcosim/search/__init__.py", "import gslcosim.scenario"),
-    "Services are shells": ("gslcosim_services/world/__init__.py", "import gslcosim.contract.keys"),
+    "Services are shells": ("gslcosim_services/__main__.py", "import gslcosim.contract.keys"),
     "Zenoh has one home": ("gslcosim/runtime/__init__.py", "import zenoh"),
     "Rerun has one home": ("gslcosim/cli/__init__.py", "import rerun"),
     "MuJoCo has one home": ("gslcosim/environment/__init__.py", "from mujoco import mjtGeom"),

@@ -5,13 +5,15 @@ import sys
 
 import pytest
 
+from gslcosim.runtime.participants import SERVICES
+
 # Each is large and belongs to one service.
 OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
 CORES = {
     "world": "gslcosim.world.core",
-    "cameras": "gslcosim.cameras.core",
     "fields": "gslcosim.fields.core",
     "radio": "gslcosim.radio.core",
+    "cameras": "gslcosim.cameras.core",
     "sensing": "gslcosim.sensing.core",
     "referee": "gslcosim.referee.core",
     "recorder": "gslcosim.recording.core",
@@ -20,12 +22,14 @@ CORES = {
 SCRIPT = """
 import importlib, sys
 from gslcosim.runtime.service import serve
-from gslcosim.runtime.assembly import Setup, dataflow_of
-for part in ("fields", "radio", "recording", "referee", "sensing", "world"):
-    importlib.import_module(f"gslcosim.{part}.ports")
+from gslcosim.runtime.assembly import build_core, dataflow_of
 importlib.import_module(sys.argv[1])
 print(*sorted({"mujoco", "rerun"} & set(sys.modules)))
 """
+
+
+def test_every_service_is_looked_at():
+    assert list(CORES) == [kind.name for kind in SERVICES]
 
 
 @pytest.mark.slow

@@ -26,7 +26,7 @@ def test_services_and_agent_started_elsewhere_join_by_their_files(tmp_path):
     joins = tmp_path / "join"
     agent = ROOT / "agents" / "dung_beetle" / "agent.py"
     # Started before the supervisor: the files do not exist yet.
-    others = [join(joins / "services" / f"{name}.json", "-m", f"gslcosim_services.{name}") for name in SERVICES]
+    others = [join(joins / "services" / f"{name}.json", "-m", "gslcosim_services", name) for name in SERVICES]
     others.append(join(joins / "agents" / "beetle.json", str(agent)))
     flight = start(
         TINY_ROOM,

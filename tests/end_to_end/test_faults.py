@@ -23,7 +23,7 @@ def long_flight(tmp_path):
 def test_a_killed_service_ends_the_run_by_name(tmp_path, name):
     """Within three seconds, with exit code 3, and the recording can still be read."""
     flight = long_flight(tmp_path)
-    os.kill(flight.child(f"gslcosim_services.{name}"), signal.SIGKILL)
+    os.kill(flight.child(f"gslcosim_services {name}"), signal.SIGKILL)
     killed_at = time.monotonic()
     ended = flight.end()
     assert time.monotonic() - killed_at < 3 + 3  # the second three are for writing and repairing the recording
@@ -37,7 +37,7 @@ def test_a_killed_service_ends_the_run_by_name(tmp_path, name):
 def test_a_hanging_service_is_noticed_by_its_silence(tmp_path):
     """A stopped process keeps its link; its liveliness token goes."""
     flight = long_flight(tmp_path)
-    os.kill(flight.child("gslcosim_services.fields"), signal.SIGSTOP)
+    os.kill(flight.child("gslcosim_services fields"), signal.SIGSTOP)
     ended = flight.end()
     assert ended.exit_code == 3
     assert ended.result["faults"][0]["participant"] == "fields"
@@ -71,7 +71,7 @@ def test_ctrl_c_stops_cleanly(tmp_path):
 def test_a_killed_supervisor_takes_everything_with_it(tmp_path):
     """Even when it cannot clean up, no participant goes on."""
     flight = long_flight(tmp_path)
-    pids = [flight.child(name) for name in ("gslcosim_services.world", "silent_after_one.py")]
+    pids = [flight.child(name) for name in ("gslcosim_services world", "silent_after_one.py")]
     flight.process.kill()
     flight.process.communicate()
     deadline = time.monotonic() + 10

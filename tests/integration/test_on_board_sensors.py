@@ -10,8 +10,9 @@ from gslcosim.contract import keys
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ModelError
 from gslcosim.generation import prepare_environment
-from gslcosim.runtime.assembly import Setup, build_core, service_names
+from gslcosim.runtime.assembly import build_core, service_names
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import Setup
 from gslcosim.scenario.loading import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS

@@ -18,12 +18,12 @@ from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError
-from gslcosim.runtime.assembly import Setup
 from gslcosim.runtime.flight import fly
 from gslcosim.runtime.in_process import fly_in_process
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult
 from gslcosim.scenario.loading import LoadedScenario
 

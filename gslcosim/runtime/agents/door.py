@@ -31,9 +31,12 @@ def door_of(agent: AgentSpec, scenario: Scenario) -> "Door":
     )
 
 
+DOOR_PREFIX = "agent_"
+
+
 def door_name(agent: str) -> str:
     """Return the name of the participant that stands for an agent."""
-    return f"agent_{agent}"
+    return f"{DOOR_PREFIX}{agent}"
 
 
 @dataclass(frozen=True, kw_only=True)

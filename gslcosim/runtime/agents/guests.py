@@ -11,9 +11,9 @@ from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.starting import start_command
-from gslcosim.runtime.assembly import Setup
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.processes import Children, exit_text
+from gslcosim.runtime.setup import Setup
 from gslcosim.scenario.models.scenario import AgentSpec
 
 AGENT_VARIABLE = "GSLCOSIM_AGENT"

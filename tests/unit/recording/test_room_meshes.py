@@ -12,8 +12,9 @@ from gslcosim.environment.model import VisualMesh
 from gslcosim.environment.store import MESHES_FILE, load_environment, save_environment
 from gslcosim.recording.environment_view import record_environment
 from gslcosim.recording.scene import MESH_ALPHA, SHELL_ALPHA
-from gslcosim.runtime.assembly import RECORDER, Setup, build_core
+from gslcosim.runtime.assembly import build_core
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import Setup
 
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
 PART, SHELL = "/room/geometry/inside/0_Roof_2", "/room/geometry/shell/0_Roof_2"
@@ -39,7 +40,7 @@ def recorded(make_room, tmp_path):
         setup = Setup(
             run_dir=run_dir, scenario=scenario(), environment_dir=folder, environment=load_environment(folder)
         )
-        core = build_core(RECORDER, setup)
+        core = build_core("recorder", setup)
         core.reset(Episode(seed=0))
         core.close()
         return folder, run_dir.recording

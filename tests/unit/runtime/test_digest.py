@@ -5,7 +5,7 @@ import pytest
 from gslcosim.errors import UsageError
 from gslcosim.runtime.digest import RunDigest, Trail, first_divergence
 
-WRITERS = {"truth/bodies": "world", "referee/score": "referee"}
+WRITERS = {"truth/bodies": "world", "referee/score": "referee", "command/beetle": "agent_beetle"}
 
 
 def run(*, n_ticks=10, final_tick=8, changed=None):
@@ -35,6 +35,11 @@ def test_the_first_divergence_is_the_earliest_and_most_upstream():
     found = first_divergence(run(), run(changed={"referee/score": 2, "truth/bodies": 4}))
     assert (found.tick, found.participant) == (2, "referee")
     assert first_divergence(run(), run()) is None
+
+
+def test_an_agent_is_upstream_of_the_referee_that_judges_it():
+    found = first_divergence(run(), run(changed={"referee/score": 4, "command/beetle": 4}))
+    assert (found.tick, found.participant) == (4, "agent_beetle")
 
 
 def test_a_longer_run_diverges_where_the_other_ends():

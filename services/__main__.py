@@ -1,0 +1,8 @@
+"""Run a service of a run: `python -m gslcosim_services NAME`."""
+
+import sys
+
+from gslcosim.runtime.service import main
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,67 @@
+"""The one list of services, and what must agree with it."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gslcosim.errors import UsageError
+from gslcosim.runtime.assembly import dataflow_of, service_names
+from gslcosim.runtime.participants import SERVICES, service_kind, upstream_rank
+from gslcosim.runtime.service import main
+from gslcosim.scenario import load_scenario
+
+ROOT = Path(__file__).parents[3]
+NAMES = [kind.name for kind in SERVICES]
+
+
+@pytest.fixture(scope="module")
+def everything():
+    """Return a scenario that needs every service."""
+    camera = "agents[0].sensors=[{model: tgs2600, name: nose}, {model: camera, name: eye}]"
+    return load_scenario("swarm_tiny", overrides=[camera]).scenario
+
+
+def test_each_service_is_called_as_its_own_dataflow_says(everything):
+    assert [kind.spec_of(everything).name for kind in SERVICES] == NAMES == list(service_names(everything))
+
+
+def test_the_list_is_in_the_order_in_which_services_wait_for_each_other(everything):
+    order = sorted(dataflow_of(everything).order(), key=upstream_rank)
+    dataflow = dataflow_of(everything)
+    place = {name: i for i, name in enumerate(order)}
+    for name in order:
+        for read in dataflow.by_name[name].reads:
+            if read.delay_ticks == 0:
+                assert place[dataflow.writer_of[read.port]] < place[name], f"{name} reads {read.port}"
+
+
+def test_services_that_a_scenario_has_no_use_for_are_left_out():
+    quiet = load_scenario("tiny_room", overrides=["recording.enabled=false"]).scenario
+    assert service_names(quiet) == ("world", "fields", "sensing", "referee")
+
+
+def test_a_service_that_the_run_does_not_have_is_refused_by_name():
+    scenario = load_scenario("tiny_room").scenario
+    with pytest.raises(UsageError, match=r"expected one of world, fields, sensing, referee, recorder, .*, was 'radio'"):
+        service_kind("radio", scenario)
+
+
+def test_the_table_of_the_architecture_has_each_service():
+    table = (ROOT / "ARCHITECTURE.md").read_text().split("## Who talks to whom")[1].split("## ")[0]
+    rows = re.findall(r"^\| (\w+)", table, re.MULTILINE)
+    assert sorted(set(rows) & set(NAMES)) == sorted(NAMES)
+
+
+def test_compose_starts_services_of_the_list_only():
+    started = re.findall(r"gslcosim_services, (\w+)\]", (ROOT / "compose.yaml").read_text())
+    assert started == list(service_names(load_scenario("warehouse_empty").scenario))
+
+
+@pytest.mark.parametrize("words", [[], ["world", "fields"]])
+def test_the_shell_wants_one_name_and_tells_all(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert all(name in told for name in NAMES)
