@@ -6,6 +6,7 @@ to it by tests. Agents are the other participants of a run; each stands behind a
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import singledispatch
 
 from gslcosim.cameras.ports import cameras_spec
 from gslcosim.contract.participant import Core, ParticipantSpec
@@ -19,6 +20,7 @@ from gslcosim.referee.ports import referee_spec
 from gslcosim.runtime.agents.door import DOOR_PREFIX
 from gslcosim.runtime.setup import Setup
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.services import ServiceSpec
 from gslcosim.sensing.ports import sensing_spec
 from gslcosim.world.ports import world_spec
 
@@ -106,12 +108,38 @@ SERVICES = (
         follows_agents=True,
     ),
 )
-"""All services, from upstream to downstream."""
+"""All services of gslcosim's own, from upstream to downstream."""
+
+
+@singledispatch
+def service_of(block: ServiceSpec) -> ServiceKind:
+    """Return the service that a block of `services` in a scenario names, by what is registered for the block's type.
+
+    A third party registers a function of its block where it defines it: `service_of.register(ItsBlock, its_service)`.
+
+    Raises:
+        UsageError: nothing is registered for such a block.
+    """
+    raise UsageError(
+        f"services: expected a service for {block.name!r}, found none. Register one for {type(block).__name__} with "
+        "gslcosim.runtime.participants.service_of."
+    )
 
 
 def services_of(scenario: Scenario) -> tuple[ServiceKind, ...]:
-    """Return the services that a run needs, from upstream to downstream."""
-    return tuple(kind for kind in SERVICES if kind.is_needed(scenario))
+    """Return the services that a run needs, from upstream to downstream, then those of other packages.
+
+    Raises:
+        UsageError: a package's service has the name of one of gslcosim's, or is called otherwise than its block.
+    """
+    others = tuple(service_of(block) for block in scenario.services)
+    for block, kind in zip(scenario.services, others, strict=True):
+        if kind.name != block.name or kind.name in {own.name for own in SERVICES}:
+            raise UsageError(
+                f"services: expected a service called {block.name!r}, and like none of gslcosim's own, was "
+                f"{kind.name!r}. Correct the package."
+            )
+    return (*(kind for kind in SERVICES if kind.is_needed(scenario)), *others)
 
 
 def service_kind(name: str, scenario: Scenario) -> ServiceKind:

@@ -47,6 +47,7 @@ def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
     for i, agent in agents:
         yield from _repeats(f"agents[{i}].sensors", _blocks(agent, "sensors"))
     yield from _repeats("channels", _blocks(values, "channels"))
+    yield from _repeats("services", _blocks(values, "services"))
     layout = _block(_block(values, "environment"), "layout")
     yield from _repeats("environment.layout.obstacles", _blocks(layout, "obstacles"))
 

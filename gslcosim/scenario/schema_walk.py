@@ -11,8 +11,7 @@ from pydantic import BaseModel, StringConstraints, Tag
 from pydantic.fields import FieldInfo
 
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.models.success import OfOtherPackages
-from gslcosim.scenario.offers import names_offered
+from gslcosim.scenario.offers import Offers
 from gslcosim.scenario.problems import child_path
 from gslcosim.scenario.units import unit_of
 
@@ -176,7 +175,7 @@ def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
     for each in _kinds_of_union(annotation):
         kind, constraints = _split(each)
         tags = [constraint.tag for constraint in constraints if isinstance(constraint, Tag)]
-        if any(isinstance(constraint, OfOtherPackages) for constraint in constraints):
+        if any(isinstance(constraint, Offers) for constraint in constraints):
             continue  # their blocks are known only when a scenario names them
         if tags and isinstance(kind, type) and issubclass(kind, BaseModel):
             variants[tags[0]] = kind
@@ -185,8 +184,7 @@ def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
 
 def _offered_kinds(annotation: Any) -> list[str]:
     constraints = (constraint for each in _kinds_of_union(annotation) for constraint in _split(each)[1])
-    groups = [constraint.group for constraint in constraints if isinstance(constraint, OfOtherPackages)]
-    return [name for group in groups for name in names_offered(group)]
+    return [name for offers in constraints if isinstance(offers, Offers) for name in offers.names()]
 
 
 def _item_annotation(annotation: Any) -> Any:

@@ -15,6 +15,7 @@ from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.sensors import CAMERA_SENSORS
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
+from gslcosim.scenario.models.services import Service
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3
 from gslcosim.scenario.models.spec import Spec as Spec
 from gslcosim.scenario.models.success import SourceSuccess, Success
@@ -299,6 +300,7 @@ class Scenario(Spec):
     referee: RefereeSpec = RefereeSpec()
     recording: RecordingSpec = RecordingSpec()
     channels: tuple[ChannelSpec, ...] = ()
+    services: tuple[Service, ...] = ()
 
     @property
     def tick_ns(self) -> int:

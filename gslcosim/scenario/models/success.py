@@ -4,7 +4,6 @@ The blocks hold settings and words. `gslcosim.referee.success` judges by them an
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import (
@@ -12,27 +11,17 @@ from pydantic import (
     Field,
     SerializeAsAny,
     Tag,
-    ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
 )
-from pydantic_core import InitErrorDetails, to_json
 
-from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Positive, Spec
-from gslcosim.scenario.offers import import_offered, names_offered, not_what_is_offered
+from gslcosim.scenario.offers import Offers
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
 SUCCESS_ENTRY_POINTS = "gslcosim.success"
 DEFAULT_CRITERION = "source"
-
-
-@dataclass(frozen=True)
-class OfOtherPackages:
-    """Marks the member of a union of blocks that stands for the kinds of other packages, and where they are offered."""
-
-    group: str
 
 
 class SuccessSpec(Spec):
@@ -190,6 +179,7 @@ class MapSuccess(SuccessSpec):
 _OWN = (SourceSuccess, DeclarationSuccess, AllSourcesSuccess, MapSuccess)
 CRITERIA = tuple(str(block.model_fields["of"].default) for block in _OWN)
 """The names of gslcosim's own criteria."""
+_OFFERS = Offers(group=SUCCESS_ENTRY_POINTS, base=SuccessSpec, key="of", what="criterion")
 
 
 def _kind_of(value: Any) -> str | None:
@@ -199,42 +189,12 @@ def _kind_of(value: Any) -> str | None:
         name = cast("dict[str, Any]", value).get("of", DEFAULT_CRITERION) if isinstance(value, dict) else None
     if not isinstance(name, str) or name in CRITERIA:
         return name if isinstance(name, str) else None
-    return SUCCESS_ENTRY_POINTS if name in names_offered(SUCCESS_ENTRY_POINTS) else name
+    return SUCCESS_ENTRY_POINTS if name in _OFFERS.names() else name
 
 
-# Strict about JSON, as scenario files are read; lenient about what a program has put together, as all blocks are.
 def _block_of_another_package(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> SuccessSpec:
     del handler
-    if isinstance(value, SuccessSpec):
-        return value
-    block = _offered_block(value["of"])
-    try:
-        if info.mode == "json":
-            return block.model_validate_json(to_json(value), strict=True)
-        return block.model_validate(value)
-    except ValidationError as error:
-        raise _as_rules(error, block) from None
-
-
-def _offered_block(name: str) -> type[SuccessSpec]:
-    point, block = import_offered(SUCCESS_ENTRY_POINTS, name, kind=f"the criterion {name!r}", key="of")
-    if isinstance(block, type) and issubclass(block, SuccessSpec) and block.model_fields["of"].default == name:
-        return block
-    expected = f"a class for {name!r} that derives from SuccessSpec"
-    raise not_what_is_offered(point, cast("object", block), expected=expected, key="of")
-
-
-# The models of a scenario do not know the fields of others' blocks, so these problems bring their words along.
-def _as_rules(error: ValidationError, block: type[SuccessSpec]) -> ValidationError:
-    from gslcosim.scenario.explain import problems_of
-
-    rules = (
-        broken_rule(key=problem.path, expected=problem.expected, found=problem.found, remedy=problem.remedy)
-        for problem in problems_of(error, root=block)
-    )
-    return ValidationError.from_exception_data(
-        block.__name__, [InitErrorDetails(type=rule, loc=(), input=None) for rule in rules]
-    )
+    return value if isinstance(value, SuccessSpec) else _OFFERS.validated(value, info)
 
 
 # Chosen by `of`; a block that does not say it judges by the vehicle's distance to a source.
@@ -246,7 +206,7 @@ Success = Annotated[
     | Annotated[
         SerializeAsAny[SuccessSpec],
         WrapValidator(_block_of_another_package),
-        OfOtherPackages(SUCCESS_ENTRY_POINTS),
+        _OFFERS,
         Tag(SUCCESS_ENTRY_POINTS),
     ],
     Discriminator(_kind_of),

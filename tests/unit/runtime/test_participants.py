@@ -7,9 +7,10 @@ import pytest
 
 from gslcosim.errors import UsageError
 from gslcosim.runtime.assembly import dataflow_of, service_names
-from gslcosim.runtime.participants import SERVICES, service_kind, upstream_rank
+from gslcosim.runtime.participants import SERVICES, service_kind, service_of, upstream_rank
 from gslcosim.runtime.service import main
 from gslcosim.scenario import load_scenario
+from gslcosim.scenario.models.services import ServiceSpec
 
 ROOT = Path(__file__).parents[3]
 NAMES = [kind.name for kind in SERVICES]
@@ -65,3 +66,21 @@ def test_the_shell_wants_one_name_and_tells_all(words, capsys):
     assert ended.value.code == 2
     told = capsys.readouterr().err
     assert all(name in told for name in NAMES)
+
+
+def test_a_block_for_which_no_service_is_registered_is_named():
+    class Unregistered(ServiceSpec):
+        name: str = "unregistered"
+
+    with pytest.raises(UsageError, match=r"a service for 'unregistered', found none\. Register one for Unregistered"):
+        service_of(Unregistered())
+
+
+def test_a_package_cannot_take_the_place_of_an_own_service():
+    class Usurper(ServiceSpec):
+        name: str = "world"
+
+    service_of.register(Usurper, lambda block: SERVICES[0])
+    scenario = load_scenario("tiny_room").scenario.model_copy(update={"services": (Usurper(),)})
+    with pytest.raises(UsageError, match="was 'world'"):
+        service_names(scenario)
