@@ -1,48 +1,25 @@
 """docs/extend/service.md: every step is carried out, on a copy."""
 
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
-import tomllib
 from pathlib import Path
 
 import pytest
-
-from gslcosim.scenario.models.services import SERVICE_ENTRY_POINTS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extend" / "service.md").read_text()
 FAILED_THE_TASK = 1
 
 
 @pytest.fixture(scope="module")
-def package(tmp_path_factory):
-    """Write the page's files and put the package where Python finds it, as an installation does."""
-    folder = tmp_path_factory.mktemp("alarm")
-    for name, text in re.findall(r"^`(\S+)`:\n\n```\w+\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL):
-        (folder / name).write_text(text)
-    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
-    info = folder / f"{project['name']}-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
-    points = project["entry-points"][SERVICE_ENTRY_POINTS]
-    lines = [f"{name} = {at}" for name, at in points.items()]
-    (info / "entry_points.txt").write_text("\n".join([f"[{SERVICE_ENTRY_POINTS}]", *lines]) + "\n")
-    return folder
+def package(lay_out_package, tmp_path_factory):
+    return lay_out_package(PAGE, tmp_path_factory.mktemp("alarm"))
 
 
-def gslcosim(words, package, folder):
-    call = [sys.executable, "-m", "gslcosim", *words]
-    paths = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.run(call, capture_output=True, text=True, cwd=folder, env=os.environ | {"PYTHONPATH": paths})
-
-
-def flown(words, package, folder):
+def flown(words, package, gslcosim_with, folder):
     folder.mkdir()
     short = ["--set", "referee.stop.time_limit_s=3", "--set", "recording.enabled=false"]
-    done = gslcosim([*words, *short], package, folder)
+    done = gslcosim_with(package, [*words, *short], folder)
     assert done.returncode == FAILED_THE_TASK, done.stdout + done.stderr
     (digest,) = folder.glob("runs/*/digest.json")
     return json.loads(digest.read_text())
@@ -52,12 +29,12 @@ def flown(words, package, folder):
 @pytest.mark.tour
 @pytest.mark.end_to_end
 @pytest.mark.timeout(300)
-def test_a_service_of_a_package_flies_in_one_process_and_in_many_with_one_digest(package, tmp_path):
+def test_a_service_of_a_package_flies_in_one_process_and_in_many_with_one_digest(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     program, *words = shlex.split(command)
     assert program == "gslcosim"
-    alone = flown([*words, "--in-process"], package, tmp_path / "alone")
-    many = flown(words, package, tmp_path / "many")
+    alone = flown([*words, "--in-process"], package, gslcosim_with, tmp_path / "alone")
+    many = flown(words, package, gslcosim_with, tmp_path / "many")
     assert alone["ports"]["alarm/state"]["participant"] == "alarm"
     assert len(alone["ports"]["alarm/state"]["ticks"]) == 31
     assert alone["digest"] == many["digest"]
@@ -76,7 +53,7 @@ def test_a_service_of_a_package_flies_in_one_process_and_in_many_with_one_digest
          "services[0].name: expected the name of a service that an installed package offers (alarm), was 'alrm'."),
     ],
 )  # fmt: skip
-def test_what_no_package_offers_is_refused(package, tmp_path, block, told):
-    done = gslcosim(["validate", "tiny_room", "--set", f"services=[{block}]"], package, tmp_path)
+def test_what_no_package_offers_is_refused(package, gslcosim_with, tmp_path, block, told):
+    done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"services=[{block}]"], tmp_path)
     assert done.returncode == 2
     assert told in done.stdout + done.stderr

@@ -1,19 +1,15 @@
 """docs/success.md and docs/extend/success-criterion.md: every step is carried out, on a copy."""
 
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
 
 from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.models.success import CRITERIA, SUCCESS_ENTRY_POINTS
+from gslcosim.scenario.models.success import CRITERIA
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extend" / "success-criterion.md").read_text()
@@ -32,34 +28,17 @@ def test_every_criterion_is_on_the_page():
 
 
 @pytest.fixture(scope="module")
-def package(tmp_path_factory):
-    """Write the page's files and put the package where Python finds it, as an installation does."""
-    folder = tmp_path_factory.mktemp("staying")
-    for name, text in re.findall(r"^`(\S+)`:\n\n```\w+\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL):
-        (folder / name).write_text(text)
-    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
-    info = folder / f"{project['name']}-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
-    lines = [f"[{group}]\n{name} = {at}\n" for group, x in project["entry-points"].items() for name, at in x.items()]
-    assert lines[0].startswith(f"[{SUCCESS_ENTRY_POINTS}]")
-    (info / "entry_points.txt").write_text("".join(lines))
-    return folder
-
-
-def gslcosim(words, package, folder):
-    call = [sys.executable, "-m", "gslcosim", *words]
-    paths = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.run(call, capture_output=True, text=True, cwd=folder, env=os.environ | {"PYTHONPATH": paths})
+def package(lay_out_package, tmp_path_factory):
+    return lay_out_package(PAGE, tmp_path_factory.mktemp("staying"))
 
 
 @pytest.mark.slow
 @pytest.mark.tour
-def test_the_criterion_of_a_package_is_flown_told_and_judged(package, tmp_path):
+def test_the_criterion_of_a_package_is_flown_told_and_judged(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     program, *words = shlex.split(command)
     assert program == "gslcosim"
-    done = gslcosim([*words, "--json"], package, tmp_path)
+    done = gslcosim_with(package, [*words, "--json"], tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     (result,) = tmp_path.glob("runs/*/result.json")
     (agent,) = json.loads(result.read_text())["agents"]
@@ -81,7 +60,7 @@ def test_the_criterion_of_a_package_is_flown_told_and_judged(package, tmp_path):
          "Did you mean stay?"),
     ],
 )  # fmt: skip
-def test_what_the_block_does_not_have_is_refused(package, tmp_path, block, told):
-    done = gslcosim(["validate", "tiny_room", "--set", f"referee.success={block}"], package, tmp_path)
+def test_what_the_block_does_not_have_is_refused(package, gslcosim_with, tmp_path, block, told):
+    done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"referee.success={block}"], tmp_path)
     assert done.returncode == 2
     assert told in done.stdout + done.stderr
