@@ -21,13 +21,13 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.vehicles import vehicle_of
 from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
 from gslcosim.world.paths.trajectory import stay_at
 from gslcosim.world.physics import records
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.mujoco_kernels import step_address
 from gslcosim.world.physics.scene import GRAVITY_M_S2, build_scene
-from gslcosim.world.vehicle import load_vehicle
 
 DT_S = PHYSICS_STEP_MS * 1e-3
 TICK_S = 0.1
@@ -70,7 +70,7 @@ class FreeBody:
             model: Name of the vehicle model.
             height_m: Where it begins, at rest.
         """
-        vehicle = load_vehicle(model)
+        vehicle = vehicle_of(model)
         self.scene = build_scene(room, [("beetle", vehicle)], DT_S)
         self.data = mujoco.MjData(self.scene.model)
         self.data.qpos[:7] = [7.0, 5.0, height_m, 1.0, 0.0, 0.0, 0.0]
