@@ -32,7 +32,8 @@ from gslcosim.world.physics.scene import GRAVITY_M_S2, build_scene
 DT_S = PHYSICS_STEP_MS * 1e-3
 TICK_S = 0.1
 MIDDLE_M = (7.0, 5.0, 2.0)
-FLYING = ("iris", "crazyflie", "holonomic")
+WITH_ROTORS = ("iris", "crazyflie", "hexarotor")
+FLYING = (*WITH_ROTORS, "holonomic")
 WIND_M_S = (-1.0, 0.5, 0.0)
 
 Vec3 = tuple[float, float, float]
@@ -347,7 +348,7 @@ def figures() -> list[Figure]:
         Figure(name="energy, 1 s of tumbling", target=0.01, unit="", measure=lambda: tumbling_drifts()[1]),
     ]
     found += [Figure(name=f"{m}: hover", target=0.02, unit="m", measure=lambda m=m: hover_error_m(m)) for m in FLYING]
-    for m in FLYING[:2]:
+    for m in WITH_ROTORS:
         found += [
             Figure(name=f"{m}: gusts of 2 m/s along x", target=0.15, unit="m",
                    measure=lambda m=m: gust_error_m(m, (2.0, 0.0, 0.0))),
