@@ -74,6 +74,7 @@ def _folder_of(name: str, point: EntryPoint) -> Path:
 def _path_of(offered: Any) -> Path | None:
     if isinstance(offered, ModuleType):
         # A package without __init__.py has no file, but a place.
-        places = [str(Path(offered.__file__).parent)] if offered.__file__ else list(getattr(offered, "__path__", ()))
+        file = getattr(offered, "__file__", None)
+        places = [str(Path(file).parent)] if file else list(getattr(offered, "__path__", ()))
         return Path(places[0]) if places else None
     return Path(offered) if isinstance(offered, str | Path) else None
