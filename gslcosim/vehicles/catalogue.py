@@ -8,7 +8,7 @@ from typing import Any
 
 from gslcosim.errors import VehicleError
 from gslcosim.vehicles.facts import Vehicle
-from gslcosim.vehicles.reading import PARAMETERS_FILE, read_vehicle
+from gslcosim.vehicles.vehicle_folder import PARAMETERS_FILE, read_vehicle
 
 # Third parties add theirs under this name; each entry point is a folder's path, or a module in the folder.
 VEHICLE_ENTRY_POINTS = "gslcosim.vehicles"

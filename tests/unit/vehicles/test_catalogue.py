@@ -8,7 +8,7 @@ import yaml
 from gslcosim.errors import VehicleError
 from gslcosim.vehicles import is_vehicle, vehicle_names, vehicle_of
 from gslcosim.vehicles.catalogue import VEHICLES_DIR
-from gslcosim.vehicles.reading import read_vehicle
+from gslcosim.vehicles.vehicle_folder import read_vehicle
 
 
 def test_every_folder_is_a_vehicle():
