@@ -34,6 +34,12 @@ class UsageError(GslCosimError):
     exit_code = ExitCode.USAGE
 
 
+class VehicleError(GslCosimError):
+    """The folder of a vehicle is incomplete or contradicts itself; who made the vehicle corrects it."""
+
+    exit_code = ExitCode.USAGE
+
+
 class EnvironmentDataError(GslCosimError):
     """An environment folder or imported file is missing, corrupt or inconsistent; the user fixes the file."""
 

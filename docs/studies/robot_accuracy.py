@@ -21,18 +21,19 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.vehicles import vehicle_of
 from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
 from gslcosim.world.paths.trajectory import stay_at
 from gslcosim.world.physics import records
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.mujoco_kernels import step_address
 from gslcosim.world.physics.scene import GRAVITY_M_S2, build_scene
-from gslcosim.world.vehicle import load_vehicle
 
 DT_S = PHYSICS_STEP_MS * 1e-3
 TICK_S = 0.1
 MIDDLE_M = (7.0, 5.0, 2.0)
-FLYING = ("iris", "crazyflie", "holonomic")
+WITH_ROTORS = ("iris", "crazyflie", "hexarotor")
+FLYING = (*WITH_ROTORS, "holonomic")
 WIND_M_S = (-1.0, 0.5, 0.0)
 
 Vec3 = tuple[float, float, float]
@@ -70,7 +71,7 @@ class FreeBody:
             model: Name of the vehicle model.
             height_m: Where it begins, at rest.
         """
-        vehicle = load_vehicle(model)
+        vehicle = vehicle_of(model)
         self.scene = build_scene(room, [("beetle", vehicle)], DT_S)
         self.data = mujoco.MjData(self.scene.model)
         self.data.qpos[:7] = [7.0, 5.0, height_m, 1.0, 0.0, 0.0, 0.0]
@@ -347,7 +348,7 @@ def figures() -> list[Figure]:
         Figure(name="energy, 1 s of tumbling", target=0.01, unit="", measure=lambda: tumbling_drifts()[1]),
     ]
     found += [Figure(name=f"{m}: hover", target=0.02, unit="m", measure=lambda m=m: hover_error_m(m)) for m in FLYING]
-    for m in FLYING[:2]:
+    for m in WITH_ROTORS:
         found += [
             Figure(name=f"{m}: gusts of 2 m/s along x", target=0.15, unit="m",
                    measure=lambda m=m: gust_error_m(m, (2.0, 0.0, 0.0))),

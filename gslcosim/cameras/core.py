@@ -21,8 +21,8 @@ from gslcosim.environment.model import Environment, Light
 from gslcosim.frames import quaternion_from_rotation, rotation_from_rpy
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario, SensorSpec
 from gslcosim.ticks import exact_ticks_from_seconds
+from gslcosim.vehicles import vehicle_of
 from gslcosim.world.physics.scene import scene_spec
-from gslcosim.world.vehicle import load_vehicle
 
 NEAR_M = 0.02
 FAR_M = 500.0
@@ -154,7 +154,7 @@ class CamerasCore:
 
 
 def _model(scenario: Scenario, environment: Environment) -> mujoco.MjModel:
-    vehicles = [(agent.name, load_vehicle(agent.vehicle.model)) for agent in scenario.agents]
+    vehicles = [(agent.name, vehicle_of(agent.vehicle.model)) for agent in scenario.agents]
     spec, kept = scene_spec(environment, vehicles, dt_s=1.0)
     for light in _lamps(environment):
         spec.worldbody.add_light(name=f"lamp_{light.name}", pos=light.position_m, castshadow=False)

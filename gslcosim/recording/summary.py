@@ -2,7 +2,6 @@
 
 from gslcosim.contract.messages import AgentResult, Verdict
 from gslcosim.environment.model import Environment
-from gslcosim.recording.vehicle_shapes import drawn_scale
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
@@ -43,7 +42,7 @@ def _mission(scenario: Scenario, environment: Environment) -> str:
 
 
 def _key(scenario: Scenario) -> str:
-    scales = {agent.vehicle.model: drawn_scale(agent.vehicle.model) for agent in scenario.agents}
+    scales = {agent.vehicle.model: agent.vehicle.facts.drawn_scale for agent in scenario.agents}
     larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]
     told = f" Drawn larger: {', '.join(larger)}." if larger else ""
     avoids = any(agent.vehicle.avoidance != "none" for agent in scenario.agents)

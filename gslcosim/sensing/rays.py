@@ -14,13 +14,6 @@ from gslcosim.sensing.ray_kernels import cast_rays
 
 # Edge of a bin [m]: a few boxes each, and few bins along a ray.
 BIN_M = 1.0
-# Radius and half height of each vehicle as an upright cylinder [m]; a test holds them equal to the world's vehicles.
-VEHICLE_SIZES_M = {
-    "iris": (0.38, 0.055),
-    "crazyflie": (0.07, 0.0145),
-    "holonomic": (0.15, 0.15),
-    "rover": (0.267, 0.1185),
-}
 
 
 class RayScene:
@@ -39,7 +32,8 @@ class RayScene:
         sides_m = self._boxes_m[:, 3:].max(axis=0) - self._origin_m
         self._shape = np.array([max(1, math.ceil(side / BIN_M)) for side in sides_m.tolist()], np.int64)
         self._first, self._members = self._bins()
-        self._sizes_m = {agent.name: VEHICLE_SIZES_M[agent.vehicle.model] for agent in scenario.agents}
+        bodies = {agent.name: agent.vehicle.facts.body for agent in scenario.agents}
+        self._sizes_m = {name: (body.radius_m, body.half_height_m) for name, body in bodies.items()}
 
     def ranges_m(
         self,

@@ -19,6 +19,7 @@ from gslcosim.environment.paths.planning import rehearse_planning
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.vehicles import Vehicle, vehicle_of
 from gslcosim.world.guidance.abilities import Abilities, abilities_of
 from gslcosim.world.guidance.avoidance import Avoidance
 from gslcosim.world.guidance.mission import Mission
@@ -31,7 +32,6 @@ from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.mujoco_kernels import step_address
 from gslcosim.world.physics.scene import GRAVITY_M_S2, Scene, build_scene
 from gslcosim.world.ports import world_spec
-from gslcosim.world.vehicle import VehicleModel, load_vehicle
 
 Vec3 = tuple[float, float, float]
 
@@ -59,7 +59,7 @@ class WorldCore:
         self._tick_ns = scenario.tick_ns
         self._environment = environment
         self._agents = scenario.agents
-        models = [load_vehicle(agent.vehicle.model) for agent in self._agents]
+        models = [vehicle_of(agent.vehicle.model) for agent in self._agents]
         spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
         self._least_m = _distances_to_keep_m(self._agents, [space.radius_m for space in spaces])
         step_ms = _physics_step_ms(models, scenario.tick_ms)
@@ -325,7 +325,7 @@ class WorldCore:
         self._loop_arguments = (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
 
 
-def _physics_step_ms(models: Sequence[VehicleModel], tick_ms: int) -> int:
+def _physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
     if tick_ms % POINT_ROBOT_STEP_MS == 0 and not any(model.rotors or model.wheels for model in models):
         return POINT_ROBOT_STEP_MS
     n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)
@@ -347,9 +347,7 @@ def _resting_place(agent: AgentSpec, space: FlightSpace, half_height_m: float) -
     return (x_m, y_m, z_m), True
 
 
-def _constants(
-    scene: Scene, agents: Sequence[AgentSpec], models: Sequence[VehicleModel], dt_s: float
-) -> NDArray[np.void]:
+def _constants(scene: Scene, agents: Sequence[AgentSpec], models: Sequence[Vehicle], dt_s: float) -> NDArray[np.void]:
     constants = np.zeros(len(agents), records.CONSTANTS)
     for k, (agent, model) in enumerate(zip(agents, models, strict=True)):
         records.set_constants(constants[k], model, scene.model, f"{agent.name}/", dt_s)

@@ -9,7 +9,7 @@ from gslcosim.world.core import WorldCore
 from gslcosim.world.physics.scene import GRAVITY_M_S2
 
 DT_S = 0.004
-MODELS = ("iris", "crazyflie", "holonomic")
+MODELS = ("iris", "crazyflie", "hexarotor", "holonomic")
 
 
 def test_speed_while_falling_with_drag(make_room, robot_study):

@@ -2,7 +2,6 @@
 
 import argparse
 import ast
-import typing
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,13 +17,9 @@ Row = dict[str, str]
 # What a scenario names but no table describes.
 DESCRIPTIONS = {
     "cluttered_rooms": "Random walls with passages, in the manner of the first AutoGDM, and clutter.",
-    "crazyflie": "Crazyflie 2.x nano quadrotor of 28 g, for swarms and narrow places.",
-    "holonomic": "Point robot that moves any way it wants and does not feel the air, for large studies.",
     "home": "A flat divided into rooms, with doors and furniture.",
-    "iris": "Iris-class quadrotor of 1.5 kg with a geometric controller and minimum-jerk trajectories.",
     "office": "Rooms on both sides of a corridor, with doors and desks; a rectangle or an L.",
     "plant": "Tanks and buildings outdoors, in a wind that grows with the height.",
-    "rover": "Differential-drive robot of 9 kg on the floor, after the Pioneer 3-DX, with wheels and friction.",
     "warehouse_complex": "A warehouse whose inner racks are turned, with a forklift, piles and pallets in its aisles.",
     "warehouse_empty": "A closed room of any size with an inlet and an outlet in opposite walls, and boxes if wanted.",
     "warehouse_simple": "A warehouse with rows of racks, filled and empty ones by lot.",
@@ -60,9 +55,18 @@ def _sensors() -> list[Row]:
 
 
 def _vehicles() -> list[Row]:
-    from gslcosim.scenario.models.scenario import VehicleSpec
+    from gslcosim.vehicles import vehicle_names, vehicle_of
 
-    return [_described(name) for name in typing.get_args(VehicleSpec.model_fields["model"].annotation)]
+    return [
+        {
+            "name": vehicle.name,
+            "kind": vehicle.kind,
+            "mass_kg": f"{vehicle.body.mass_kg:g}",
+            "width_m": f"{2 * vehicle.body.radius_m:g}",
+            "description": vehicle.description,
+        }
+        for vehicle in map(vehicle_of, vehicle_names())
+    ]
 
 
 def _gases() -> list[Row]:

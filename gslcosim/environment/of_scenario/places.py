@@ -16,11 +16,6 @@ from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario, VehicleSpec
 from gslcosim.scenario.problems import Problem
 
-# Horizontal reach from the centre of mass and half the height of each vehicle model [m]; the figures are those of
-# gslcosim/world/vehicles (a test holds them equal), which this layer cannot read.
-VEHICLE_RADIUS_M = {"iris": 0.38, "crazyflie": 0.07, "holonomic": 0.15, "rover": 0.267}
-VEHICLE_HALF_HEIGHT_M = {"iris": 0.055, "crazyflie": 0.0145, "holonomic": 0.15, "rover": 0.1185}
-
 
 def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:
     """Return what is wrong with the room of a scenario and with the places in it, without solving any wind.
@@ -163,9 +158,9 @@ def _problems_of_vehicle(vehicle: VehicleSpec, room: Room | Environment, path: s
 
 
 def _problem_of_height(vehicle: VehicleSpec, room: Room | Environment, path: str) -> Problem | None:
-    if vehicle.model == "rover":
+    if vehicle.drives:
         return None
-    radius_m = VEHICLE_RADIUS_M[vehicle.model]
+    radius_m = vehicle.facts.body.radius_m
     low_m, high_m = room.grid.origin_m[2] + radius_m, room.grid.max_m[2] - radius_m
     if low_m <= vehicle.search_height_m <= high_m:
         return None
@@ -185,7 +180,7 @@ def _problem_of_start(vehicle: VehicleSpec, room: Room | Environment, path: str)
         if not hits:
             return None
         expected = (
-            f"{VEHICLE_RADIUS_M[vehicle.model]:g} m of free space around the {vehicle.model}, "
+            f"{vehicle.facts.body.radius_m:g} m of free space around the {vehicle.model}, "
             f"from the start up to its search height of {vehicle.search_height_m:g} m"
         )
         found = f"{', '.join(hits)} in it"
@@ -200,7 +195,8 @@ def _problem_of_start(vehicle: VehicleSpec, room: Room | Environment, path: str)
 
 # The names of the boxes, except the floor, that reach into the column from each start up to the search height.
 def _boxes_in_the_way(starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: Room | Environment) -> list[list[str]]:
-    radius_m, half_height_m = VEHICLE_RADIUS_M[vehicle.model], VEHICLE_HALF_HEIGHT_M[vehicle.model]
+    body = vehicle.facts.body
+    radius_m, half_height_m = body.radius_m, body.half_height_m
     # A search height above the ceiling is another problem.
     search_height_m = min(vehicle.search_height_m, room.grid.max_m[2] - radius_m)
     bottom_m = starts_m[:, 2]
@@ -262,7 +258,7 @@ def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
     for (_, first), (j, second) in combinations(enumerate(agents), 2):
         a, b = first.vehicle, second.vehicle
         apart_m = float(np.hypot(a.start_m[0] - b.start_m[0], a.start_m[1] - b.start_m[1]))
-        least_m = VEHICLE_RADIUS_M[a.model] + VEHICLE_RADIUS_M[b.model]
+        least_m = a.facts.body.radius_m + b.facts.body.radius_m
         if apart_m >= least_m:
             continue
         problems.append(

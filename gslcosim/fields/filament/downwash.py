@@ -9,42 +9,26 @@ from numpy.typing import NDArray
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.fields.filament.buoyancy import GRAVITY_M_S2
 from gslcosim.scenario import Scenario
+from gslcosim.vehicles import Vehicle
 
 AIR_KG_M3 = 1.204
 
 
-@dataclass(frozen=True, kw_only=True)
-class Multirotor:
-    """What the jet below a vehicle with four rotors depends on.
+def outflow_m_s(vehicle: Vehicle) -> float:
+    """Return the speed of the air at a rotor's disc in hover [m/s]; 0 for a vehicle without rotors.
 
-    `motor_distance_m` is that along the diagonal. Masses and places of rotors are those of gslcosim/world/vehicles,
-    which this layer cannot read; a test holds them equal.
+    Uj = sqrt(m g / n / (2 rho pi R^2))
+    [m/s] = sqrt([kg] [m/s2] / ([kg/m3] [m2]))
+
+    Source: momentum theory of one of n rotors, each of which carries its share of the weight.
+    Deviation: gaden_core multiplies the weight by four instead.
+    Held by: tests/unit/fields/filament/test_downwash.py
     """
-
-    mass_kg: float
-    rotor_radius_m: float
-    motor_distance_m: float
-
-    @property
-    def outflow_m_s(self) -> float:
-        """Return the speed of the air at a rotor's disc in hover [m/s].
-
-        Uj = sqrt(m g / 4 / (2 rho pi R^2))
-        [m/s] = sqrt([kg] [m/s2] / ([kg/m3] [m2]))
-
-        Source: momentum theory of one of four rotors, each of which carries a quarter of the weight.
-        Deviation: gaden_core multiplies the weight by four instead.
-        Held by: tests/unit/fields/filament/test_downwash.py
-        """
-        disc_m2 = math.pi * self.rotor_radius_m**2
-        return math.sqrt(self.mass_kg * GRAVITY_M_S2 / 4.0 / (2.0 * AIR_KG_M3 * disc_m2))
-
-
-# Rotor radii: PX4's iris, and the 45 mm propellers of the Crazyflie. What has no rotors is missing.
-MULTIROTORS = {
-    "iris": Multirotor(mass_kg=1.535, rotor_radius_m=0.128, motor_distance_m=math.hypot(0.26, 0.42)),
-    "crazyflie": Multirotor(mass_kg=0.027, rotor_radius_m=0.0225, motor_distance_m=math.hypot(0.065, 0.065)),
-}
+    rotors = vehicle.rotors
+    if rotors is None:
+        return 0.0
+    disc_m2 = math.pi * rotors.rotor_radius_m**2
+    return math.sqrt(vehicle.body.mass_kg * GRAVITY_M_S2 / rotors.n_rotors / (2.0 * AIR_KG_M3 * disc_m2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +45,12 @@ class Downwash:
 
     def __init__(self, scenario: Scenario) -> None:
         is_on = scenario.gas.rotor_downwash
-        models = {agent.name: MULTIROTORS.get(agent.vehicle.model) for agent in scenario.agents if is_on}
-        self._blowing = {name: rotor for name, rotor in models.items() if rotor is not None}
+        vehicles = {agent.name: agent.vehicle.facts for agent in scenario.agents if is_on}
+        self._blowing = {
+            name: (vehicle.rotors.motor_distance_m, outflow_m_s(vehicle))
+            for name, vehicle in vehicles.items()
+            if vehicle.rotors is not None
+        }
 
     @property
     def is_on(self) -> bool:
@@ -76,9 +64,9 @@ class Downwash:
             for body in bodies.bodies
             if body.agent in self._blowing and body.phase not in ("on_ground", "failed")
         )
-        rotors = [self._blowing[name] for name, _ in blowing]
+        jets = [self._blowing[name] for name, _ in blowing]
         return Jets(
             centre_world_m=np.array([place for _, place in blowing], np.float64).reshape(-1, 3),
-            motor_distance_m=np.array([rotor.motor_distance_m for rotor in rotors], np.float64),
-            outflow_m_s=np.array([rotor.outflow_m_s for rotor in rotors], np.float64),
+            motor_distance_m=np.array([distance_m for distance_m, _ in jets], np.float64),
+            outflow_m_s=np.array([speed_m_s for _, speed_m_s in jets], np.float64),
         )

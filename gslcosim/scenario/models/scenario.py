@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from gslcosim.contract.knowledge import ParameterValue
+from gslcosim.errors import VehicleError
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
@@ -20,6 +21,8 @@ from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3
 from gslcosim.scenario.models.spec import Spec as Spec
 from gslcosim.scenario.models.success import SourceSuccess, Success
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
+from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.vehicles import Vehicle, is_vehicle, vehicle_names, vehicle_of
 
 SCHEMA = "gslcosim/scenario/1"
 # Keys of `environment` that name a folder.
@@ -127,24 +130,25 @@ class StartSpec(Spec):
         return self
 
 
-# The height of a rover's centre above its floor [m]; a test holds it equal to gslcosim/world/vehicles/rover.
-ROVER_HEIGHT_M = 0.1185
+# Where a vehicle in the air rises to where nobody says [m].
+USUAL_HEIGHT_M = 2.0
 
 
 def _usual_height_m(values: dict[str, Any]) -> float:
-    return ROVER_HEIGHT_M if values.get("model") == "rover" else 2.0
+    facts = vehicle_of(values["model"])
+    return facts.body.half_height_m if facts.drives else USUAL_HEIGHT_M
 
 
 class VehicleSpec(Spec):
     """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint.
 
-    The cruising height is 2 m unless `search_height_m` says otherwise; a rover has none: it is left out.
-    `avoidance` plans the way to waypoints around obstacles: `2d` at the height of the flight, for a rover on the floor;
+    The cruising height is 2 m unless `search_height_m` says otherwise; what drives has none: it is left out.
+    `avoidance` plans the way to waypoints around obstacles: `2d` at the height of the flight, on wheels on the floor;
     `3d` over and under them too; `none` straight on, whatever is there. `separation_m` is how far its centre keeps from
     those of other vehicles on its way to waypoints and at a velocity; 0: it does not look out for them.
     """
 
-    model: Literal["iris", "crazyflie", "holonomic", "rover"] = "iris"
+    model: str = "iris"
     start_m: Vec3
     search_height_m: Positive = Field(default_factory=_usual_height_m)
     hold_s: NonNegative = 2.0
@@ -156,21 +160,46 @@ class VehicleSpec(Spec):
     @property
     def drives(self) -> bool:
         """Whether the vehicle stays on the ground."""
-        return self.model == "rover"
+        return self.facts.drives
+
+    @property
+    def facts(self) -> Vehicle:
+        """What the catalogue says of the vehicle."""
+        return vehicle_of(self.model)
+
+    @field_validator("model")
+    @classmethod
+    def _check_model(cls, model: str) -> str:
+        if not is_vehicle(model):
+            names = vehicle_names()
+            raise broken_rule(
+                expected=f"one of {', '.join(names[:-1])} or {names[-1]}",
+                found=f"'{model}'",
+                remedy=did_you_mean(model, names),
+            )
+        try:
+            vehicle_of(model)
+        except VehicleError as error:
+            raise broken_rule(
+                expected="a vehicle whose folder is whole",
+                found=f"'{model}'",
+                remedy=str(error).replace("\n", " "),
+            ) from error
+        return model
 
     @model_validator(mode="after")
     def _check_avoidance(self) -> Self:
         if self.drives and self.avoidance == "3d":
             raise broken_rule(
                 key="avoidance",
-                expected="none or 2d for a rover, which stays on the floor",
+                expected=f"none or 2d for a {self.model}, which stays on the floor",
                 found="3d",
                 remedy="Take 2d.",
             )
         if self.drives and self.separation_m:
             raise broken_rule(
                 key="separation_m",
-                expected="0 for a rover: only vehicles in the air go out of the way of others",
+                expected=f"0 for a {self.model}: only vehicles in the air go out of the way of others",
                 found=f"{self.separation_m:g}",
                 remedy="Leave it out.",
             )
@@ -178,12 +207,12 @@ class VehicleSpec(Spec):
 
     @model_validator(mode="after")
     def _check_height(self) -> Self:
-        if self.drives and self.search_height_m != ROVER_HEIGHT_M:
+        if self.drives and self.search_height_m != self.facts.body.half_height_m:
             raise broken_rule(
                 key="search_height_m",
-                expected="no height for a rover, which stays on the floor",
+                expected=f"no height for a {self.model}, which stays on the floor",
                 found=f"{self.search_height_m:g}",
-                remedy="Leave it out; a rover's waypoints may have any height in the room.",
+                remedy=f"Leave it out; a {self.model}'s waypoints may have any height in the room.",
             )
         return self
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from gslcosim.scenario.models.scenario import VehicleSpec
+from gslcosim.vehicles import Vehicle
 from gslcosim.world.paths.trajectory import Limits
-from gslcosim.world.vehicle import VehicleModel
 
 # What of its greatest tilt a vehicle may plan with; the rest is for wind and errors.
 _PLANNED_SHARE = 0.9
@@ -30,7 +30,7 @@ class Abilities:
     standing_height_m: float
 
 
-def abilities_of(spec: VehicleSpec, model: VehicleModel, constants: Any, half_height_m: float) -> Abilities:
+def abilities_of(spec: VehicleSpec, model: Vehicle, constants: Any, half_height_m: float) -> Abilities:
     """Return the abilities of a vehicle.
 
     Args:
@@ -44,8 +44,8 @@ def abilities_of(spec: VehicleSpec, model: VehicleModel, constants: Any, half_he
         name=model.name,
         limits=_feasible_limits(spec, model, constants),
         has_rotors=model.rotors is not None,
-        has_wheels=model.wheels is not None,
-        max_thrust_n=4 * float(constants["thrust_coefficient_n_s2"]) * speed_rad_s**2,
+        has_wheels=model.drives,
+        max_thrust_n=int(constants["n_rotors"]) * float(constants["thrust_coefficient_n_s2"]) * speed_rad_s**2,
         max_yaw_rate_rad_s=model.body.max_yaw_rate_rad_s,
         standing_height_m=half_height_m,
     )
@@ -53,7 +53,7 @@ def abilities_of(spec: VehicleSpec, model: VehicleModel, constants: Any, half_he
 
 # The scenario's limits, or those of the vehicle where they are tighter: wheels have their own, and in the air tilt
 # gives a + k_drag v <= 0.9 g tan(tilt_max) and lift |a| <= 0.9 * 0.7 g.
-def _feasible_limits(spec: VehicleSpec, model: VehicleModel, constants: Any) -> Limits:
+def _feasible_limits(spec: VehicleSpec, model: Vehicle, constants: Any) -> Limits:
     speed_m_s, acceleration_m_s2 = spec.max_speed_m_s, spec.max_acceleration_m_s2
     if model.wheels is not None:
         speed_m_s = min(speed_m_s, model.wheels.max_speed_m_s)

@@ -380,12 +380,12 @@ def thrust_of_setpoint(vehicle, state, R, v_z):
 def rotor_speed_command(vehicle, i_rotor, thrust, tau_x, tau_y, tau_z):
     """Return the speed of one rotor that gives its share of a wrench.
 
-    T_i = row i of M^-1 (T, tau), 0 <= T_i <= c speed_max^2;  speed = sqrt(T_i/c)
+    T_i = row i of M^+ (T, tau), 0 <= T_i <= c speed_max^2;  speed = sqrt(T_i/c)
     [rad/s] = sqrt([N] / [N s^2])
 
     Args:
-        vehicle: Record of `records.CONSTANTS`; M is its `wrench_from_thrusts`.
-        i_rotor: 0 to 3.
+        vehicle: Record of `records.CONSTANTS`; M^+ is its `thrusts_from_wrench`.
+        i_rotor: 0 to n_rotors - 1.
         thrust: Collective thrust [N].
         tau_x: Torque about body x [N m].
         tau_y: Torque about body y [N m].
@@ -395,7 +395,8 @@ def rotor_speed_command(vehicle, i_rotor, thrust, tau_x, tau_y, tau_z):
         Rotor speed [rad/s], within 0 and its maximum. A wrench beyond reach is cut rotor by rotor.
 
     Source:
-        Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, equation 2, for rotors anywhere in the plane.
+        Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, equation 2, for any number of rotors
+        anywhere in the plane: M^+ is the inverse of M for four, and its pseudo-inverse for more.
     Held by:
         tests/unit/world/physics/test_control_kernels.py
     """

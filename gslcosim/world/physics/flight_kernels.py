@@ -103,7 +103,7 @@ def fly_rotors_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, w
             t_x, t_y, t_z = rate_torque(vehicle, v[3], v[4], v[5], a, b, c, 0.0, 0.0, 0.0)
         look_along_inplace(state, R)
     speeds = state.rotor_speed_rad_s
-    for i in range(4):
+    for i in range(vehicle.n_rotors):
         command = rotor_speed_command(vehicle, i, thrust, t_x, t_y, t_z)
         speeds[i] = lagged_rotor_speed(vehicle, speeds[i], command)
     write_rotorcraft_force_inplace(vehicle, speeds, R, force, wind_u - v[0], wind_v - v[1], wind_w - v[2])
@@ -144,7 +144,7 @@ def write_rotorcraft_force_inplace(vehicle, speeds, R, force, u, v, w):
 
     Args:
         vehicle: Record of `records.CONSTANTS`.
-        speeds: (4,) rotor speeds [rad/s].
+        speeds: (n_rotors or more,) rotor speeds [rad/s].
         R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
         force: (6,) written: force, world frame [N], and torque, body frame [N m].
         u: Relative wind along world x [m/s].

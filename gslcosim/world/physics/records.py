@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
 from gslcosim.errors import ModelError
+from gslcosim.vehicles import Vehicle
+from gslcosim.vehicles.facts import LEAST_ROTORS, MOST_ROTORS, ControlParameters, RotorParameters, WheelParameters
 from gslcosim.world.paths.trajectory import Trajectory
 from gslcosim.world.physics.control_kernels import ATTITUDE, DRIVE, PATH, RATES
 from gslcosim.world.physics.scene import HULL
-from gslcosim.world.vehicle import ControlParameters, RotorParameters, VehicleModel, WheelParameters
 
 Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
 
@@ -30,8 +31,9 @@ CONSTANTS = np.dtype(
         ("mass_kg", np.float64),
         ("gravity_m_s2", np.float64),
         ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
-        ("wrench_from_thrusts", np.float64, (4, 4)),  # rows thrust, torque xyz; columns rotors
-        ("thrusts_from_wrench", np.float64, (4, 4)),
+        ("n_rotors", np.int64),  # the rest of what has room for all rotors is 0
+        ("wrench_from_thrusts", np.float64, (4, MOST_ROTORS)),  # rows thrust, torque xyz; columns rotors
+        ("thrusts_from_wrench", np.float64, (MOST_ROTORS, 4)),
         ("thrust_coefficient_n_s2", np.float64),
         ("max_rotor_speed_rad_s", np.float64),
         ("response_up", np.float64),  # share of a speed difference that is closed in one sub-step
@@ -60,11 +62,13 @@ CONSTANTS = np.dtype(
     ]
 )
 
+_NAMES = frozenset(CONSTANTS.names or ())
+
 # State of one vehicle beside MuJoCo's own, and the reference it follows.
 STATE = np.dtype(
     [
         ("is_armed", np.int64),
-        ("rotor_speed_rad_s", np.float64, (4,)),
+        ("rotor_speed_rad_s", np.float64, (MOST_ROTORS,)),
         ("integral_m_s2", np.float64, (3,)),
         ("start_tick", np.int64),
         ("coefficients", np.float64, (3, 6)),
@@ -86,7 +90,7 @@ STATE = np.dtype(
 )
 
 
-def set_constants(record: Any, vehicle: VehicleModel, model: mujoco.MjModel, prefix: str, dt_s: float) -> None:
+def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: str, dt_s: float) -> None:
     """Fill a record of `CONSTANTS` from a vehicle's parameters and its compiled body.
 
     Args:
@@ -110,7 +114,7 @@ def set_constants(record: Any, vehicle: VehicleModel, model: mujoco.MjModel, pre
         _set_control(record, vehicle.control)
     if vehicle.rotors is not None:
         record["has_rotors"] = 1
-        _set_rotors(record, vehicle.name, vehicle.rotors, model, prefix, dt_s)
+        _set_rotors(record, vehicle.name, vehicle.rotors, dt_s)
     if vehicle.wheels is not None:
         record["has_wheels"] = 1
         _set_wheels(record, vehicle.wheels, model, prefix)
@@ -128,17 +132,15 @@ def _set_control(record: Any, control: ControlParameters) -> None:
 
 def _set_wheels(record: Any, wheels: WheelParameters, model: mujoco.MjModel, prefix: str) -> None:
     for parameter in fields(wheels):
-        record[parameter.name] = getattr(wheels, parameter.name)
-    record["wheel_radius_m"] = model.geom(f"{prefix}wheel_left").size[0]
-    record["half_track_m"] = model.body(f"{prefix}wheel_left").pos[1]
+        if parameter.name in _NAMES:
+            record[parameter.name] = getattr(wheels, parameter.name)
     record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
 
 
-def _set_rotors(
-    record: Any, name: str, rotors: RotorParameters, model: mujoco.MjModel, prefix: str, dt_s: float
-) -> None:
-    record["wrench_from_thrusts"] = wrench_from_thrusts = _wrench_from_thrusts(rotors, model, prefix)
-    record["thrusts_from_wrench"] = np.linalg.inv(wrench_from_thrusts)
+def _set_rotors(record: Any, name: str, rotors: RotorParameters, dt_s: float) -> None:
+    record["n_rotors"] = n_rotors = rotors.n_rotors
+    record["wrench_from_thrusts"][:, :n_rotors] = wrench_from_thrusts = rotors.wrench_from_thrusts()
+    record["thrusts_from_wrench"][:n_rotors] = _thrusts_from_wrench(wrench_from_thrusts)
     record["thrust_coefficient_n_s2"] = rotors.thrust_coefficient_n_s2
     record["max_rotor_speed_rad_s"] = rotors.max_rotor_speed_rad_s
     record["response_up"] = -math.expm1(-dt_s / rotors.time_constant_up_s)
@@ -151,7 +153,7 @@ def _set_rotors(
             f"vehicle {name}: expected rotors that can carry it, was {hover_speed_rad_s:.0f} rad/s in hover "
             f"at a limit of {rotors.max_rotor_speed_rad_s:.0f} rad/s."
         )
-    record["expected_drag_s"] = 4 * hover_speed_rad_s * rotors.rotor_drag_n_s2_m[0] / record["mass_kg"]
+    record["expected_drag_s"] = n_rotors * hover_speed_rad_s * rotors.rotor_drag_n_s2_m[0] / record["mass_kg"]
 
 
 def set_trajectory(record: Any, trajectory: Trajectory) -> None:
@@ -187,20 +189,18 @@ def set_setpoint(record: Any, setpoint: Setpoint) -> None:
 
 
 def hover_rotor_speed_rad_s(record: Any) -> float:
-    """Return the rotor speed [rad/s] at which four rotors carry the vehicle of a record of `CONSTANTS`.
+    """Return the rotor speed [rad/s] at which the rotors carry the vehicle of a record of `CONSTANTS`.
 
     It is 0 for a vehicle without rotors.
     """
     if record["thrust_coefficient_n_s2"] == 0.0:
         return 0.0
     weight_n = record["mass_kg"] * record["gravity_m_s2"]
-    return float(np.sqrt(weight_n / (4 * record["thrust_coefficient_n_s2"])))
+    return float(np.sqrt(weight_n / (record["n_rotors"] * record["thrust_coefficient_n_s2"])))
 
 
-# Rotor i at (x, y) pushes along body z: torque (y, -x, -direction * torque_per_thrust) per unit of thrust.
-def _wrench_from_thrusts(rotors: RotorParameters, model: mujoco.MjModel, prefix: str) -> NDArray[np.float64]:
-    columns = []
-    for i, direction in enumerate(rotors.rotor_directions):
-        x_m, y_m, _ = model.site(f"{prefix}rotor_{i}").pos
-        columns.append([1.0, y_m, -x_m, -direction * rotors.torque_per_thrust_m])
-    return np.array(columns).T
+# Four rotors give each wrench in one way; of the ways that more can, the pseudo-inverse takes that of the least squares
+# of thrusts, in which all carry the same in hover where they stand evenly.
+def _thrusts_from_wrench(wrench_from_thrusts: NDArray[np.float64]) -> NDArray[np.float64]:
+    invert = np.linalg.inv if wrench_from_thrusts.shape[1] == LEAST_ROTORS else np.linalg.pinv
+    return invert(wrench_from_thrusts).astype(np.float64)

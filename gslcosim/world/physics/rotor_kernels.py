@@ -36,7 +36,7 @@ def rotor_wrench(vehicle, rotor_speed_rad_s):
 
     Args:
         vehicle: Record of `records.CONSTANTS`; M is its `wrench_from_thrusts`.
-        rotor_speed_rad_s: (4,) rotor speeds [rad/s].
+        rotor_speed_rad_s: (n_rotors or more,) rotor speeds [rad/s].
 
     Returns:
         (thrust [N], torque x, y, z [N m], sum of speeds [rad/s]).
@@ -49,7 +49,7 @@ def rotor_wrench(vehicle, rotor_speed_rad_s):
     """
     M = vehicle.wrench_from_thrusts
     thrust = tau_x = tau_y = tau_z = total = 0.0
-    for i in range(4):
+    for i in range(vehicle.n_rotors):
         speed = rotor_speed_rad_s[i]
         T = vehicle.thrust_coefficient_n_s2 * speed * speed
         thrust += M[0, i] * T

@@ -9,7 +9,8 @@ import mujoco
 
 from gslcosim.environment.model import Box, Environment
 from gslcosim.environment.solids import solid_boxes
-from gslcosim.world.vehicle import VehicleModel
+from gslcosim.vehicles import Vehicle
+from gslcosim.world.physics.vehicle_bodies import body_spec, half_height_m
 
 GRAVITY_M_S2 = 9.81
 
@@ -50,7 +51,7 @@ class Scene:
     half_height_m: tuple[float, ...]
 
 
-def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleModel]], dt_s: float) -> Scene:
+def build_scene(environment: Environment, vehicles: Sequence[tuple[str, Vehicle]], dt_s: float) -> Scene:
     """Return the scene of a room and its vehicles; all vehicles stand at the origin until they are placed.
 
     Args:
@@ -60,6 +61,7 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
 
     Raises:
         EnvironmentDataError: two boxes of the room have one name.
+        VehicleError: the MJCF of a vehicle contradicts the catalogue.
     """
     spec, kept = scene_spec(environment, vehicles, dt_s)
     model = spec.compile()
@@ -72,12 +74,12 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, VehicleM
         thing_of_geom=tuple(owner or name for owner, name in zip(owners, geom_names, strict=True)),
         agent_of_geom=tuple(-1 if owner is None else agents.index(owner) for owner in owners),
         is_rolling=tuple(name.split("/")[-1] in _ROLLING and "/" in name for name in geom_names),
-        half_height_m=tuple(_half_height_m(model, agent) for agent in agents),
+        half_height_m=tuple(half_height_m(model, model.body(f"{agent}/body").id) for agent in agents),
     )
 
 
 def scene_spec(
-    environment: Environment, vehicles: Sequence[tuple[str, VehicleModel]], dt_s: float
+    environment: Environment, vehicles: Sequence[tuple[str, Vehicle]], dt_s: float
 ) -> tuple[mujoco.MjSpec, list[mujoco.MjSpec]]:
     """Return a scene as it can still be added to, and what must live until it is compiled; see `build_scene`."""
     spec = mujoco.MjSpec()
@@ -87,13 +89,13 @@ def scene_spec(
     spec.option.disableflags = int(_DISABLED)
     for box in solid_boxes(environment):
         _add_box(spec, box)
-    if any(vehicle.wheels for _, vehicle in vehicles):
+    if any(vehicle.drives for _, vehicle in vehicles):
         spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-    kept = [vehicle.body_spec() for _, vehicle in vehicles]
+    kept = [body_spec(vehicle) for _, vehicle in vehicles]
     for (agent, vehicle), vehicle_spec in zip(vehicles, kept, strict=True):
         body = vehicle_spec.worldbody.first_body()
         spec.worldbody.add_frame(name=f"{agent}/frame").attach_body(body, f"{agent}/", "")
-        if vehicle.wheels:
+        if vehicle.drives:
             _add_touch(spec, f"{agent}/{HULL}")
     return spec, kept
 
@@ -109,19 +111,3 @@ def _add_touch(spec: mujoco.MjSpec, name: str) -> None:
     spec.add_sensor(
         name=name, type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name, cutoff=0.0
     )
-
-
-# Parts of a vehicle are not turned against its body at the start; each hangs on the body itself.
-def _half_height_m(model: mujoco.MjModel, agent: str) -> float:
-    root = model.body(f"{agent}/body").id
-    parts = [i for i in range(model.ngeom) if model.body_rootid[model.geom_bodyid[i]] == root]
-    return max(_depth_m(model, i, root) for i in parts)
-
-
-# How far a geom reaches below the origin of its vehicle. geom_aabb is centre and half size in the geom's frame.
-def _depth_m(model: mujoco.MjModel, geom: int, root: int) -> float:
-    body = int(model.geom_bodyid[geom])
-    height_m = float(model.geom_pos[geom][2] + model.geom_aabb[geom][2])
-    if body != root:
-        height_m += float(model.body_pos[body][2])
-    return float(model.geom_aabb[geom][5]) - height_m

@@ -8,6 +8,7 @@ from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim.scenario.schema_walk import keys_of
+from gslcosim.vehicles import vehicle_names
 
 VEHICLE_KEYS = ", ".join(keys_of(VehicleSpec))
 
@@ -89,9 +90,11 @@ def test_a_wrong_value_is_one_problem_with_a_remedy(told, old, new, line):
          SENSORS, "was 'TGS-2600'. Did you mean tgs2600?"),
         ("gas:", "gas:\n  gas: etanol", "hall.yaml:6: gas.gas",
          GASES, "was 'etanol'. Did you mean ethanol?"),
+        ("{start_m:", "{model: crazyfly, start_m:", "hall.yaml:11: agents[0].vehicle.model",
+         vehicle_names(), "was 'crazyfly'. Did you mean crazyflie?"),
     ],
 )  # fmt: skip
-def test_an_unknown_sensor_or_gas_is_answered_with_all_that_are_known(told, old, new, place, known, remedy):
+def test_an_unknown_name_is_answered_with_all_that_are_known(told, old, new, place, known, remedy):
     (line,) = told((old, new))
     assert line.startswith(f"{place}: expected one of ")
     assert all(name in line for name in known)

@@ -10,9 +10,6 @@ from gslcosim.rng import stream
 from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.ranging import directions_body
-from gslcosim.sensing.rays import VEHICLE_SIZES_M
-from gslcosim.world.physics.scene import build_scene
-from gslcosim.world.vehicle import VEHICLES_DIR, load_vehicle
 
 STILL = (0.0, 0.0, 0.0)
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -83,11 +80,3 @@ def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
 def test_a_pitched_sensor_looks_down():
     spec = SensorSpec(model="range_finder", name="s", mount_rpy_rad=(0.0, math.pi / 4, 0.0))
     assert directions_body(spec) == pytest.approx(np.array([[R2, 0.0, -R2]]))
-
-
-def test_cylinders_have_the_size_of_the_vehicles(make_room):
-    assert set(VEHICLE_SIZES_M) == {path.name for path in VEHICLES_DIR.iterdir() if path.is_dir()}
-    for name, size_m in VEHICLE_SIZES_M.items():
-        vehicle = load_vehicle(name)
-        half_height_m = build_scene(make_room(), [("beetle", vehicle)], 0.004).half_height_m[0]
-        assert size_m == pytest.approx((vehicle.body.radius_m, half_height_m)), name

@@ -3,16 +3,16 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
+from gslcosim.vehicles import vehicle_of
 from gslcosim.world.core import WorldCore
 from gslcosim.world.physics import records
 from gslcosim.world.physics.scene import build_scene
-from gslcosim.world.vehicle import load_vehicle
 
 
 @pytest.fixture
 def iris_constants(make_room):
     """One record of the iris's constants at 4 ms."""
-    iris = load_vehicle("iris")
+    iris = vehicle_of("iris")
     scene = build_scene(make_room(), [("beetle", iris)], 0.004)
     constants = np.zeros(1, records.CONSTANTS)
     records.set_constants(constants[0], iris, scene.model, "beetle/", 0.004)

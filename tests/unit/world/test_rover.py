@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.models.scenario import ROVER_HEIGHT_M, VehicleSpec
+from gslcosim.scenario.models.scenario import VehicleSpec
+from gslcosim.vehicles import vehicle_of
 from gslcosim.world.core import WorldCore
 from gslcosim.world.guidance.arrival import OVERTURNED
+
+ROVER_HEIGHT_M = vehicle_of("rover").body.half_height_m
 
 ROVER = {"model": "rover"}
 RACK = ("rack", (6.0, 0.0, 0.0), (6.5, 10.0, 6.0))

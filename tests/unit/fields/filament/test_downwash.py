@@ -9,10 +9,10 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.fields.core import FieldsCore
-from gslcosim.fields.filament.downwash import MULTIROTORS, Downwash, Jets
+from gslcosim.fields.filament.downwash import Downwash, Jets, outflow_m_s
 from gslcosim.fields.filament.downwash_kernels import DECAY, ORIGIN, WIDENING, blow_filaments_inplace, jet_speed_m_s
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.world.vehicle import load_vehicle
+from gslcosim.vehicles import vehicle_names, vehicle_of
 
 OCCUPANCY = np.zeros((20, 20, 40), np.uint8)
 
@@ -41,21 +41,15 @@ def scenario_of(make_scenario):
     return build
 
 
-@pytest.mark.parametrize("name", sorted(MULTIROTORS))
-def test_vehicles_are_those_of_the_world(name):
-    model = load_vehicle(name).body_spec().compile()
-    rotors = np.array([model.site(f"rotor_{i}").pos for i in range(4)])
-    assert sum(model.body_mass) == pytest.approx(MULTIROTORS[name].mass_kg)
-    # Opposite rotors: 0 and 1, 2 and 3 (of the iris), or 0 and 2 (of the crazyflie); the longest way is a diagonal.
-    longest_m = max(np.linalg.norm(a - b) for a in rotors for b in rotors)
-    assert longest_m == pytest.approx(MULTIROTORS[name].motor_distance_m, rel=0.03)
-
-
-def test_each_rotor_carries_a_quarter_of_the_weight():
+@pytest.mark.parametrize("name", vehicle_names())
+def test_each_rotor_carries_its_share_of_the_weight(name):
     """Thrust of a disc is 2 rho A v^2."""
-    for rotor in MULTIROTORS.values():
-        thrust_n = 2.0 * 1.204 * math.pi * rotor.rotor_radius_m**2 * rotor.outflow_m_s**2
-        assert 4.0 * thrust_n == pytest.approx(rotor.mass_kg * 9.81)
+    vehicle = vehicle_of(name)
+    if vehicle.rotors is None:
+        assert outflow_m_s(vehicle) == 0.0
+        return
+    thrust_n = 2.0 * 1.204 * math.pi * vehicle.rotors.rotor_radius_m**2 * outflow_m_s(vehicle) ** 2
+    assert vehicle.rotors.n_rotors * thrust_n == pytest.approx(vehicle.body.mass_kg * 9.81)
 
 
 def test_the_jet_slows_down_and_widens_with_the_distance():

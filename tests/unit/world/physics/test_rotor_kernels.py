@@ -3,7 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.vehicles import vehicle_of
+from gslcosim.world.physics import records
+from gslcosim.world.physics.control_kernels import rotor_speed_command
 from gslcosim.world.physics.rotor_kernels import drag_force, lagged_rotor_speed, rotor_wrench
+from gslcosim.world.physics.scene import build_scene
 
 
 @pytest.mark.parametrize(("start", "command", "tau_s"), [(0.0, 800.0, 0.0125), (800.0, 100.0, 0.025)])
@@ -38,3 +42,37 @@ def test_drag_is_along_the_relative_wind_and_grows_with_it(iris_constants):
     assert (y, z) == (0.0, 0.0)
     assert x == pytest.approx(1.75e-4 * 3200.0 * 2.0 + 0.5 * 1.204 * 0.015 * 4.0)
     assert drag_force(iris_constants[0], 3200.0, -2.0, 0.0, 0.0)[0] == -x
+
+
+def constants_of(name, room):
+    constants = np.zeros(1, records.CONSTANTS)
+    vehicle = vehicle_of(name)
+    scene = build_scene(room, [("beetle", vehicle)], 0.004)
+    records.set_constants(constants[0], vehicle, scene.model, "beetle/", 0.004)
+    return constants[0]
+
+
+@pytest.mark.parametrize("name", ["iris", "crazyflie", "hexarotor"])
+def test_rotors_give_the_wrench_that_is_wanted(make_room, name):
+    """Allocation and rotors are inverse to each other, whatever the number of rotors."""
+    record = constants_of(name, make_room())
+    weight_n, arm_m = record["mass_kg"] * 9.81, vehicle_of(name).rotors.motor_distance_m / 2
+    wanted = (weight_n, 0.05 * weight_n * arm_m, -0.03 * weight_n * arm_m, 0.01 * weight_n * arm_m)
+    speeds = np.array([rotor_speed_command(record, i, *wanted) for i in range(record["n_rotors"])])
+    assert rotor_wrench(record, speeds)[:4] == pytest.approx(wanted)
+
+
+def test_more_rotors_than_needed_share_the_work(make_room):
+    """In hover all of them turn alike, at the speed of the closed form: sqrt(m g / (n c))."""
+    record = constants_of("hexarotor", make_room())
+    speeds = [rotor_speed_command(record, i, 1.53 * 9.81, 0.0, 0.0, 0.0) for i in range(6)]
+    assert speeds == pytest.approx([math.sqrt(1.53 * 9.81 / (6 * 8.54858e-06))] * 6)
+    assert records.hover_rotor_speed_rad_s(record) == pytest.approx(speeds[0])
+
+
+def test_four_rotors_are_mixed_by_the_inverse_to_the_last_bit(make_room):
+    """Digests of flights depend on it."""
+    record = constants_of("iris", make_room())
+    wrench_from_thrusts = np.ascontiguousarray(record["wrench_from_thrusts"][:, :4])
+    np.testing.assert_array_equal(record["thrusts_from_wrench"][:4], np.linalg.inv(wrench_from_thrusts))
+    assert not record["thrusts_from_wrench"][4:].any()

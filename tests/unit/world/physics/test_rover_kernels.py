@@ -4,11 +4,11 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.vehicles import vehicle_of
 from gslcosim.world.paths.trajectory import Limits, fly_at, stay_at
 from gslcosim.world.physics import records
 from gslcosim.world.physics.rover_kernels import path_speed_and_turn, wheel_speeds, wheel_torque_inplace
 from gslcosim.world.physics.scene import build_scene
-from gslcosim.world.vehicle import load_vehicle
 
 DT_S = 0.004
 LIMITS = Limits(max_speed_m_s=2.0, max_acceleration_m_s2=2.0)
@@ -17,7 +17,7 @@ LIMITS = Limits(max_speed_m_s=2.0, max_acceleration_m_s2=2.0)
 @pytest.fixture
 def rover(make_room):
     """One record of the rover's constants at 4 ms."""
-    model = load_vehicle("rover")
+    model = vehicle_of("rover")
     scene = build_scene(make_room(), [("beetle", model)], DT_S)
     constants = np.zeros(1, records.CONSTANTS)
     records.set_constants(constants[0], model, scene.model, "beetle/", DT_S)

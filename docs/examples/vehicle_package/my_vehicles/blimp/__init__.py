@@ -1,0 +1,1 @@
+"""The folder of the blimp: `parameters.yaml` and `blimp.xml`."""

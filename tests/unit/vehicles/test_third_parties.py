@@ -1,0 +1,104 @@
+"""Vehicles of installed packages."""
+
+import importlib
+import shutil
+import sys
+import types
+
+import pytest
+
+from gslcosim.errors import ScenarioError, VehicleError
+from gslcosim.scenario.loading import load_scenario
+from gslcosim.vehicles import VEHICLE_ENTRY_POINTS, catalogue, vehicle_names, vehicle_of
+from gslcosim.vehicles.catalogue import VEHICLES_DIR
+
+
+def forget():
+    importlib.invalidate_caches()
+    vehicle_names.cache_clear()
+    catalogue._offered.cache_clear()
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install a package that offers things under names of vehicles."""
+
+    def install(name="somebodys_vehicles", **offers):
+        module = types.ModuleType(name)
+        vars(module).update(offers)
+        monkeypatch.setitem(sys.modules, name, module)
+        folder = tmp_path / f"{name}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        lines = [f"{offer} = {name}:{offer}" for offer in offers]
+        (folder / "entry_points.txt").write_text("\n".join([f"[{VEHICLE_ENTRY_POINTS}]", *lines]) + "\n")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        forget()
+
+    yield install
+    monkeypatch.undo()
+    forget()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The folder of a vehicle named `tern`, which is an iris."""
+    place = tmp_path / "anywhere"
+    shutil.copytree(VEHICLES_DIR / "iris", place)
+    (place / "iris.xml").rename(place / "tern.xml")
+    return place
+
+
+def with_vehicle(name):
+    return load_scenario("tiny_room", overrides=[f"agents[0].vehicle.model={name}"]).scenario.agents[0].vehicle
+
+
+def test_a_scenario_may_name_the_vehicle_of_a_package(package, folder):
+    module = types.ModuleType("tern")
+    module.__file__ = str(folder / "__init__.py")
+    package(tern=module)
+    assert vehicle_names()[-1] == "tern"
+    assert vehicle_of("tern").mjcf_path == folder / "tern.xml"
+    assert with_vehicle("tern").facts.body == vehicle_of("iris").body
+
+
+@pytest.mark.parametrize("kind", [str, lambda path: path])
+def test_a_folder_may_be_a_path(package, folder, kind):
+    package(tern=kind(folder))
+    assert vehicle_of("tern").folder == folder
+
+
+def test_own_vehicles_cannot_be_replaced(package, folder):
+    package(iris=str(folder))
+    assert vehicle_of("iris").folder == VEHICLES_DIR / "iris"
+    assert vehicle_names().count("iris") == 1
+
+
+def test_something_else_than_a_folder_is_refused_where_it_is_named(package, tmp_path):
+    package(tern=42, gull=tmp_path / "nowhere")
+    with pytest.raises(VehicleError, match=r"expected somebodys_vehicles:tern to be a folder's path, .* was 42"):
+        vehicle_of("tern")
+    with pytest.raises(ScenarioError, match=r"vehicle.model: expected a vehicle whose folder is whole, was 'gull'"):
+        with_vehicle("gull")
+
+
+def test_a_folder_without_its_files_is_refused(package, folder):
+    (folder / "tern.xml").unlink()
+    package(tern=folder)
+    with pytest.raises(ScenarioError, match=r"tern.xml: expected the MJCF of the vehicle beside parameters.yaml"):
+        with_vehicle("tern")
+
+
+def test_a_package_that_cannot_be_imported_is_named(package, folder, monkeypatch):
+    package(tern=folder)
+    monkeypatch.delitem(sys.modules, "somebodys_vehicles")
+    forget()
+    with pytest.raises(VehicleError, match="vehicle tern: expected somebodys_vehicles:tern to be imported, was "):
+        vehicle_of("tern")
+
+
+def test_a_name_that_two_packages_offer_is_refused(package, folder):
+    package(tern=folder)
+    package("others_vehicles", tern=folder)
+    with pytest.raises(VehicleError, match="one package that offers it, was others_vehicles:tern and somebodys_"):
+        vehicle_of("tern")
