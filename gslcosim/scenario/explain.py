@@ -17,8 +17,10 @@ from gslcosim.scenario.schema_walk import (
     holds_blocks,
     keys_of,
     kinds_of,
+    kinds_with_key,
     paths_of_key,
     slot_at,
+    tag_key_of,
     words_of,
 )
 from gslcosim.scenario.suggestions import did_you_mean, nearest_key
@@ -68,7 +70,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
         case "missing":
             return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
         case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
-            return _unknown_kind(slot, typing.cast("dict[str, Any]", value).get("kind"))
+            return _unknown_kind(slot, typing.cast("dict[str, Any]", value))
         case "too_short" if isinstance(value, list) and typing.cast("list[Any]", value):
             return None  # pydantic counts only the valid items; those that are not have their own problems
         case _:
@@ -79,10 +81,11 @@ def _wrong_value(slot: Slot, value: Any) -> Problem:
     return Problem(path=slot.path, expected=slot.describe(), found=shown(value), remedy=_value_remedy(slot, value))
 
 
-def _unknown_kind(slot: Slot, kind: Any) -> Problem:
-    kinds = kinds_of(slot.annotation)
+def _unknown_kind(slot: Slot, block: dict[str, Any]) -> Problem:
+    kinds, tag_key = kinds_of(slot.annotation), tag_key_of(slot.annotation)
+    kind = block.get(tag_key)
     return Problem(
-        path=child_path(slot.path, "kind"),
+        path=child_path(slot.path, tag_key),
         expected=f"one of {', '.join(kinds[:-1])} or {kinds[-1]}",
         found=shown(kind),
         remedy=did_you_mean(kind, kinds) if isinstance(kind, str) else "",
@@ -94,6 +97,8 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     keys = keys_of(block.model) if block.model else []
     path = child_path(block.path, key)
     expected = f"one of the keys {', '.join(keys)}"
+    if (remedy := _kinds_that_have(location, key, root)) and key not in keys:
+        return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
     if match:
@@ -103,6 +108,15 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     else:
         remedy = ""
     return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+
+
+# A key that other kinds of the same block have.
+def _kinds_that_have(location: tuple[Segment, ...], key: str, root: type[BaseModel]) -> str:
+    for end in range(len(location), 0, -1):
+        annotation = slot_at(location[:end], root=root).annotation
+        if kinds := kinds_with_key(annotation, key):
+            return f"{key} belongs to {tag_key_of(annotation)}: {', '.join(kinds)}."
+    return ""
 
 
 def _unit_hint(key: str, meant: Slot, value: Any) -> str:

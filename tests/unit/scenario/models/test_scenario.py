@@ -73,7 +73,7 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
         ("warehouse_empty, size_m", "office, n_piles: 2, size_m",
          "hall.yaml:4: environment.layout.n_piles: expected one of the keys kind, size_m, seed, wall_m, inlet, outlet, "
          "obstacles, inlet_size_m, outlet_size_m, walls, openings, lights, rooms_per_side, corridor_m, door_m, "
-         "partition_m, outline, has_furniture, was an unknown key."),
+         "partition_m, outline, has_furniture, was an unknown key. n_piles belongs to kind: warehouse_complex."),
         ("size_m: [15, 10, 8]", f"{AN_INLET.replace('[1, 1, 1]', '[0, 1, 1]')}, inlet_size_m: [1, 2]",
          "hall.yaml:4: environment.layout.inlet_size_m: expected no size beside inlet, which has its own, was both. "
          "Leave out inlet_size_m, or inlet to have it in its usual place."),
