@@ -1,20 +1,29 @@
-"""Blocks that are one of several kinds, each with keys of its own; other packages may add kinds."""
+"""Blocks that are one of several kinds: with a block each, to which other packages may add, or with keys of some."""
 
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, ClassVar, Self, cast
 
-from pydantic import BaseModel, GetCoreSchemaHandler, ValidationError, ValidationInfo, ValidatorFunctionWrapHandler
+from pydantic import (
+    BaseModel,
+    GetCoreSchemaHandler,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    model_validator,
+)
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Spec
 
 # Returns the block of a kind that another package offers, or nothing where none does.
 Offered = Callable[[str], type[Spec] | None]
 
 
-@dataclass(frozen=True)
+# Told apart by identity: annotations are hashed.
+@dataclass(frozen=True, eq=False)
 class OneOf:
     """Says of an annotation that its block is one of several kinds, told apart by the key `tag_key`.
 
@@ -80,3 +89,49 @@ def _inside(kind: str, details: Any) -> InitErrorDetails:
 
 def _refused(details: list[InitErrorDetails]) -> ValidationError:
     return ValidationError.from_exception_data("block", details)
+
+
+class KindedSpec(Spec):
+    """A block of which some keys belong to some of its kinds only: with others they are errors, and are not dumped.
+
+    `tag_key` is the key that names the kind. `belongs` says which kinds a key belongs to, for those that do not belong
+    to all; a key inside a block of the block is written `plume.meander_s`.
+    """
+
+    tag_key: ClassVar[str] = "kind"
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    @property
+    def kind_name(self) -> str:
+        """The name of the block's kind."""
+        return str(getattr(self, self.tag_key))
+
+    def useless_keys(self) -> dict[str, str]:
+        """Return the keys that mean nothing in this block, each with where it belongs: `model: farrell`."""
+        return {
+            key: f"{self.tag_key}: {', '.join(kinds)}"
+            for key, kinds in self.belongs.items()
+            if self.kind_name not in kinds
+        }
+
+    @model_validator(mode="after")
+    def _check_useless(self) -> Self:
+        for key, home in self.useless_keys().items():
+            if _is_given(self, key):
+                name = key.rpartition(".")[2]
+                raise broken_rule(
+                    key=key,
+                    expected=f"no {name} with {self.tag_key}: {self.kind_name}",
+                    found="one",
+                    remedy=f"{name} belongs to {home}.",
+                )
+        return self
+
+
+# `null` is what an absent key means.
+def _is_given(block: BaseModel, key: str) -> bool:
+    first, _, rest = key.partition(".")
+    inner = getattr(block, first)
+    if first not in block.model_fields_set or inner is None:
+        return False
+    return _is_given(inner, rest) if rest else True

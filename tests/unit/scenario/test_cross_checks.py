@@ -198,8 +198,8 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
          "neon, helium, biogas, butane, carbon_dioxide, carbon_monoxide, smoke or freom, was 'freon'. Did you mean "
          "freom?"),
         ("gas:", "gas:\n  model: playback",
-         "hall.yaml:5: gas.playback: expected a folder of frames with model: playback and only then, was none with "
-         "model: playback. For example model: playback, playback: {folder: my_frames}."),
+         "hall.yaml:5: gas.playback: expected a folder of frames with model: playback, was none. For "
+         "example model: playback, playback: {folder: my_frames}."),
         ("gas:", "gas:\n  tape: true\n  model: gaussian_plume",
          "hall.yaml:6: gas.tape: expected false, unless the gas is made of filaments that no vehicle moves, was true "
          "with model: gaussian_plume. Leave tape out."),
