@@ -33,7 +33,8 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
 from gslcosim.fields.assembly import gas_field_of
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import Scenario, SensorSpec
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.models.sensors import sensor_of
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.mox import MOX_PARAMETERS, estimated_ppm
 
@@ -96,7 +97,7 @@ def true_series(*, seconds: float, seed: int) -> NDArray[np.float64]:
 
 def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64]:
     """Return the (n,) mixing ratios [ppm] that a MOX sensor's resistance suggests in (n,) true ones."""
-    sensor = SENSOR_MODELS[SENSOR].build(SensorSpec(model=SENSOR, name="nose"), STEP_S, stream(seed, "study.nose"))
+    sensor = SENSOR_MODELS[SENSOR].build(sensor_of(model=SENSOR, name="nose"), STEP_S, stream(seed, "study.nose"))
     parameters, found = MOX_PARAMETERS[SENSOR], []
     for value in ppm.tolist():
         sample = MountSample(

@@ -19,7 +19,8 @@ from gslcosim.contract.messages import BodyPoses, CameraFrame, CameraFrames, Cam
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment, Light
 from gslcosim.frames import quaternion_from_rotation, rotation_from_rpy
-from gslcosim.scenario.models.scenario import AgentSpec, Scenario, SensorSpec
+from gslcosim.scenario.models.onboard import CameraSensorSpec, ColourCameraSpec, DepthCameraSpec
+from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.ticks import exact_ticks_from_seconds
 from gslcosim.vehicles import vehicle_of
 from gslcosim.world.physics.scene import scene_spec
@@ -42,7 +43,7 @@ class _Camera:
     """One camera: which of the model's it is, when it takes pictures, and its own vehicle's geoms."""
 
     agent: str
-    spec: SensorSpec
+    spec: CameraSensorSpec
     number: int
     period_ticks: int
     own_geoms: NDArray[np.intp]
@@ -96,7 +97,7 @@ class CamerasCore:
         """Give the driver's memory back."""
         self._view.close()
 
-    def _camera(self, agent: AgentSpec, sensor: SensorSpec, tick_ns: int) -> _Camera:
+    def _camera(self, agent: AgentSpec, sensor: CameraSensorSpec, tick_ns: int) -> _Camera:
         root = self._model.body(f"{agent.name}/body").id
         own = [i for i in range(self._model.ngeom) if self._model.body_rootid[self._model.geom_bodyid[i]] == root]
         period_ticks = 1
@@ -137,20 +138,21 @@ class CamerasCore:
         return CameraFrame(agent=camera.agent, sensor=sensor.name, image=image)
 
     def _picture(self, camera: _Camera) -> tuple[Literal["png", "jpeg", "depth_png"], bytes]:
-        size, file = camera.spec.camera, io.BytesIO()
+        spec, size, file = camera.spec, camera.spec.camera, io.BytesIO()
         where = (self._data, camera.number, size.width_px, size.height_px)
-        if camera.spec.model == "depth_camera":
+        if isinstance(spec, DepthCameraSpec):
             depths_mm = np.rint(self._view.depths_m(*where) * MM_PER_M)
-            limit_mm = min(MAX_DEPTH_MM, camera.spec.max_range_m * MM_PER_M)
+            limit_mm = min(MAX_DEPTH_MM, spec.max_range_m * MM_PER_M)
             depths_mm[depths_mm > limit_mm] = 0
             Image.fromarray(depths_mm.astype(np.uint16)).save(file, "PNG", compress_level=1)
             return "depth_png", file.getvalue()
         picture = Image.fromarray(np.ascontiguousarray(self._view.colors(*where)))
-        if size.encoding == "jpeg":
+        encoding = spec.camera.encoding if isinstance(spec, ColourCameraSpec) else "png"
+        if encoding == "jpeg":
             picture.save(file, "JPEG", quality=JPEG_QUALITY)
         else:
             picture.save(file, "PNG", compress_level=1)
-        return size.encoding, file.getvalue()
+        return encoding, file.getvalue()
 
 
 def _model(scenario: Scenario, environment: Environment) -> mujoco.MjModel:
@@ -181,5 +183,5 @@ def _lamps(environment: Environment) -> tuple[Light, ...]:
     return environment.lights[::every] if every else ()
 
 
-def _turned(sensor: SensorSpec, sensor_from_camera: NDArray[np.float64]) -> Quaternion:
+def _turned(sensor: CameraSensorSpec, sensor_from_camera: NDArray[np.float64]) -> Quaternion:
     return quaternion_from_rotation(rotation_from_rpy(sensor.mount_rpy_rad) @ sensor_from_camera)

@@ -11,12 +11,10 @@ from gslcosim._code_identity import code_hash, package_files
 from gslcosim.environment.of_scenario.room_origin import folder_of, wind_file
 from gslcosim.environment.store import FORMAT
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.wind import SOLVING
 
-# Of the wind, what has no meaning where none is solved.
-_OF_SOLVING = {
-    "inlet_profile", "inlet_schedule", "turbulence", "courant", "max_step_s", "end_time_s", "average_from_s",
-    "max_time_s", "save_every_s", "save_from_s",
-}  # fmt: skip
+# What a wind that is not solved does not depend on.
+_OF_SOLVING = {key for key, solvers in WindSpec.belongs.items() if set(solvers) <= set(SOLVING)}
 _BLOCK = 1 << 20
 
 

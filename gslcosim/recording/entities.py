@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from gslcosim.recording.colors import Rgb, agent_color
 from gslcosim.recording.instruments import Curves, is_of_wind, is_on_board, on_board_curves
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.onboard import CameraSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
-from gslcosim.scenario.models.sensors import CAMERA_SENSORS
 
 FILAMENTS = "gas/filaments"
 SLICES = "gas/slices"
@@ -89,9 +89,9 @@ class AgentEntities:
         return f"{TRACKING_PLOTS}/{self.agent.name}"
 
     @property
-    def cameras(self) -> tuple[SensorSpec, ...]:
+    def cameras(self) -> tuple[CameraSensorSpec, ...]:
         """Its cameras."""
-        return tuple(sensor for sensor, _ in self.on_board_sensors if sensor.model in CAMERA_SENSORS)
+        return tuple(sensor for sensor, _ in self.on_board_sensors if isinstance(sensor, CameraSensorSpec))
 
     def seen(self, sensor: str) -> str:
         """What a sensor sees in space."""

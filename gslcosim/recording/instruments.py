@@ -11,8 +11,6 @@ from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.sensing.models.anemometer import QUANTITY as WIND
 from gslcosim.sensing.table import kind_in
 
-LIDAR_MODELS = frozenset({"lidar_2d", "lidar_3d"})
-RANGE_FINDER_MODELS = frozenset({"range_finder", "four_range_finders"})
 XYZ = ("x", "y", "z")
 # Units as they are written in messages, and as people read them.
 _SHOWN_UNITS = {"1": "", "ohm": "Ω", "m/s^2": "m/s²", "uT": "µT", "ppm m": "ppm·m"}

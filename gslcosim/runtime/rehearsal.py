@@ -19,6 +19,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Core, Episode, Rehearses
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.onboard import ImuSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 
 N_TICKS = 2
@@ -44,7 +45,7 @@ def _at_start(scenario: Scenario, tick: int) -> BodyPoses:
 
 
 def _resting(agent: AgentSpec) -> BodyState:
-    has_imu = any(sensor.model == "imu" for sensor in agent.sensors)
+    has_imu = any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors)
     return BodyState(
         agent=agent.name,
         position_world_m=agent.vehicle.start_m,

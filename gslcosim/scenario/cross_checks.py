@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.scenario.models.gas import GASES
-from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, SensorSpec, Spec, StopSpec
-from gslcosim.scenario.models.sensors import sensor_names
+from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, Spec, StopSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec, has_estimates, sensor_names
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
 from gslcosim.scenario.suggestions import did_you_mean
@@ -14,6 +14,8 @@ from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 
 PHYSICS_STEP_MS = 4
 TO_ALL = "all"
+# What sensors count in ticks, where they have it.
+_SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})
 _NS_PER_MS = 1_000_000
 
 
@@ -36,7 +38,7 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
         *_missing_wind(values, directory),
         *_missing_gas_frames(values, directory),
         *_unknown_gases(values),
-        *_unknown_sensors(values),
+        *_taken_by_estimates(values),
         *_broken_times(values),
     ]
 
@@ -199,26 +201,19 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
                 yield _unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, sensor_names())
 
 
-def _unknown_sensors(values: dict[str, Any]) -> Iterator[Problem]:
-    for i, agent in _blocks(values, "agents"):
-        for j, sensor in _blocks(agent, "sensors"):
-            model = sensor.get("model")
-            if isinstance(model, str) and model not in sensor_names():
-                yield _unknown_name(f"agents[{i}].sensors[{j}].model", model, sensor_names())
-        yield from _taken_by_estimates(i, _blocks(agent, "sensors"))
-
-
 # What is estimated from a MOX sensor's reading is told under the sensor's name with an ending.
-def _taken_by_estimates(i_agent: int, sensors: list[tuple[int, dict[str, Any]]]) -> Iterator[Problem]:
-    taken = {f"{sensor.get('name')}_ppm" for _, sensor in sensors if str(sensor.get("model")).startswith("tgs")}
-    for j, sensor in sensors:
-        if sensor.get("name") in taken:
-            yield Problem(
-                path=f"agents[{i_agent}].sensors[{j}].name",
-                expected="a name that no estimate of a MOX sensor has",
-                found=f"'{sensor.get('name')}'",
-                remedy="For example true_gas.",
-            )
+def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
+    for i, agent in _blocks(values, "agents"):
+        sensors = _blocks(agent, "sensors")
+        taken = {f"{sensor.get('name')}_ppm" for _, sensor in sensors if has_estimates(str(sensor.get("model")))}
+        for j, sensor in sensors:
+            if sensor.get("name") in taken:
+                yield Problem(
+                    path=f"agents[{i}].sensors[{j}].name",
+                    expected="a name that no estimate of a MOX sensor has",
+                    found=f"'{sensor.get('name')}'",
+                    remedy="For example true_gas.",
+                )
 
 
 def _unknown_name(path: str, name: str, known: Sequence[str]) -> Problem:
@@ -248,9 +243,9 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     yield from _not_whole_ticks("referee.stop.time_limit_s", _number(stop, "time_limit_s", StopSpec), tick_ns)
     for i, agent in _blocks(values, "agents"):
         for j, sensor in _blocks(agent, "sensors"):
-            own = ("averaging_s",) if sensor.get("model") == "averaging" else ()
-            for key in ("period_s", "delay_s", "warm_up_s", *own):
-                duration_s = _number(sensor, key, SensorSpec)
+            block = SENSOR_BLOCKS.get(str(sensor.get("model")), SensorSpec)
+            for key in _SENSOR_TIMES & block.model_fields.keys():
+                duration_s = _number(sensor, key, block)
                 yield from _not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
     yield from _broken_gas_times(_number(gas, "step_s", GasSpec), _number(gas, "warm_up_s", GasSpec), tick_ns)
 

@@ -1,5 +1,6 @@
 """A scenario as resolved, back to YAML."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, cast
 
@@ -7,6 +8,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.scenario.yaml_tree import CoreLoader
 
@@ -55,18 +57,24 @@ def plain_values(scenario: Scenario) -> dict[str, Any]:
     return _plain(scenario)
 
 
-# None is left out where it is the default anyway.
-def _plain(value: Any) -> Any:
+# None is left out where it is the default anyway, and so is what means nothing with a block's kind.
+def _plain(value: Any, useless: Iterable[str] = ()) -> Any:
     if isinstance(value, BaseModel):
-        fields = {
-            field.alias or name: getattr(value, name)
+        left_out = {*useless, *(value.useless_keys() if isinstance(value, KindedSpec) else ())}
+        return {
+            field.alias or name: _plain(getattr(value, name), _inside(name, left_out))
             for name, field in type(value).model_fields.items()
-            if getattr(value, name) is not None or field.default not in (None, PydanticUndefined)
+            if name not in left_out
+            and (getattr(value, name) is not None or field.default not in (None, PydanticUndefined))
         }
-        return {key: _plain(inner) for key, inner in fields.items()}
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in cast("dict[str, Any]", value).items()}
     return [_plain(item) for item in cast("tuple[Any, ...]", value)] if isinstance(value, tuple) else value
+
+
+# Of paths such as `plume.meander_s` those inside `plume`, without it.
+def _inside(name: str, paths: Iterable[str]) -> list[str]:
+    return [path.removeprefix(f"{name}.") for path in paths if path.startswith(f"{name}.")]
 
 
 def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:

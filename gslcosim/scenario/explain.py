@@ -16,11 +16,11 @@ from gslcosim.scenario.schema_walk import (
     Slot,
     holds_blocks,
     keys_of,
-    kind_key_of,
     kinds_of,
     kinds_with_key,
     paths_of_key,
     slot_at,
+    tag_key_of,
     words_of,
 )
 from gslcosim.scenario.suggestions import did_you_mean, nearest_key
@@ -82,10 +82,10 @@ def _wrong_value(slot: Slot, value: Any) -> Problem:
 
 
 def _unknown_kind(slot: Slot, block: dict[str, Any]) -> Problem:
-    kinds, key = kinds_of(slot.annotation), kind_key_of(slot.annotation)
-    kind = block.get(key)
+    kinds, tag_key = kinds_of(slot.annotation), tag_key_of(slot.annotation)
+    kind = block.get(tag_key)
     return Problem(
-        path=child_path(slot.path, key),
+        path=child_path(slot.path, tag_key),
         expected=f"one of {', '.join(kinds[:-1])} or {kinds[-1]}",
         found=shown(kind),
         remedy=did_you_mean(kind, kinds) if isinstance(kind, str) else "",
@@ -97,18 +97,26 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     keys = keys_of(block.model) if block.model else []
     path = child_path(block.path, key)
     expected = f"one of the keys {', '.join(keys)}"
+    if (remedy := _kinds_that_have(location, key, root)) and key not in keys:
+        return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
-    kinds = kinds_with_key(key, location, root=root)
     if match:
         remedy = f"Did you mean {match}?{_unit_hint(key, slot_at((*location, match), root=root), value)}"
-    elif kinds:
-        remedy = f"{key} belongs to {' or '.join(kinds)}."
     elif homes:
         remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
     else:
         remedy = ""
     return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+
+
+# A key that other kinds of the same block have.
+def _kinds_that_have(location: tuple[Segment, ...], key: str, root: type[BaseModel]) -> str:
+    for end in range(len(location), 0, -1):
+        annotation = slot_at(location[:end], root=root).annotation
+        if kinds := kinds_with_key(annotation, key):
+            return f"{key} belongs to {tag_key_of(annotation)}: {', '.join(kinds)}."
+    return ""
 
 
 def _unit_hint(key: str, meant: Slot, value: Any) -> str:

@@ -10,6 +10,7 @@ import annotated_types
 from pydantic import BaseModel, StringConstraints, Tag
 from pydantic.fields import FieldInfo
 
+from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.offers import Offers
 from gslcosim.scenario.problems import child_path
@@ -72,48 +73,40 @@ def words_of(annotation: Any) -> list[str]:
 
 def kinds_of(annotation: Any) -> list[str]:
     """Return the kinds of which a block that belongs here may be, where there are several; others' packages' last."""
-    return [*_variants(annotation), *_offered_kinds(annotation)]
+    one_of = _one_of(annotation)
+    return list(one_of.names()) if one_of else [*_variants(annotation), *_offered_kinds(annotation)]
 
 
-def kinds_with_key(key: str, location: tuple[Segment, ...], *, root: type[BaseModel] = Scenario) -> list[str]:
-    """Return of which other kinds a block would have to be to have a key, written like `kind: office`.
-
-    Args:
-        key: The key.
-        location: Of the block, with its kind last where there are several; otherwise there are none.
-        root: The model of the outermost block.
-    """
-    annotation = slot_at(location[:-1], root=root).annotation
-    variants = _variants(annotation)
-    if not location or location[-1] not in variants:
-        return []
-    return [f"{kind_key_of(annotation)}: {kind}" for kind, model in variants.items() if key in keys_of(model)]
-
-
-def kind_key_of(annotation: Any) -> str:
-    """Return the key that says of which kind a block is that belongs here: `kind` of a layout, `of` of success."""
+def tag_key_of(annotation: Any) -> str:
+    """Return the key that tells the kinds of a block apart: `kind` of a layout, `model` of a sensor."""
+    if one_of := _one_of(annotation):
+        return one_of.tag_key
     tag, model = next(iter(_variants(annotation).items()))
     return next(name for name, field in model.model_fields.items() if typing.get_args(field.annotation) == (tag,))
 
 
+def kinds_with_key(annotation: Any, key: str) -> list[str]:
+    """Return which of gslcosim's kinds of a block that belongs here have a certain key."""
+    return [kind for kind, model in _variants(annotation).items() if key in keys_of(model)]
+
+
 def holds_blocks(annotation: Any) -> bool:
     """Return whether a list of blocks belongs here."""
-    return _model_in(_item_annotation(annotation)) is not None
+    item = _item_annotation(annotation)
+    return _model_in(item) is not None or bool(_variants(item))
 
 
 def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
     yield path, model
     for name, field in model.model_fields.items():
         inner_path = child_path(path, field.alias or name)
-        inner = _model_in(field.annotation)
-        if inner is None and (variants := _variants(_split(field.annotation)[0])):
-            for variant in variants.values():
-                yield from _all_blocks(variant, inner_path)
-            continue
-        if inner is None:
-            inner, inner_path = _model_in(_item_annotation(field.annotation)), f"{inner_path}[]"
-        if inner is not None:
-            yield from _all_blocks(inner, inner_path)
+        for annotation, place in (
+            (field.annotation, inner_path),
+            (_item_annotation(field.annotation), f"{inner_path}[]"),
+        ):
+            inner = _model_in(annotation)
+            for each in [inner] if inner else dict.fromkeys(_variants(_split(annotation)[0]).values()):
+                yield from _all_blocks(each, place)
 
 
 def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
@@ -121,9 +114,9 @@ def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
     if isinstance(segment, int):
         item, constraints = _split(_item_annotation(slot.annotation))
         return None if item is None else Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
-    if segment in _variants(slot.annotation):
-        # Pydantic puts the kind of a block between the block's key and its own.
-        return Slot(path=slot.path, key=slot.key, annotation=_variants(slot.annotation)[segment])
+    # Pydantic puts the kind of a block between the block's key and its own.
+    if (variant := _variant(slot.annotation, segment)) is not None:
+        return Slot(path=slot.path, key=slot.key, annotation=variant)
     models = [slot.model] if slot.model else list(_variants(slot.annotation).values())
     field = next((field for model in models if (field := _field_of(model, segment))), None)
     if field is None:
@@ -140,7 +133,7 @@ def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
 def _split(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
     constraints: tuple[Any, ...] = ()
     while True:
-        if typing.get_origin(annotation) is typing.Annotated:
+        if typing.get_origin(annotation) is typing.Annotated and not _one_of(annotation):
             annotation, *found = typing.get_args(annotation)
             constraints += tuple(found)
             continue
@@ -169,8 +162,22 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
 
+# What says that a block is one of several kinds, where other packages may add some.
+def _one_of(annotation: Any) -> OneOf | None:
+    if typing.get_origin(annotation) is not typing.Annotated:
+        return None
+    return next((each for each in typing.get_args(annotation)[1:] if isinstance(each, OneOf)), None)
+
+
+def _variant(annotation: Any, kind: str) -> type[BaseModel] | None:
+    one_of = _one_of(annotation)
+    return one_of.block_of(kind) if one_of and kind in one_of.names() else _variants(annotation).get(kind)
+
+
 # The models of a union by their tags: a block's `kind` says which of them it is.
 def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
+    if one_of := _one_of(annotation):
+        return dict(one_of.own)
     variants: dict[str, type[BaseModel]] = {}
     for each in _kinds_of_union(annotation):
         kind, constraints = _split(each)
@@ -196,8 +203,8 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
     kind, inner = _split(annotation)
     constraints = (*inner, *constraints)
     in_unit = f" in {unit}" if unit and not unit.startswith("per") else f" {unit}" if unit else ""
-    if variants := _variants(kind):
-        return f"a block with the key {kind_key_of(kind)}, {_alternatives(list(variants))}"
+    if kinds := kinds_of(kind):
+        return f"a block with the key {tag_key_of(kind)}, {_alternatives(kinds)}"
     if kinds := _kinds_of_union(kind):
         return " or ".join(_describe(each, (), unit).removeprefix("one of ") for each in kinds)
     if typing.get_origin(kind) is Literal:
@@ -221,8 +228,11 @@ def _describe_list(items: tuple[Any, ...], constraints: tuple[Any, ...], unit: s
         words = _describe(items[0], (), unit).removeprefix("a ")
         return f"a list of {len(items)} {_plural(words)}"
     at_least = "of at least one " if any(isinstance(c, annotated_types.MinLen) for c in constraints) else "of "
-    model = _model_in(items[0])
-    what = f"block with the keys {_join(keys_of(model), 'and')}" if model else "text"
+    what = "text"
+    if model := _model_in(items[0]):
+        what = f"block with the keys {_join(keys_of(model), 'and')}"
+    elif _variants(items[0]):
+        what = f"block with the key {tag_key_of(items[0])} and what belongs to it"
     return f"a list {at_least}{what if 'one' in at_least else _plural(what)}"
 
 

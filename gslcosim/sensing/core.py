@@ -23,7 +23,8 @@ from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.onboard import PoseSensorSpec
+from gslcosim.scenario.models.sensor_base import SensorSpec
 from gslcosim.sensing.briefings import briefing_of
 from gslcosim.sensing.models import SensorModel, build_sensor, sensor_names
 from gslcosim.sensing.models.base import Estimator
@@ -83,8 +84,8 @@ class _Panel:
     # What the first pose sensor said last.
     @property
     def pose(self) -> Reading | None:
-        models = (instrument.spec.model for instrument in self.instruments)
-        return next((last for model, last in zip(models, self.last, strict=True) if model == "pose"), None)
+        shown = zip(self.instruments, self.last, strict=True)
+        return next((last for instrument, last in shown if isinstance(instrument.spec, PoseSensorSpec)), None)
 
 
 def _without_payload(reading: Reading) -> Reading:

@@ -5,7 +5,8 @@ import numpy as np
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import SensorDescription
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
+from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.models.sensor_base import RaySensorSpec, TurnedSensorSpec
 from gslcosim.sensing.models import SensorKind, sensor_kind
 from gslcosim.sensing.models.base import estimate_name
 from gslcosim.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT
@@ -32,8 +33,8 @@ def descriptions_of(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescrip
             quantity=kind.quantity,
             unit=kind.unit,
             mount_body_m=sensor.mount_m,
-            mount_rpy_rad=sensor.mount_rpy_rad,
-            directions_body=_directions(sensor) if kind.has_rays else None,
+            mount_rpy_rad=sensor.mount_rpy_rad if isinstance(sensor, TurnedSensorSpec) else (0.0, 0.0, 0.0),
+            directions_body=_directions(sensor) if isinstance(sensor, RaySensorSpec) else None,
         )
         for sensor, kind in kinds
     )
@@ -51,5 +52,5 @@ def descriptions_of(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescrip
     return sensors + estimates
 
 
-def _directions(sensor: SensorSpec) -> NumericArray:
+def _directions(sensor: RaySensorSpec) -> NumericArray:
     return NumericArray.from_array(directions_body(sensor).astype(np.float32))

@@ -17,6 +17,7 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planning import rehearse_planning
 from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.scenario.models.onboard import ImuSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.vehicles import Vehicle, vehicle_of
@@ -72,7 +73,7 @@ class WorldCore:
         ]
         self._constants = _constants(self._scene, self._agents, models, dt_s)
         self._states = np.zeros(len(self._agents), records.STATE)
-        self._has_imu = [any(sensor.model == "imu" for sensor in agent.sensors) for agent in self._agents]
+        self._has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
         n_rows = self._n_substeps if any(self._has_imu) else 0
         self._inertial = np.zeros((len(self._agents), n_rows, 9))
         self._missions: list[Mission] = []

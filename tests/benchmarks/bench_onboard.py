@@ -22,7 +22,8 @@ from gslcosim.runtime import in_process
 from gslcosim.runtime.flight import fly
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.scenario.loading import LoadedScenario, load_scenario
-from gslcosim.scenario.models.scenario import Scenario, SensorSpec
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.models.sensors import sensor_of
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models import build_sensor
 from gslcosim.sensing.models.surroundings import Surroundings
@@ -147,7 +148,7 @@ def body_at(position_m: np.ndarray) -> BodyState:
 def reading_us(model: str, environment: Environment, n_places: int = 20) -> tuple[float, int]:
     """Return how long a reading takes at places in the free air, each the best of five, and how many numbers it has."""
     described: dict[str, object] = {"model": model, "name": "s"}
-    scene, spec = RayScene(scenario_with(described), environment), SensorSpec.model_validate(described)
+    scene, spec = RayScene(scenario_with(described), environment), sensor_of(**described)
     sensor = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(1, "bench"))
     grid, rng = environment.grid, np.random.default_rng(2)
     free = np.argwhere(environment.occupancy == Cell.FREE)

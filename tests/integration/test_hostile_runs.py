@@ -8,6 +8,7 @@ import pytest
 
 from gslcosim.runtime.flight import fly
 from gslcosim.scenario import load_scenario
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.world.guidance.arrival import OVERTURNED
 
@@ -18,7 +19,7 @@ AROUND_A_WALL = HERE.parent / "end_to_end" / "around_a_wall.yaml"
 def hostile_run(tmp_path, *, model, avoidance, ends_on_collision):
     """Fly the hostile agent beside a wall and another agent that goes on with its own flight."""
     loaded = load_scenario(AROUND_A_WALL)
-    values = loaded.scenario.model_dump(by_alias=True)
+    values = plain_values(loaded.scenario)
     hostile, other = values["agents"]
     hostile.update(name="hostile", start={"python": "agents/hostile.py"}, mode="lockstep")
     hostile["vehicle"].update(model=model, avoidance=avoidance, separation_m=0.0)

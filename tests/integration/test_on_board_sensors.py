@@ -13,6 +13,7 @@ from gslcosim.generation import prepare_environment
 from gslcosim.runtime.assembly import build_core, service_names
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.loading import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
@@ -77,7 +78,7 @@ def flown(loaded, tmp_path_factory):
 
 
 def _without_cameras(scenario):
-    values = scenario.model_dump(by_alias=True)
+    values = plain_values(scenario)
     sensors = values["agents"][0]["sensors"]
     values["agents"][0]["sensors"] = [sensor for sensor in sensors if sensor["model"] not in CAMERA_SENSORS]
     return Scenario.model_validate(values)

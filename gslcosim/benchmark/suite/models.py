@@ -6,7 +6,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.scenario import KnowledgeSpec, SensorSpec, StartSpec
+from gslcosim.scenario.models.scenario import KnowledgeSpec, StartSpec
+from gslcosim.scenario.models.sensors import Sensor
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec
 
 SCHEMA = "gslcosim/suite/1"
@@ -48,7 +49,7 @@ class EntrySpec(Spec):
     start: StartSpec
     parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - as above
     parameters_in: dict[Name, dict[Name, ParameterValue]] = {}  # noqa: RUF012 - as above
-    sensors: Literal["by_method"] | Annotated[tuple[SensorSpec, ...], Field(min_length=1)] | None = None
+    sensors: Literal["by_method"] | Annotated[tuple[Sensor, ...], Field(min_length=1)] | None = None
     mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] | None = (
         None
     )

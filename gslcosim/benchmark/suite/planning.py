@@ -23,6 +23,7 @@ from gslcosim.errors import ScenarioError
 from gslcosim.generation import recipe_hash
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.loading import resolve_values
 from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, ProblemLike, locate
 from gslcosim.sensing.method_checks import problems_of_methods
@@ -166,7 +167,7 @@ class _Planner:
             repetition=repetition,
             entry=entry.spec.name,
             is_control=is_control,
-            scenario_json=flown.model_dump_json(by_alias=True),
+            scenario_json=json.dumps(plain_values(flown)),
             directory=resolved.directory,
             room=resolved.room,
             tape=_tape_key(flown, resolved.room) if flown.gas.tape else None,

@@ -22,6 +22,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.scenario import dump_resolved
+    from gslcosim.scenario.dumping import plain_values
     from gslcosim.scenario.problems import InvalidScenarioError
 
     try:
@@ -32,8 +33,7 @@ def _run(arguments: argparse.Namespace) -> int:
         write_json({"valid": False, "problems": [located.as_fields() for located in error.problems]})
         return ExitCode.USAGE
     if arguments.json:
-        scenario = loaded.scenario.model_dump(mode="json", by_alias=True)
-        write_json({"valid": True, "problems": [], "scenario": scenario})
+        write_json({"valid": True, "problems": [], "scenario": plain_values(loaded.scenario)})
     elif arguments.resolved:
         write(dump_resolved(loaded.scenario).rstrip("\n"))
     else:

@@ -14,9 +14,9 @@ from gslcosim.fields.reading.beam_kernels import distance_to_wall_m
 from gslcosim.fields.reading.concentration import float3
 from gslcosim.frames import world_from_body_rotation
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
 
 # Models whose readings are means along a beam.
-BEAM_MODELS = ("tdlas",)
 # Midpoints so far apart at most sum a Gaussian of 0.1 m to nine digits.
 SPACING_M = 0.1
 
@@ -49,7 +49,7 @@ class Beams:
             )
             for agent in scenario.agents
             for sensor in agent.sensors
-            if sensor.model in BEAM_MODELS
+            if isinstance(sensor, TdlasSensorSpec)
         }
 
     def __len__(self) -> int:

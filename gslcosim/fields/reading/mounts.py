@@ -10,7 +10,7 @@ from gslcosim.environment.grid import Vec3
 from gslcosim.errors import ModelError
 from gslcosim.frames import world_from_body_rotation
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.sensors import ON_BOARD_SENSORS
+from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class MountPlaces:
         places: dict[tuple[str, Vec3], int] = {}
         mounts: list[Mount] = []
         for agent in scenario.agents:
-            for sensor in (s for s in agent.sensors if s.model not in ON_BOARD_SENSORS):
+            for sensor in (s for s in agent.sensors if not isinstance(s, OnBoardSensorSpec)):
                 i_place = places.setdefault((agent.name, sensor.mount_m), len(places))
                 mounts.append(Mount(agent=agent.name, sensor=sensor.name, i_place=i_place))
         self.mounts = tuple(mounts)

@@ -10,6 +10,7 @@ from gslcosim.recording import entities
 from gslcosim.recording.entities import AgentEntities, gases_in
 from gslcosim.recording.instruments import unit_of, with_unit
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.onboard import DepthCameraSpec
 from gslcosim.scenario.models.scenario import SensorSpec
 
 # The curves end a little after the cursor, so that their last points are seen.
@@ -105,7 +106,7 @@ def _shown_model(model: str) -> str:
 
 
 def _shown_camera(sensor: SensorSpec) -> str:
-    return f"{sensor.name} (0 to {sensor.max_range_m:g} m)" if sensor.model == "depth_camera" else sensor.name
+    return f"{sensor.name} (0 to {sensor.max_range_m:g} m)" if isinstance(sensor, DepthCameraSpec) else sensor.name
 
 
 def _plot(origin: str, name: str, n_curves: int, *, contents: Sequence[str] = ("$origin/**",)) -> rrb.TimeSeriesView:

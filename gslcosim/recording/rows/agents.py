@@ -9,7 +9,7 @@ import rerun as rr
 from gslcosim.contract.messages import BodyState, Command, MountSample, Observation, Vec3, Waypoint
 from gslcosim.recording import colors
 from gslcosim.recording.entities import AgentEntities
-from gslcosim.recording.instruments import LIDAR_MODELS, RANGE_FINDER_MODELS, Curves, wind_speed_m_s
+from gslcosim.recording.instruments import Curves, wind_speed_m_s
 from gslcosim.recording.rows.beliefs import BeliefRows
 from gslcosim.recording.rows.columns import (
     MARKER_RADIUS_M,
@@ -26,8 +26,9 @@ from gslcosim.recording.rows.columns import (
 from gslcosim.recording.rows.onboard import ImageRows, LidarRows, Poses, RayRows, RowTiming
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.vehicle_shapes import draw_vehicle
-from gslcosim.scenario.models.scenario import SensorSpec
-from gslcosim.scenario.models.sensors import CAMERA_SENSORS
+from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
+from gslcosim.scenario.models.onboard import CameraSensorSpec, LidarSensorSpec
+from gslcosim.scenario.models.sensor_base import RaySensorSpec, SensorSpec
 from gslcosim.sensing.models.ranging import directions_body
 
 # The first number of a reading is what a gas sensor reports.
@@ -56,7 +57,8 @@ class AgentRows:
             (sensor.name, gas): ScalarRows(names.gas(sensor.name, gas)) for sensor in names.gas_sensors for gas in gases
         }
         self._true_wind = {sensor.name: ScalarRows(names.true_wind(sensor.name)) for sensor in names.wind_sensors}
-        self._beams = {sensor.name: self._beam_rows(sensor) for sensor in names.gas_sensors if sensor.model == "tdlas"}
+        lasers = [sensor for sensor in names.gas_sensors if isinstance(sensor, TdlasSensorSpec)]
+        self._beams = {sensor.name: self._beam_rows(sensor) for sensor in lasers}
         self._in_space = {
             sensor.name: rows for sensor, _ in names.on_board_sensors if (rows := self._space_rows(sensor))
         }
@@ -166,15 +168,15 @@ class AgentRows:
 
     def _space_rows(self, sensor: SensorSpec) -> SpaceRows | None:
         entity, timing, color = self.names.seen(sensor.name), RowTiming(sensor, self._tick_ns), self.names.color
-        if sensor.model in LIDAR_MODELS:
+        if isinstance(sensor, LidarSensorSpec):
             return LidarRows(entity, sensor, self._poses, timing, color)
-        if sensor.model in RANGE_FINDER_MODELS:
+        if isinstance(sensor, RaySensorSpec):
             return RayRows(entity, sensor, self._poses, timing, directions_body(sensor), color)
-        if sensor.model in CAMERA_SENSORS:
+        if isinstance(sensor, CameraSensorSpec):
             return ImageRows(entity, sensor, self._poses, color)
         return None
 
-    def _beam_rows(self, sensor: SensorSpec) -> RayRows:
+    def _beam_rows(self, sensor: TdlasSensorSpec) -> RayRows:
         direction = np.array([sensor.beam_body]) / np.linalg.norm(sensor.beam_body)
         entity, timing = self.names.seen(sensor.name), RowTiming(sensor, self._tick_ns)
         return RayRows(entity, sensor, self._poses, timing, direction, self.names.color)

@@ -15,7 +15,9 @@ from gslcosim.contract.messages import BodyState, CameraImage, Quaternion, Readi
 from gslcosim.frames import quaternion_from_rotation, world_from_body_rotation
 from gslcosim.recording.colors import Rgb
 from gslcosim.recording.run_file import RunFile
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
+from gslcosim.scenario.models.onboard import CameraSensorSpec, DepthCameraSpec, LidarSensorSpec
+from gslcosim.scenario.models.sensor_base import RaySensorSpec, SensorSpec
 from gslcosim.sensing.models.ranging import directions_body
 from gslcosim.ticks import exact_ticks_from_seconds
 
@@ -68,7 +70,7 @@ class LidarRows:
     Ranges at the end of the lidar's reach are no points.
     """
 
-    def __init__(self, entity: str, sensor: SensorSpec, poses: Poses, timing: RowTiming, color: Rgb) -> None:
+    def __init__(self, entity: str, sensor: LidarSensorSpec, poses: Poses, timing: RowTiming, color: Rgb) -> None:
         self._entity = entity
         self._sensor = sensor
         self._poses = poses
@@ -112,7 +114,7 @@ class RayRows:
     def __init__(
         self,
         entity: str,
-        sensor: SensorSpec,
+        sensor: RaySensorSpec | TdlasSensorSpec,
         poses: Poses,
         timing: RowTiming,
         directions: NDArray[np.float64],
@@ -163,9 +165,9 @@ class ImageRows:
     Depths have a scale of their own, from the camera to the end of its range.
     """
 
-    def __init__(self, entity: str, sensor: SensorSpec, poses: Poses, color: Rgb) -> None:
+    def __init__(self, entity: str, sensor: CameraSensorSpec, poses: Poses, color: Rgb) -> None:
         self._entity = entity
-        self._max_range_m = sensor.max_range_m
+        self._max_range_m = sensor.max_range_m if isinstance(sensor, DepthCameraSpec) else 0.0
         self._poses = poses
         self._color = color
         self._is_calibrated = False

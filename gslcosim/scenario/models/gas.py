@@ -1,10 +1,12 @@
 """The gas of a scenario: sources, dispersion, and the choices of models; every field with unit, default and range."""
 
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, Vec3, shown
 
@@ -15,13 +17,25 @@ GASES = (
 )  # fmt: skip
 
 
-class ReleaseSpec(Spec):
+# Models that move filaments, and those that have a formula for the plume.
+_OF_FILAMENTS = ("filament", "farrell")
+_OF_PLUMES = ("gaussian_plume", "meandering_plume")
+
+
+class ReleaseSpec(KindedSpec):
     """When filaments are born.
 
     `constant` evenly, `poisson` independently of each other; `variable` draws a rate from 0 to `filaments_per_s` anew
     every `interval_s`; `intermittent` releases for `on_s` and pauses for `off_s`; `scheduled` changes the rate as
     `schedule` says: pairs of time [s since the start of the warm-up] and filaments per second, times ascending.
     """
+
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "interval_s": ("variable",),
+        "on_s": ("intermittent",),
+        "off_s": ("intermittent",),
+        "schedule": ("scheduled",),
+    }
 
     kind: Literal["constant", "poisson", "variable", "intermittent", "scheduled"] = "constant"
     interval_s: Positive = 1.0
@@ -36,35 +50,32 @@ class ReleaseSpec(Spec):
         if not is_ascending or (self.kind == "scheduled") != bool(self.schedule):
             raise broken_rule(
                 key="schedule",
-                expected="pairs of time and rate with ascending times, with kind: scheduled and only then",
-                found=f"times {', '.join(f'{time_s:g}' for time_s in times_s) or 'none'} with kind: {self.kind}",
+                expected="pairs of time and rate with ascending times",
+                found=f"times {', '.join(f'{time_s:g}' for time_s in times_s) or 'none'}",
                 remedy="For example release: {kind: scheduled, schedule: [[0, 10], [60, 0]]}.",
             )
         return self
 
 
-class ShapeSpec(Spec):
+class ShapeSpec(KindedSpec):
     """The extent of a source about its position.
 
     `size_m` is a box's edges, a line's vector from end to end, or the edges of the box around a sphere or an upright
     cylinder; a point has none.
     """
 
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {"size_m": ("box", "line", "sphere", "cylinder")}
+
     kind: Literal["point", "box", "line", "sphere", "cylinder"] = "point"
     size_m: Vec3 = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _check_size(self) -> Self:
-        is_fitting = {
-            "point": not any(self.size_m),
-            "line": any(self.size_m),
-        }.get(self.kind, min(self.size_m) >= 0 and any(self.size_m))
-        if not is_fitting:
+        is_negative = self.kind != "line" and min(self.size_m) < 0
+        if self.kind != "point" and (is_negative or not any(self.size_m)):
             raise broken_rule(
                 key="size_m",
-                expected={"point": "no size", "line": "a vector that is not zero"}.get(
-                    self.kind, "three edges, none negative"
-                ),
+                expected="a vector that is not zero" if self.kind == "line" else "three edges, none negative",
                 found=shown(self.size_m),
                 remedy="For example shape: {kind: box, size_m: [1, 1, 0.5]}.",
             )
@@ -150,7 +161,7 @@ class PlaybackSpec(Spec):
     loop: bool = False
 
 
-class GasSpec(Spec):
+class GasSpec(KindedSpec):
     """The gas and its dispersion.
 
     `gas` is the one to search for. `model` is `filament`, or without filaments `gaussian_plume` and `meandering_plume`
@@ -161,6 +172,17 @@ class GasSpec(Spec):
     diffusivity. `seed` replaces the run's for the gas alone, so that runs can share it; `tape` computes the gas once
     and keeps it for all runs that have the same. `rotor_downwash` lets rotors blow filaments away.
     """
+
+    tag_key: ClassVar[str] = "model"
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **dict.fromkeys(("growth_m2_s", "eddy_diffusivity_m2_s", "buoyancy", "compatibility"), _OF_FILAMENTS),
+        "gaden_noise_std_m": _OF_FILAMENTS,
+        "plume": _OF_PLUMES,
+        "plume.instantaneous_frac": ("meandering_plume",),
+        "plume.meander_s": ("meandering_plume",),
+        "farrell": ("farrell",),
+        "playback": ("playback",),
+    }
 
     model: Literal["filament", "gaussian_plume", "meandering_plume", "farrell", "playback"] = "filament"
     gas: str = "ethanol"
@@ -180,13 +202,36 @@ class GasSpec(Spec):
     tape: bool = False
     rotor_downwash: bool = False
 
+    def useless_keys(self) -> dict[str, str]:
+        """Return the keys that mean nothing with this model and compatibility, each with where it belongs."""
+        if self.compatibility == "none":
+            return {"gaden_noise_std_m": "compatibility: gaden_2, gaden_3", **super().useless_keys()}
+        ours = dict.fromkeys(("eddy_diffusivity_m2_s", "buoyancy"), "compatibility: none")
+        return {**ours, **super().useless_keys()}
+
+    @model_validator(mode="after")
+    def _check_sources(self) -> Self:
+        for i, source in enumerate(self.sources):
+            useless = {
+                "shape": source.shape.kind != "point" and self.model not in _OF_FILAMENTS,
+                "release": source.release.kind != "constant" and self.model == "playback",
+            }
+            for key in (key for key, is_useless in useless.items() if is_useless):
+                raise broken_rule(
+                    key=f"sources[{i}].{key}",
+                    expected=f"no {key} with model: {self.model}",
+                    found=getattr(source, key).kind,
+                    remedy="Leave it out, or take model: filament.",
+                )
+        return self
+
     @model_validator(mode="after")
     def _check_playback(self) -> Self:
-        if (self.playback is not None) != (self.model == "playback"):
+        if self.playback is None and self.model == "playback":
             raise broken_rule(
                 key="playback",
-                expected="a folder of frames with model: playback and only then",
-                found=f"{'none' if self.playback is None else 'one'} with model: {self.model}",
+                expected="a folder of frames with model: playback",
+                found="none",
                 remedy="For example model: playback, playback: {folder: my_frames}.",
             )
         return self

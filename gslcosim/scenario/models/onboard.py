@@ -1,11 +1,18 @@
-"""Settings of on-board sensors: how they err, and what they look at; every field with unit and default."""
+"""The settings of on-board sensors: how they err, and what they look at; every field with unit and default."""
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.sensor_base import (
+    BeamSensorSpec,
+    MeasuringSensorSpec,
+    OnBoardSensorSpec,
+    RaySensorSpec,
+    ReachingSensorSpec,
+    TurnedSensorSpec,
+)
 from gslcosim.scenario.models.spec import NonNegative, Positive, Spec, Vec3
 
 Pixels = Annotated[int, Field(ge=8, le=2048)]
@@ -20,17 +27,23 @@ class ImuSpec(Spec):
     many samples there are a second (absent: one for each physics step).
     """
 
-    rate_hz: Positive | None = None
-    gyro_noise_density: NonNegative = 3.3937e-4
-    gyro_random_walk: NonNegative = 3.8785e-5
-    gyro_correlation_s: Positive = 1000.0
-    gyro_start_bias_rad_s: NonNegative = 0.0087
-    accelerometer_noise_density: NonNegative = 0.004
-    accelerometer_random_walk: NonNegative = 0.006
-    accelerometer_correlation_s: Positive = 300.0
-    accelerometer_start_bias_m_s2: NonNegative = 0.196
-    max_rate_rad_s: Positive = 34.9
-    max_acceleration_m_s2: Positive = 156.9
+    rate_hz: Positive | None = Field(default=None, description="samples per second (absent: one for each physics step)")
+    gyro_noise_density: NonNegative = Field(
+        default=3.3937e-4, description="noise density of the angular velocity [rad/s/sqrt(Hz)]"
+    )
+    gyro_random_walk: NonNegative = Field(default=3.8785e-5, description="random walk of its bias [rad/s^2/sqrt(Hz)]")
+    gyro_correlation_s: Positive = Field(default=1000.0, description="time after which that bias is forgotten")
+    gyro_start_bias_rad_s: NonNegative = Field(default=0.0087, description="spread of that bias at the start")
+    accelerometer_noise_density: NonNegative = Field(
+        default=0.004, description="noise density of the specific force [m/s^2/sqrt(Hz)]"
+    )
+    accelerometer_random_walk: NonNegative = Field(
+        default=0.006, description="random walk of its bias [m/s^3/sqrt(Hz)]"
+    )
+    accelerometer_correlation_s: Positive = Field(default=300.0, description="time after which that bias is forgotten")
+    accelerometer_start_bias_m_s2: NonNegative = Field(default=0.196, description="spread of that bias at the start")
+    max_rate_rad_s: Positive = Field(default=34.9, description="limit of the angular velocity")
+    max_acceleration_m_s2: Positive = Field(default=156.9, description="limit of the specific force")
 
 
 class GpsSpec(Spec):
@@ -39,22 +52,22 @@ class GpsSpec(Spec):
     Random walk of the offset [m/sqrt(s)], forgotten after `correlation_s`; white noise [m, m/s] of each fix.
     """
 
-    random_walk_xy: NonNegative = 0.008
-    random_walk_z: NonNegative = 0.016
-    correlation_s: Positive = 60.0
-    position_noise_xy_m: NonNegative = 2e-4
-    position_noise_z_m: NonNegative = 4e-4
-    velocity_noise_xy_m_s: NonNegative = 0.0126
-    velocity_noise_z_m_s: NonNegative = 0.0253
+    random_walk_xy: NonNegative = Field(default=0.008, description="random walk of the horizontal offset [m/sqrt(s)]")
+    random_walk_z: NonNegative = Field(default=0.016, description="random walk of the vertical offset [m/sqrt(s)]")
+    correlation_s: Positive = Field(default=60.0, description="time after which the offset is forgotten")
+    position_noise_xy_m: NonNegative = Field(default=2e-4, description="white noise of the horizontal position")
+    position_noise_z_m: NonNegative = Field(default=4e-4, description="white noise of the height")
+    velocity_noise_xy_m_s: NonNegative = Field(default=0.0126, description="white noise of the horizontal velocity")
+    velocity_noise_z_m_s: NonNegative = Field(default=0.0253, description="white noise of the vertical velocity")
 
 
 class BarometerSpec(Spec):
     """Noise [Pa] and drift [Pa/s] of a barometer, and the pressure and temperature where the world's z is 0."""
 
-    noise_std_pa: NonNegative = 1.0
-    drift_pa_s: float = 0.0
-    ground_pressure_pa: Positive = 101325.0
-    ground_temperature_k: Positive = 288.15
+    noise_std_pa: NonNegative = Field(default=1.0, description="noise of the pressure")
+    drift_pa_s: float = Field(default=0.0, description="drift of the pressure")
+    ground_pressure_pa: Positive = Field(default=101325.0, description="pressure at z = 0")
+    ground_temperature_k: Positive = Field(default=288.15, description="temperature at z = 0")
 
 
 class MagnetometerSpec(Spec):
@@ -63,90 +76,122 @@ class MagnetometerSpec(Spec):
     Noise density [uT/sqrt(Hz)], random walk of the bias [uT/s/sqrt(Hz)], forgotten after `correlation_s`.
     """
 
-    field_world_ut: Vec3 = (0.7, 19.3, -45.5)
-    noise_density: NonNegative = 0.04
-    random_walk: NonNegative = 6.4e-4
-    correlation_s: Positive = 600.0
+    field_world_ut: Vec3 = Field(default=(0.7, 19.3, -45.5), description="the earth's field: east, north, up [uT]")
+    noise_density: NonNegative = Field(default=0.04, description="noise density [uT/sqrt(Hz)]")
+    random_walk: NonNegative = Field(default=6.4e-4, description="random walk of the bias [uT/s/sqrt(Hz)]")
+    correlation_s: Positive = Field(default=600.0, description="time after which the bias is forgotten")
 
 
 class PoseSpec(Spec):
     """White noise of a localization system: position [m], attitude [rad] about each body axis, velocity [m/s]."""
 
-    position_noise_m: NonNegative = 0.01
-    attitude_noise_rad: NonNegative = 0.01
-    velocity_noise_m_s: NonNegative = 0.02
+    position_noise_m: NonNegative = Field(default=0.01, description="white noise of the position")
+    attitude_noise_rad: NonNegative = Field(
+        default=0.01, description="white noise of the attitude about each body axis"
+    )
+    velocity_noise_m_s: NonNegative = Field(default=0.02, description="white noise of the velocity")
 
 
-class LidarSpec(Spec):
-    """Rays of a lidar: azimuths evenly over `azimuth_span_rad`, elevations evenly over `elevation_span_rad`.
+class AzimuthsSpec(Spec):
+    """Rays of a lidar of one level: azimuths evenly over `azimuth_span_rad`.
 
-    Both spans are centred on the sensor's x axis; a full turn begins at its back. Absent numbers are the model's.
+    The span is centred on the sensor's x axis; a full turn begins at its back.
     """
 
-    n_azimuths: Rays = 360
-    n_elevations: Annotated[int, Field(ge=1, le=256)] | None = None
-    azimuth_span_rad: Annotated[float, Field(gt=0, le=2 * math.pi)] = 2 * math.pi
-    elevation_span_rad: Annotated[float, Field(gt=0, le=math.pi)] = math.pi / 6
+    n_azimuths: Rays = Field(default=360, description="number of rays in a level")
+    azimuth_span_rad: Annotated[float, Field(gt=0, le=2 * math.pi)] = Field(
+        default=2 * math.pi, description="angle that they span"
+    )
 
 
-class CameraSpec(Spec):
-    """Picture of a camera: size [pixels], vertical field of view [rad], and how it travels.
+class ElevationsSpec(AzimuthsSpec):
+    """Rays of a lidar of several levels: elevations evenly over `elevation_span_rad`, which is centred too."""
 
-    Colours travel as `png` or `jpeg`; depths always as PNG of 16-bit millimetres.
-    """
-
-    width_px: Pixels = 64
-    height_px: Pixels = 64
-    vertical_fov_rad: Annotated[float, Field(gt=0, lt=3.0)] = 1.2
-    encoding: Literal["png", "jpeg"] = "png"
+    n_elevations: Annotated[int, Field(ge=1, le=256)] = Field(default=16, description="number of levels")
+    elevation_span_rad: Annotated[float, Field(gt=0, le=math.pi)] = Field(
+        default=math.pi / 6, description="angle that the levels span"
+    )
 
 
-# Which block of settings belongs to which models.
-BLOCKS: dict[str, tuple[str, ...]] = {
-    "imu": ("imu",),
-    "gps": ("gps",),
-    "barometer": ("barometer",),
-    "magnetometer": ("magnetometer",),
-    "pose": ("pose",),
-    "lidar": ("lidar_2d", "lidar_3d"),
-    "camera": ("camera", "depth_camera"),
-}
-# The usual errors of a scalar that do not suit readings of several kinds of numbers.
-_ERRORS = ("noise_std", "bias", "drift_per_s", "max_value")
-_WITHOUT: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("imu", "gps", "pose", "camera", "depth_camera", "bump"), _ERRORS),
-    **dict.fromkeys(("lidar_2d", "lidar_3d"), _ERRORS[1:]),
-}
-# On-board sensors whose axes can be turned.
-TURNED = ("range_finder", "four_range_finders", "lidar_2d", "lidar_3d", "camera", "depth_camera")
+class PictureSpec(Spec):
+    """Picture of a camera: its size [pixels] and vertical field of view [rad]; depths are PNG of 16-bit millimetres."""
+
+    width_px: Pixels = Field(default=64, description="width of the picture")
+    height_px: Pixels = Field(default=64, description="height of the picture")
+    vertical_fov_rad: Annotated[float, Field(gt=0, lt=3.0)] = Field(default=1.2, description="vertical field of view")
 
 
-class OnBoardFields(Spec):
-    """The part of a sensor's settings that only on-board sensors have."""
+class ColourPictureSpec(PictureSpec):
+    """Picture in colours, and how it travels."""
 
-    model: str
-    mount_rpy_rad: Vec3 = (0.0, 0.0, 0.0)
+    encoding: Literal["png", "jpeg"] = Field(default="png", description="how colours travel")
+
+
+class ImuSensorSpec(OnBoardSensorSpec):
+    """An inertial measurement unit."""
+
     imu: ImuSpec = ImuSpec()
-    gps: GpsSpec = GpsSpec()
-    barometer: BarometerSpec = BarometerSpec()
-    magnetometer: MagnetometerSpec = MagnetometerSpec()
-    pose: PoseSpec = PoseSpec()
-    lidar: LidarSpec = LidarSpec()
-    camera: CameraSpec = CameraSpec()
 
-    @model_validator(mode="after")
-    def _check_block(self) -> Self:
-        given = {key for key in self.model_fields_set if getattr(self, key) != type(self).model_fields[key].default}
-        useless = [key for key in given if key in BLOCKS and self.model not in BLOCKS[key]]
-        useless += [key for key in _WITHOUT.get(self.model, ()) if key in given]
-        if "mount_rpy_rad" in given and self.model not in TURNED:
-            useless.append("mount_rpy_rad")
-        if useless:
-            key = min(useless)
-            raise broken_rule(
-                key=key,
-                expected=f"settings that a sensor of model {self.model} has",
-                found=key,
-                remedy="Leave it out; docs/sensors.md lists what belongs to which model.",
-            )
-        return self
+
+class GpsSensorSpec(OnBoardSensorSpec):
+    """A GPS receiver."""
+
+    gps: GpsSpec = GpsSpec()
+
+
+class BarometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
+    """A barometer."""
+
+    barometer: BarometerSpec = BarometerSpec()
+
+
+class MagnetometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
+    """A magnetometer."""
+
+    magnetometer: MagnetometerSpec = MagnetometerSpec()
+
+
+class PoseSensorSpec(OnBoardSensorSpec):
+    """A localization system; the pose that an agent is told is then this one."""
+
+    pose: PoseSpec = PoseSpec()
+
+
+class RangeFinderSpec(MeasuringSensorSpec, RaySensorSpec, BeamSensorSpec):
+    """A range finder of one beam."""
+
+
+class FourRangeFindersSpec(MeasuringSensorSpec, RaySensorSpec):
+    """Range finders to the front, left, back and right."""
+
+
+class LidarSensorSpec(RaySensorSpec):
+    """A lidar of one level."""
+
+    lidar: AzimuthsSpec = AzimuthsSpec()
+
+
+class Lidar3dSensorSpec(LidarSensorSpec):
+    """A lidar of several levels."""
+
+    lidar: ElevationsSpec = ElevationsSpec()  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+class BumpSensorSpec(OnBoardSensorSpec):
+    """A bumper."""
+
+
+class CameraSensorSpec(TurnedSensorSpec, OnBoardSensorSpec):
+    """A camera of any kind."""
+
+    camera: PictureSpec = PictureSpec()
+
+
+class ColourCameraSpec(CameraSensorSpec):
+    """A camera of colours."""
+
+    camera: ColourPictureSpec = ColourPictureSpec()  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+class DepthCameraSpec(CameraSensorSpec, ReachingSensorSpec):
+    """A camera of depths."""

@@ -13,8 +13,9 @@ from gslcosim.scenario.models.layouts import BoxSpec as BoxSpec
 from gslcosim.scenario.models.layouts import Layout as Layout
 from gslcosim.scenario.models.layouts import LayoutSpec as LayoutSpec
 from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
+from gslcosim.scenario.models.onboard import CameraSensorSpec
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.sensors import CAMERA_SENSORS
+from gslcosim.scenario.models.sensors import Sensor
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
 from gslcosim.scenario.models.services import Service
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3
@@ -250,7 +251,7 @@ class AgentSpec(Spec):
         "on_request"
     )
     vehicle: VehicleSpec
-    sensors: Annotated[tuple[SensorSpec, ...], Field(min_length=1)]
+    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)]
     answer_within_s: Positive = 30.0
     parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
     knows: KnowledgeSpec = KnowledgeSpec()
@@ -337,10 +338,10 @@ class Scenario(Spec):
         return self.tick_ms * 1_000_000
 
     @property
-    def cameras(self) -> tuple[tuple[AgentSpec, SensorSpec], ...]:
+    def cameras(self) -> tuple[tuple[AgentSpec, CameraSensorSpec], ...]:
         """All cameras, with the agents that they belong to."""
         sensors = ((agent, sensor) for agent in self.agents for sensor in agent.sensors)
-        return tuple((agent, sensor) for agent, sensor in sensors if sensor.model in CAMERA_SENSORS)
+        return tuple((agent, sensor) for agent, sensor in sensors if isinstance(sensor, CameraSensorSpec))
 
     def members_of(self, channel: ChannelSpec) -> tuple[str, ...]:
         """Return the names of the agents that send and hear on a channel, by name."""

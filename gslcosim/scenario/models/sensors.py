@@ -1,27 +1,52 @@
-"""The sensors of a scenario; every field with unit, default and range."""
+"""The sensors of a scenario: which models there are, and the block of settings of each."""
 
 from functools import cache
 from importlib.metadata import entry_points
-from typing import Self
+from typing import Annotated, Any
 
-from pydantic import model_validator
+from pydantic import SerializeAsAny, TypeAdapter
 
-from gslcosim.scenario.models.onboard import OnBoardFields
+from gslcosim.scenario.models import gas_sensors as gas
+from gslcosim.scenario.models import onboard
+from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3, shown
+from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
+from gslcosim.scenario.models.sensor_base import SensorSpec as SensorSpec
 
+# The block of settings of each model; what the models do is in gslcosim.sensing.
+SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
+    "tgs2600": gas.MoxSensorSpec,
+    "tgs2602": gas.MoxSensorSpec,
+    "tgs2610": gas.MoxSensorSpec,
+    "tgs2611": gas.MoxSensorSpec,
+    "tgs2612": gas.MoxSensorSpec,
+    "tgs2620": gas.MoxSensorSpec,
+    "pid": gas.PidSensorSpec,
+    "threshold": gas.ThresholdSensorSpec,
+    "binary": gas.ThresholdSensorSpec,
+    "hit_counter": gas.HitCounterSpec,
+    "averaging": gas.AveragingSensorSpec,
+    "second_order": gas.SecondOrderSensorSpec,
+    "tdlas": gas.TdlasSensorSpec,
+    "anemometer": gas.AnemometerSpec,
+    "anemometer_3d": gas.Anemometer3dSpec,
+    "imu": onboard.ImuSensorSpec,
+    "gps": onboard.GpsSensorSpec,
+    "barometer": onboard.BarometerSensorSpec,
+    "magnetometer": onboard.MagnetometerSensorSpec,
+    "pose": onboard.PoseSensorSpec,
+    "range_finder": onboard.RangeFinderSpec,
+    "four_range_finders": onboard.FourRangeFindersSpec,
+    "lidar_2d": onboard.LidarSensorSpec,
+    "lidar_3d": onboard.Lidar3dSensorSpec,
+    "bump": onboard.BumpSensorSpec,
+    "camera": onboard.ColourCameraSpec,
+    "depth_camera": onboard.DepthCameraSpec,
+}
+SENSORS = tuple(SENSOR_BLOCKS)
+ON_BOARD_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec))
 # Cameras, which a core of their own renders.
-CAMERA_SENSORS = ("camera", "depth_camera")
-# Sensors of the vehicle itself and of what is around it: they look at bodies and the scene, not at gas and wind.
-ON_BOARD_SENSORS = (
-    "imu", "gps", "barometer", "magnetometer", "pose", "range_finder", "four_range_finders", "lidar_2d", "lidar_3d",
-    "bump", *CAMERA_SENSORS,
-)  # fmt: skip
-# The sensors that there are; the table with their models is in gslcosim.sensing.
-SENSORS = (
-    "tgs2600", "tgs2602", "tgs2610", "tgs2611", "tgs2612", "tgs2620", "pid", "threshold", "binary", "hit_counter",
-    "averaging", "second_order", "tdlas", "anemometer", "anemometer_3d", *ON_BOARD_SENSORS,
-)  # fmt: skip
+CAMERA_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, onboard.CameraSensorSpec))
 # Third parties add theirs under this name; each entry point is a `gslcosim.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
@@ -32,45 +57,42 @@ def sensor_names() -> tuple[str, ...]:
     return (*SENSORS, *sorted(point.name for point in entry_points(group=SENSOR_ENTRY_POINTS)))
 
 
-class SensorSpec(OnBoardFields):
-    """A sensor on the vehicle; `mount_m` is its place in the body frame [m].
+# The package is imported here, when a scenario names its sensor, and not before.
+def _offered(model: str) -> type[SensorSpec] | None:
+    points = entry_points(group=SENSOR_ENTRY_POINTS)
+    if model not in points.names:
+        return None
+    point = points[model]
+    try:
+        kind = point.load()
+    # A package of somebody else may raise anything when it is imported.
+    except Exception as error:
+        raise broken_rule(
+            key="model", expected=f"{point.value} to be imported for {model!r}", found=repr(error)
+        ) from error
+    block = getattr(kind, "settings", None)
+    if not (isinstance(block, type) and issubclass(block, SensorSpec)):
+        raise broken_rule(key="model", expected=f"{point.value} to be the SensorKind {model!r}", found=repr(kind))
+    return block
 
-    Any sensor, in the unit of its readings: `period_s` between readings (absent: every tick), `delay_s`, `noise_std`,
-    `bias`, `drift_per_s` added to the bias, `max_value` at which it saturates, `warm_up_s` until it measures.
-    Some only: `speed_noise_std_m_s`, `direction_noise_std_rad` of anemometers; `threshold_ppm` of threshold, binary;
-    `hits_per_s_per_ppm` of hit_counter; `averaging_s` of averaging; the two time constants each of `response_s` and
-    `recovery_s` of second_order; `beam_body`, the direction of the beam in the body frame, of tdlas and range_finder;
-    `max_range_m` of these, lidars and depth_camera; `mount_rpy_rad` of what looks around: its axes are turned against
-    the body's by roll, then pitch, then yaw about fixed axes. Blocks such as `imu` are those of the models so named.
+
+def has_estimates(model: str) -> bool:
+    """Return whether readings of a sensor model come with an estimate of the mixing ratio."""
+    return SENSOR_BLOCKS.get(model, SensorSpec).has_estimates
+
+
+# Chosen by `model`.
+Sensor = Annotated[
+    SerializeAsAny[SensorSpec],
+    OneOf(tag_key="model", own=SENSOR_BLOCKS, names=sensor_names, offered=_offered),
+]
+_SENSOR: TypeAdapter[SensorSpec] = TypeAdapter(Sensor)
+
+
+def sensor_of(**settings: Any) -> SensorSpec:
+    """Return the block of a sensor with the given settings: `sensor_of(model="pid", name="nose")`.
+
+    Raises:
+        ValidationError: there is no such model, or it has no such setting.
     """
-
-    model: str
-    name: Name
-    mount_m: Vec3 = (0.0, 0.0, 0.0)
-    speed_noise_std_m_s: NonNegative = 0.01
-    direction_noise_std_rad: NonNegative = 0.1
-    period_s: Positive | None = None
-    delay_s: NonNegative = 0.0
-    noise_std: NonNegative = 0.0
-    bias: float = 0.0
-    drift_per_s: float = 0.0
-    max_value: Positive | None = None
-    threshold_ppm: NonNegative = 0.1
-    hits_per_s_per_ppm: Positive = 1.0
-    averaging_s: Positive = 1.0
-    response_s: tuple[Positive, Positive] = (1.0, 2.0)
-    recovery_s: tuple[Positive, Positive] = (2.0, 10.0)
-    warm_up_s: NonNegative = 0.0
-    beam_body: Vec3 = (1.0, 0.0, 0.0)
-    max_range_m: Positive = 30.0
-
-    @model_validator(mode="after")
-    def _check_beam(self) -> Self:
-        if not any(self.beam_body):
-            raise broken_rule(
-                key="beam_body",
-                expected="a direction that is not zero",
-                found=shown(self.beam_body),
-                remedy="For example [1, 0, 0], ahead.",
-            )
-        return self
+    return _SENSOR.validate_python(settings)

@@ -5,16 +5,20 @@ cells of the mesh, `end_time_s` its end time, `save_every_s` writeInterval, `sav
 `average_from_s: null` with `end_time_s` latestTime, `courant` maxCo, `max_step_s` maxDeltaT.
 """
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import NonNegative, Positive, Spec, Vec3
 
 Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
 # Solvers that compute a flow, as against those that have their wind from elsewhere.
 SOLVING = ("auto", "built_in", "openfoam")
+_OURS = ("auto", "built_in")
+_FRAMES = "frames, which save_every_s keeps"
 
 
 class InletScheduleSpec(Spec):
@@ -46,7 +50,7 @@ class InletScheduleSpec(Spec):
         return self
 
 
-class WindSpec(Spec):
+class WindSpec(KindedSpec):
     """The air's motion.
 
     `built_in` and `openfoam` solve the flow, `uniform` is `inlet_velocity_m_s` everywhere, `stored` is the wind that
@@ -63,6 +67,15 @@ class WindSpec(Spec):
     `period_s` is the time between the frames of stored wind, by default what its files say, else 1 s.
     """
 
+    tag_key: ClassVar[str] = "solver"
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **dict.fromkeys(("inlet_profile", "inlet_schedule", "turbulence", "courant", "end_time_s"), SOLVING),
+        **dict.fromkeys(("average_from_s", "save_every_s"), SOLVING),
+        **dict.fromkeys(("max_step_s", "max_time_s", "save_from_s"), _OURS),
+        "loops": (*_OURS, "stored", "file"),
+        "period_s": ("auto", "stored", "file"),
+    }
+
     solver: Solver | dict[Literal["file"], str] = "auto"
     inlet_velocity_m_s: Vec3 = (1.0, 0.0, 0.0)
     inlet_profile: Literal["uniform", "parabolic"] = "uniform"
@@ -78,6 +91,22 @@ class WindSpec(Spec):
     save_from_s: NonNegative = 0.0
     loops: bool = True
     period_s: Positive | None = None
+
+    @property
+    def kind_name(self) -> str:
+        """The name of the solver; `file` where the wind comes from a file."""
+        return self.solver if isinstance(self.solver, str) else "file"
+
+    def useless_keys(self) -> dict[str, str]:
+        """Return the keys that mean nothing with this solver, or beside the other keys, each with where it belongs."""
+        useless: dict[str, str] = {}
+        if self.save_every_s is None:
+            useless = dict.fromkeys(
+                ("save_from_s", "loops") if self.solver == "built_in" else ("save_from_s",), _FRAMES
+            )
+        if self.end_time_s is not None:
+            useless["max_time_s"] = "a wind that goes on until it has settled, without end_time_s"
+        return {**useless, **super().useless_keys()}
 
     @property
     def solves(self) -> bool:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.gas_sensors import Anemometer3dSpec, AnemometerSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind, Vec3
 
 QUANTITY = "apparent_wind"
@@ -33,7 +34,7 @@ class Anemometer:
         tests/unit/sensing/test_anemometer.py
     """
 
-    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+    def __init__(self, spec: AnemometerSpec, rng: np.random.Generator) -> None:
         self._sensor = spec.name
         self._speed_noise_m_s = spec.speed_noise_std_m_s
         self._direction_noise_rad = spec.direction_noise_std_rad
@@ -65,7 +66,7 @@ class Anemometer3d:
         tests/unit/sensing/test_anemometer.py
     """
 
-    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+    def __init__(self, spec: Anemometer3dSpec, rng: np.random.Generator) -> None:
         self._sensor = spec.name
         self._noise_m_s = spec.speed_noise_std_m_s
         self._rng = rng
@@ -89,13 +90,14 @@ def _wrapped(angle_rad: float) -> float:
     return angle_rad
 
 
-def _build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> Anemometer:
+def _build(spec: AnemometerSpec, tick_s: float, rng: np.random.Generator) -> Anemometer:
     del tick_s  # no lag
     return Anemometer(spec, rng)
 
 
 ANEMOMETER = SensorKind(
     name="anemometer",
+    settings=SENSOR_BLOCKS["anemometer"],
     quantity=QUANTITY,
     unit=UNIT,
     description="Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; direction is where it "
@@ -106,13 +108,14 @@ ANEMOMETER = SensorKind(
 )
 
 
-def _build_3d(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> Anemometer3d:
+def _build_3d(spec: Anemometer3dSpec, tick_s: float, rng: np.random.Generator) -> Anemometer3d:
     del tick_s  # no lag
     return Anemometer3d(spec, rng)
 
 
 ANEMOMETER_3D = SensorKind(
     name="anemometer_3d",
+    settings=SENSOR_BLOCKS["anemometer_3d"],
     quantity=QUANTITY,
     unit="m/s",
     description="Three-axis anemometer: values = (x, y, z) of the apparent wind in m/s, world frame.",

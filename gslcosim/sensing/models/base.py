@@ -9,7 +9,7 @@ import numpy as np
 
 from gslcosim.contract.messages import Reading
 from gslcosim.scenario.models.gas import GasDefinition
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, OnBoardSensorSpec, SensorSpec
 
 Vec3 = tuple[float, float, float]
 
@@ -42,11 +42,12 @@ def estimate_name(sensor: str) -> str:
 class SensorKind:
     """One row of the table of sensor models.
 
-    `build(spec, tick_s, rng)` returns a new instrument; `rng` is its own random stream. `quantity` and `unit` are
-    those of its readings, `description` says what it stands for and what the reading's values are. `has_own_noise`
-    says that the model itself applies the scenario's `noise_std`. `n_with_errors` says how many of a reading's values,
-    from the first on, have the scenario's bias, drift, noise and limit (absent: all of them), `least_value` below which
-    they never are. `is_on_board` says that it looks at the vehicle and what is around it; `has_rays` along rays.
+    `settings` is the block of a scenario that describes one: what it has beside its base is the sensor's own.
+    `build(spec, tick_s, rng)` returns a new instrument; `spec` is such a block, `rng` its own random stream. `quantity`
+    and `unit` are those of its readings, `description` says what it stands for and what the reading's values are.
+    `has_own_noise` says that the model itself applies the scenario's `noise_std`. `n_with_errors` says how many of a
+    reading's values, from the first on, have the scenario's bias, drift, noise and limit (absent: all of them),
+    `least_value` below which they never are.
 
     `for_gases(definitions)` returns the row for a scenario that defines gases of its own, where that matters.
     `estimator(gas)` returns how to turn a reading into a second one that tells the mixing ratio [ppm] of a gas, as the
@@ -58,11 +59,15 @@ class SensorKind:
     quantity: str
     unit: str
     description: str
-    build: Callable[[SensorSpec, float, np.random.Generator], SensorModel]
+    build: Callable[[Any, float, np.random.Generator], SensorModel]
+    settings: type[SensorSpec] = MeasuringSensorSpec
     has_own_noise: bool = False
     n_with_errors: int | None = None
     least_value: float = -math.inf
-    is_on_board: bool = False
-    has_rays: bool = False
     for_gases: "Callable[[tuple[GasDefinition, ...]], SensorKind] | None" = None
     estimator: Callable[[str], Estimator | None] | None = None
+
+    @property
+    def is_on_board(self) -> bool:
+        """Whether it looks at the vehicle and what is around it, not at gas and wind."""
+        return issubclass(self.settings, OnBoardSensorSpec)

@@ -5,7 +5,8 @@ from collections import deque
 import numpy as np
 
 from gslcosim.contract.messages import Reading, Vec3
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.onboard import BumpSensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 
@@ -17,7 +18,7 @@ class BumpSensor:
     contacts of each tick within the period. Draws nothing. Held by: tests/unit/sensing/test_bump.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: BumpSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         del rng
         self._sensor = spec.name
         self._touched: deque[bool] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
@@ -31,10 +32,10 @@ class BumpSensor:
 
 BUMP = SensorKind(
     name="bump",
+    settings=SENSOR_BLOCKS["bump"],
     quantity="contact",
     unit="1",
     description="Bumper: values = (1 or 0,), whether something touched the vehicle since the last reading.",
     build=BumpSensor,
-    is_on_board=True,
     n_with_errors=0,
 )

@@ -4,7 +4,8 @@ import numpy as np
 
 from gslcosim.contract.messages import CameraImage, Reading, Vec3
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.onboard import CameraSensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 
@@ -18,7 +19,7 @@ class Camera:
         tests/unit/sensing/test_camera.py, tests/unit/cameras/test_core.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: CameraSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         del tick_s, rng
         self._spec = spec
         self._image: CameraImage | None = None
@@ -36,11 +37,11 @@ class Camera:
 def _kind(name: str, quantity: str, unit: str, description: str) -> SensorKind:
     return SensorKind(
         name=name,
+        settings=SENSOR_BLOCKS[name],
         quantity=quantity,
         unit=unit,
         description=description,
         build=Camera,
-        is_on_board=True,
         n_with_errors=0,
     )
 

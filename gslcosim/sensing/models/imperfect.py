@@ -1,15 +1,33 @@
 """What real instruments add to any model: delay, noise, bias, drift, saturation and a rate of their own."""
 
 from collections import deque
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gslcosim.contract.messages import Reading
 from gslcosim.errors import GslCosimError, ScenarioError
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, NoisySensorSpec, SensorSpec
 from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
 from gslcosim.ticks import NS_PER_S, exact_ticks_from_seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Errors:
+    """The usual errors of an instrument, in the unit of its readings; those that a sensor does not have are off."""
+
+    noise_std: float = 0.0
+    bias: float = 0.0
+    drift_per_s: float = 0.0
+    max_value: float | None = None
+
+
+def _errors_of(kind: SensorKind, spec: SensorSpec) -> _Errors:
+    noise_std = spec.noise_std if isinstance(spec, NoisySensorSpec) and not kind.has_own_noise else 0.0
+    if not isinstance(spec, MeasuringSensorSpec):
+        return _Errors(noise_std=noise_std)
+    return _Errors(noise_std=noise_std, bias=spec.bias, drift_per_s=spec.drift_per_s, max_value=spec.max_value)
 
 
 class ImperfectSensor:
@@ -34,7 +52,7 @@ class ImperfectSensor:
         self._kind = kind
         self._spec = spec
         self._tick_s = tick_ns / NS_PER_S
-        self._noise_std = 0.0 if kind.has_own_noise else spec.noise_std
+        self._errors = _errors_of(kind, spec)
         self._rng = rng
         self._period_ticks = _ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
         delay_ticks = _ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
@@ -57,7 +75,7 @@ class ImperfectSensor:
         return self._cold
 
     def _with_errors(self, reading: Reading) -> Reading:
-        n, limit = self._kind.n_with_errors, self._spec.max_value
+        n, limit = self._kind.n_with_errors, self._errors.max_value
         values = [self._disturbed(value) for value in reading.values[:n]]
         is_over = limit is not None and max(map(abs, values)) >= limit
         if limit is not None:
@@ -71,10 +89,11 @@ class ImperfectSensor:
         )
 
     def _disturbed(self, value: float) -> float:
-        offset = self._spec.bias + self._spec.drift_per_s * self._tick * self._tick_s
-        if self._noise_std == 0.0:
+        errors = self._errors
+        offset = errors.bias + errors.drift_per_s * self._tick * self._tick_s
+        if errors.noise_std == 0.0:
             return value + offset
-        return value + offset + self._noise_std * float(self._rng.standard_normal())
+        return value + offset + errors.noise_std * float(self._rng.standard_normal())
 
 
 def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:
@@ -84,12 +103,8 @@ def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.rando
         ScenarioError: its rate or delay is not a whole number of ticks.
     """
     model = kind.build(spec, tick_ns / NS_PER_S, rng)
-    is_perfect = (
-        not (spec.bias or spec.drift_per_s or spec.delay_s or spec.warm_up_s)
-        and spec.period_s is None
-        and spec.max_value is None
-    )
-    if is_perfect and (spec.noise_std == 0.0 or kind.has_own_noise):
+    is_timed = spec.delay_s or spec.warm_up_s or spec.period_s is not None
+    if not is_timed and _errors_of(kind, spec) == _Errors():
         return model
     return ImperfectSensor(model, kind, spec, tick_ns, rng)
 

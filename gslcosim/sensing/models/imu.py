@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models.onboard import ImuSpec
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.onboard import ImuSensorSpec, ImuSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.inertial_kernels import inertial_samples
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
@@ -41,7 +41,7 @@ class Imu:
         tests/unit/sensing/test_imu.py (Allan variance at rest; lever arm; sums of samples)
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: ImuSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         imu = spec.imu
         self._sensor = spec.name
         self._imu = imu
@@ -115,10 +115,10 @@ def _n_samples(n_rows: int, rate_hz: float | None, tick_s: float) -> int:
 
 IMU = SensorKind(
     name="imu",
+    settings=SENSOR_BLOCKS["imu"],
     quantity=QUANTITY,
     unit=UNIT,
     description="IMU: values = (fx, fy, fz, wx, wy, wz), means over the tick; array = its samples, (n, 6). Body frame.",
     build=Imu,
-    is_on_board=True,
     n_with_errors=0,
 )

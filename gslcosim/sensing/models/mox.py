@@ -7,7 +7,7 @@ import numpy as np
 
 from gslcosim.contract.messages import GasAmount, MountSample, Reading
 from gslcosim.scenario.models.gas import GasDefinition
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec
 from gslcosim.sensing.models.base import Estimator, SensorKind, Vec3, estimate_name
 
 LEAST_RATIO = 0.01
@@ -222,6 +222,7 @@ def mox_kind(parameters: MoxParameters) -> SensorKind:
 
     return SensorKind(
         name=parameters.model,
+        settings=SENSOR_BLOCKS[parameters.model],
         quantity=QUANTITY,
         unit=UNIT,
         description=f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from gslcosim.contract.messages import Quaternion, Reading, Vec3
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.onboard import BarometerSensorSpec, GpsSensorSpec, MagnetometerSensorSpec, PoseSensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 from gslcosim.sensing.models.wandering import WanderingBias
@@ -35,7 +36,7 @@ class Gps:
         tests/unit/sensing/test_navigation_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: GpsSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         gps = spec.gps
         self._spec = spec
         self._rng = rng
@@ -67,7 +68,7 @@ class Barometer:
         tests/unit/sensing/test_navigation_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: BarometerSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         self._spec = spec
         self._tick_s = tick_s
         self._rng = rng
@@ -106,7 +107,7 @@ class Magnetometer:
         tests/unit/sensing/test_navigation_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: MagnetometerSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         magnetometer = spec.magnetometer
         self._sensor = spec.name
         self._rng = rng
@@ -135,7 +136,7 @@ class PoseSensor:
         tests/unit/sensing/test_navigation_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: PoseSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         del tick_s  # white noise only
         pose = spec.pose
         self._sensor = spec.name
@@ -173,36 +174,36 @@ def _turned(q: Quaternion, turn_rad: Vec3) -> Quaternion:
 
 GPS = SensorKind(
     name="gps",
+    settings=SENSOR_BLOCKS["gps"],
     quantity="position, velocity",
     unit="m, m/s",
     description="GPS: values = (x, y, z, vx, vy, vz), world frame.",
     build=Gps,
-    is_on_board=True,
     n_with_errors=0,
 )
 BAROMETER = SensorKind(
     name="barometer",
+    settings=SENSOR_BLOCKS["barometer"],
     quantity="pressure",
     unit="Pa",
     description="Barometer: values = (pressure_pa,), about 12 Pa less for each metre up.",
     build=Barometer,
-    is_on_board=True,
 )
 MAGNETOMETER = SensorKind(
     name="magnetometer",
+    settings=SENSOR_BLOCKS["magnetometer"],
     quantity="magnetic_field",
     unit="uT",
     description="Magnetometer: values = (x, y, z) of the earth's field, body frame.",
     build=Magnetometer,
-    is_on_board=True,
 )
 POSE = SensorKind(
     name="pose",
+    settings=SENSOR_BLOCKS["pose"],
     quantity="position, attitude, velocity",
     unit="m, 1, m/s",
     description="Localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz), world frame; the pose in "
     "observations is then this one.",
     build=PoseSensor,
-    is_on_board=True,
     n_with_errors=0,
 )

@@ -10,7 +10,14 @@ import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
 from gslcosim.scenario.models.gas import GasDefinition
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.gas_sensors import (
+    AveragingSensorSpec,
+    HitCounterSpec,
+    PidSensorSpec,
+    SecondOrderSensorSpec,
+    ThresholdSensorSpec,
+)
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
 
 # Correction factors at 11.7 eV; what is not in the table is not ionised.
@@ -31,7 +38,7 @@ class PidSensor:
     Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, correction: dict[str, float]) -> None:
+    def __init__(self, spec: PidSensorSpec, correction: dict[str, float]) -> None:
         self._sensor = spec.name
         self._correction = correction
 
@@ -50,7 +57,7 @@ class ThresholdSensor:
     Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+    def __init__(self, spec: ThresholdSensorSpec, rng: np.random.Generator) -> None:
         self._spec = spec
         self._rng = rng
 
@@ -70,7 +77,7 @@ class BinarySensor:
     State: none. Draws one number a tick. Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+    def __init__(self, spec: ThresholdSensorSpec, rng: np.random.Generator) -> None:
         self._spec = spec
         self._rng = rng
 
@@ -92,7 +99,7 @@ class HitCounter:
     Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, spec: HitCounterSpec, tick_s: float, rng: np.random.Generator) -> None:
         self._sensor = spec.name
         self._hits_per_ppm = spec.hits_per_s_per_ppm * tick_s
         self._hits: deque[int] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
@@ -111,7 +118,7 @@ class AveragingSensor:
     Held by: tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float) -> None:
+    def __init__(self, spec: AveragingSensorSpec, tick_s: float) -> None:
         self._sensor = spec.name
         self._samples_ppm: deque[float] = deque(maxlen=max(1, round(spec.averaging_s / tick_s)))
 
@@ -138,7 +145,7 @@ class SecondOrderSensor:
         tests/unit/sensing/test_ppm_sensors.py
     """
 
-    def __init__(self, spec: SensorSpec, tick_s: float) -> None:
+    def __init__(self, spec: SecondOrderSensorSpec, tick_s: float) -> None:
         self._sensor = spec.name
         self._response = _two_lags(*spec.response_s, tick_s)
         self._recovery = _two_lags(*spec.recovery_s, tick_s)
@@ -172,12 +179,13 @@ def _pid_kind(definitions: tuple[GasDefinition, ...]) -> SensorKind:
     defined = {gas.name: gas.pid_correction for gas in definitions if gas.pid_correction is not None}
     correction = {**PID_CORRECTION, **defined}
 
-    def build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+    def build(spec: PidSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
         del tick_s, rng
         return PidSensor(spec, correction)
 
     return SensorKind(
         name="pid",
+        settings=SENSOR_BLOCKS["pid"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor; no lag.",
@@ -186,22 +194,22 @@ def _pid_kind(definitions: tuple[GasDefinition, ...]) -> SensorKind:
     )
 
 
-def _build_threshold(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+def _build_threshold(spec: ThresholdSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
     del tick_s
     return ThresholdSensor(spec, rng)
 
 
-def _build_binary(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+def _build_binary(spec: ThresholdSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
     del tick_s
     return BinarySensor(spec, rng)
 
 
-def _build_averaging(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+def _build_averaging(spec: AveragingSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
     del rng
     return AveragingSensor(spec, tick_s)
 
 
-def _build_second_order(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+def _build_second_order(spec: SecondOrderSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
     del rng
     return SecondOrderSensor(spec, tick_s)
 
@@ -210,6 +218,7 @@ PPM_KINDS = (
     _pid_kind(()),
     SensorKind(
         name="threshold",
+        settings=SENSOR_BLOCKS["threshold"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Threshold sensor: values = (ppm,) with noise above threshold_ppm, 0 below.",
@@ -218,6 +227,7 @@ PPM_KINDS = (
     ),
     SensorKind(
         name="binary",
+        settings=SENSOR_BLOCKS["binary"],
         quantity="gas_detected",
         unit="1",
         description="Binary detector: values = (1 or 0,), whether the mixing ratio, with noise, exceeds threshold_ppm.",
@@ -226,6 +236,7 @@ PPM_KINDS = (
     ),
     SensorKind(
         name="hit_counter",
+        settings=SENSOR_BLOCKS["hit_counter"],
         quantity="hits",
         unit="1",
         description="Hit counter of infotaxis: values = (hits,) in the last period_s, or tick; Poisson with "
@@ -234,6 +245,7 @@ PPM_KINDS = (
     ),
     SensorKind(
         name="averaging",
+        settings=SENSOR_BLOCKS["averaging"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Averaging sensor: values = (mean ppm of the last averaging_s,).",
@@ -241,6 +253,7 @@ PPM_KINDS = (
     ),
     SensorKind(
         name="second_order",
+        settings=SENSOR_BLOCKS["second_order"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Slow gas sensor: values = (ppm,) behind two lags, response_s up and recovery_s down.",

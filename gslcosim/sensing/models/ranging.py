@@ -8,13 +8,20 @@ from numpy.typing import NDArray
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading, Vec3
 from gslcosim.frames import rotation_from_rpy
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.onboard import (
+    AzimuthsSpec,
+    ElevationsSpec,
+    FourRangeFindersSpec,
+    LidarSensorSpec,
+    RangeFinderSpec,
+)
+from gslcosim.scenario.models.sensor_base import RaySensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 
 # Front, left, back, right.
 FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
-LIDAR_3D_ELEVATIONS = 16
 
 
 class RangeSensor:
@@ -36,7 +43,7 @@ class RangeSensor:
         tests/unit/sensing/test_ranging.py (closed forms in a box with three different side lengths)
     """
 
-    def __init__(self, spec: SensorSpec, rng: np.random.Generator) -> None:
+    def __init__(self, spec: RaySensorSpec, rng: np.random.Generator) -> None:
         self._spec = spec
         self._rng = rng
         self._directions_body = directions_body(spec)
@@ -65,26 +72,30 @@ class RangeSensor:
         )
 
 
-def directions_body(spec: SensorSpec) -> NDArray[np.float64]:
+def directions_body(spec: RaySensorSpec) -> NDArray[np.float64]:
     """Return the unit directions of a sensor's rays in the body frame: (n, 3), or (elevations, azimuths, 3) of lidars.
 
     Args:
         spec: A range finder or a lidar.
     """
-    if spec.model == "range_finder":
-        directions = np.array([spec.beam_body]) / np.linalg.norm(spec.beam_body)
-    elif spec.model == "four_range_finders":
-        directions = np.array(FOUR_BEAMS)
-    else:
-        directions = _lidar_directions(spec)
+    match spec:
+        case RangeFinderSpec():
+            directions = np.array([spec.beam_body]) / np.linalg.norm(spec.beam_body)
+        case FourRangeFindersSpec():
+            directions = np.array(FOUR_BEAMS)
+        case LidarSensorSpec():
+            directions = _lidar_directions(spec.lidar)
+        case _:
+            raise TypeError(f"{spec.name}: expected the block of a range finder or a lidar, was {type(spec).__name__}")
     return directions @ rotation_from_rpy(spec.mount_rpy_rad).T
 
 
-def _lidar_directions(spec: SensorSpec) -> NDArray[np.float64]:
-    lidar = spec.lidar
-    n_elevations = 1 if spec.model == "lidar_2d" else lidar.n_elevations or LIDAR_3D_ELEVATIONS
+def _lidar_directions(lidar: AzimuthsSpec) -> NDArray[np.float64]:
+    n_elevations, span_rad = (
+        (lidar.n_elevations, lidar.elevation_span_rad) if isinstance(lidar, ElevationsSpec) else (1, 0.0)
+    )
     azimuth = _evenly(lidar.n_azimuths, lidar.azimuth_span_rad)[None, :]
-    elevation = _evenly(n_elevations, lidar.elevation_span_rad)[:, None]
+    elevation = _evenly(n_elevations, span_rad)[:, None]
     level = np.cos(elevation)
     up = np.broadcast_to(np.sin(elevation), (n_elevations, lidar.n_azimuths))
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
@@ -98,7 +109,7 @@ def _evenly(n: int, span_rad: float) -> NDArray[np.float64]:
     return np.linspace(-span_rad / 2, span_rad / 2, n, endpoint=not is_turn)
 
 
-def _build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> RangeSensor:
+def _build(spec: RaySensorSpec, tick_s: float, rng: np.random.Generator) -> RangeSensor:
     del tick_s
     return RangeSensor(spec, rng)
 
@@ -106,13 +117,12 @@ def _build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> RangeSe
 def _kind(name: str, description: str) -> SensorKind:
     return SensorKind(
         name=name,
+        settings=SENSOR_BLOCKS[name],
         quantity="range",
         unit="m",
         description=description,
         build=_build,
-        is_on_board=True,
         has_own_noise=True,
-        has_rays=True,
         least_value=0.0,
     )
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind, Vec3
 
 QUANTITY = "path_integrated_mixing_ratio"
@@ -28,7 +29,7 @@ class TdlasSensor:
         tests/unit/sensing/test_tdlas.py, tests/unit/fields/reading/test_beams.py
     """
 
-    def __init__(self, spec: SensorSpec) -> None:
+    def __init__(self, spec: TdlasSensorSpec) -> None:
         self._sensor = spec.name
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
@@ -41,13 +42,14 @@ class TdlasSensor:
         )
 
 
-def _build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> TdlasSensor:
+def _build(spec: TdlasSensorSpec, tick_s: float, rng: np.random.Generator) -> TdlasSensor:
     del tick_s, rng
     return TdlasSensor(spec)
 
 
 TDLAS = SensorKind(
     name="tdlas",
+    settings=SENSOR_BLOCKS["tdlas"],
     quantity=QUANTITY,
     unit=UNIT,
     description="Open-path laser: values = (ppm m,), the gas that is searched for summed along the beam to the wall.",

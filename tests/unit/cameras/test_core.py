@@ -18,6 +18,7 @@ from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError
 from gslcosim.frames import world_from_body_rotation
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -30,7 +31,7 @@ def cameras(make_room, make_scenario):
     opened = []
 
     def build(*sensors, vehicles=({},), room=None):
-        values = make_scenario(*vehicles).model_dump(by_alias=True)
+        values = plain_values(make_scenario(*vehicles))
         values["agents"][0]["sensors"] = sensors
         try:
             core = CamerasCore(Scenario.model_validate(values), room or make_room(obstacles=[RED]))
@@ -143,7 +144,7 @@ def test_pictures_are_the_same_to_the_bit_from_a_new_scene(cameras):
 
 def test_where_nothing_can_draw_it_says_what_to_install(monkeypatch, make_room, make_scenario):
     monkeypatch.setattr(offscreen.importlib, "import_module", _fails)
-    values = make_scenario().model_dump(by_alias=True)
+    values = plain_values(make_scenario())
     values["agents"][0]["sensors"] = [camera()]
     with pytest.raises(ModelError) as refusal:
         CamerasCore(Scenario.model_validate(values), make_room())

@@ -10,6 +10,7 @@ from gslcosim.environment.wind_kernels import trilinear_wind
 from gslcosim.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
 from gslcosim.fields.reading.concentration import Walls, mixing_ratio_ppm_at
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -105,7 +106,7 @@ def test_the_length_of_the_tick_does_not_change_the_gas(scenario_with, room, tic
     """
     places_m, ppm = [], []
     for ms in (100, tick_ms):
-        plain = scenario_with(eddy_diffusivity_m2_s=0.01).model_dump(by_alias=True)
+        plain = plain_values(scenario_with(eddy_diffusivity_m2_s=0.01))
         core = FieldsCore(Scenario.model_validate(plain | {"tick_ms": ms}), room)
         samples = run(core, 2000 // ms + 1)[-1][keys.SAMPLES].samples
         places_m.append(core.gas.filaments.position_world_m.copy())

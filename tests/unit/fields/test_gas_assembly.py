@@ -5,6 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from gslcosim.fields.assembly import gas_model_of
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.gas import ReleaseSpec, ShapeSpec
 from gslcosim.scenario.models.scenario import Scenario
 
@@ -16,7 +17,7 @@ def gas_of(make_scenario, make_room):
     """Build the gas of a scenario with these sources and settings."""
 
     def build(*sources, tick_ms=100, **gas):
-        plain = make_scenario(tick_ms=tick_ms).model_dump(by_alias=True)
+        plain = plain_values(make_scenario(tick_ms=tick_ms))
         plain["gas"] = {"sources": [{"position_m": PLACE, **source} for source in sources or ({},)], **gas}
         return gas_model_of(Scenario.model_validate(plain), make_room())
 
@@ -43,7 +44,7 @@ def test_by_default_a_steps_noise_is_that_of_the_diffusivity(gas_of):
 def test_gadens_noise_depends_on_the_step_as_theirs_does(gas_of, compatibility, stds_m):
     """Per step whatever its length in GADEN 2, linear in it in GADEN 3."""
     for step_s, std_m in zip((0.1, 0.02), stds_m, strict=True):
-        model = gas_of(BURST, step_s=step_s, compatibility=compatibility, eddy_diffusivity_m2_s=0.5)
+        model = gas_of(BURST, step_s=step_s, compatibility=compatibility)
         assert displacement_std_m(model) == pytest.approx(std_m, rel=0.05)
 
 
@@ -62,7 +63,8 @@ def test_gaden_3_reads_up_to_3_sigma(gas_of):
 )
 def test_methane_rises_by_the_chosen_law(gas_of, settings, rise_m):
     """A second after birth, with hardly any growth."""
-    quiet = {"growth_m2_s": 0.0, "eddy_diffusivity_m2_s": 0.0, "gaden_noise_std_m": 0.0}
+    noise = "gaden_noise_std_m" if "compatibility" in settings else "eddy_diffusivity_m2_s"
+    quiet = {"growth_m2_s": 0.0, noise: 0.0}
     model = gas_of({"filaments_per_s": 1.0}, gas="methane", **quiet, **settings)
     model.plume.advance(20)
     assert model.plume.filaments.position_world_m[0, 2] == pytest.approx(2.0 + rise_m, abs=1e-4)
@@ -114,22 +116,22 @@ def test_an_extended_source_fills_its_shape(gas_of):
 
 
 @pytest.mark.parametrize(
-    "release",
+    ("release", "expected"),
     [
-        {"kind": "scheduled"},
-        {"schedule": ((0.0, 1.0),)},
-        {"kind": "scheduled", "schedule": ((2.0, 1.0), (1.0, 2.0))},
+        ({"kind": "scheduled"}, "ascending times"),
+        ({"schedule": ((0.0, 1.0),)}, "schedule belongs to kind: scheduled"),
+        ({"kind": "scheduled", "schedule": ((2.0, 1.0), (1.0, 2.0))}, "ascending times"),
     ],
 )
-def test_a_schedule_that_does_not_fit_is_refused(release):
-    with pytest.raises(ValidationError, match="ascending times, with kind: scheduled and only then"):
+def test_a_schedule_that_does_not_fit_is_refused(release, expected):
+    with pytest.raises(ValidationError, match=expected):
         ReleaseSpec.model_validate(release)
 
 
 @pytest.mark.parametrize(
     ("shape", "expected"),
     [
-        ({"kind": "point", "size_m": (1.0, 0.0, 0.0)}, "no size"),
+        ({"kind": "point", "size_m": (1.0, 0.0, 0.0)}, "no size_m with kind: point"),
         ({"kind": "line"}, "a vector that is not zero"),
         ({"kind": "sphere", "size_m": (1.0, -1.0, 1.0)}, "none negative"),
         ({"kind": "box"}, "none negative"),

@@ -11,6 +11,7 @@ from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.gas_field import PointGrid
 from gslcosim.fields.gases import air_density_mol_m3
 from gslcosim.fields.models.gaussian_plume import GaussianPlume
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.gas import SourceSpec
 from gslcosim.scenario.models.scenario import Scenario
 
@@ -24,12 +25,20 @@ def field_of(make_scenario, make_room):
     """Build the gas of a scenario in a room with wind along x."""
 
     def build(model, *, wind_m_s=(0.5, 0.0, 0.0), seed=3, sources=({},), **gas):
-        plain = make_scenario().model_dump(by_alias=True)
+        plain = plain_values(make_scenario())
         plain["seed"] = seed
         plain["gas"] = {"model": model, "sources": [{"position_m": SOURCE_M, **s} for s in sources], **gas}
         return gas_field_of(Scenario.model_validate(plain), make_room(wind_m_s=(wind_m_s,)))
 
     return build
+
+
+def gusts(model, std_m_s):
+    return {"farrell": {"gust_std_m_s": std_m_s}} if model == "farrell" else {}
+
+
+def neutral(model):
+    return {} if model.endswith("plume") else {"buoyancy": "none"}
 
 
 def after(field, time_s, step_s=0.1):
@@ -39,7 +48,7 @@ def after(field, time_s, step_s=0.1):
 
 @pytest.mark.parametrize("model", WINDY)
 def test_a_reset_repeats_the_gas_and_another_seed_changes_what_has_chance(field_of, model):
-    field = field_of(model, farrell={"gust_std_m_s": 0.05})
+    field = field_of(model, **gusts(model, 0.05))
     first = after(field, 20.0)
     assert first.max() > 0.0
     field.reset(3)
@@ -110,9 +119,9 @@ def test_calm_air_has_no_plume_unless_a_wind_is_given(field_of, model):
 def test_plumes_of_several_sources_add_up_and_gases_keep_apart(field_of, model):
     other = {"position_m": (3.0, 5.1, 2.0)}
     one, two = (after(field_of(model, sources=s), 15.0) for s in (({},), (other,)))
-    both = after(field_of(model, sources=({}, {**other, "gas": "acetone"}), buoyancy="none"), 15.0)
+    both = after(field_of(model, sources=({}, {**other, "gas": "acetone"}), **neutral(model)), 15.0)
     assert both.shape == one.shape
-    field = field_of(model, sources=({}, {**other, "gas": "acetone"}), buoyancy="none")
+    field = field_of(model, sources=({}, {**other, "gas": "acetone"}), **neutral(model))
     field.advance(150)
     assert field.gases == ("ethanol", "acetone")
     columns = field.mixing_ratio_ppm_at(POINTS)
@@ -134,7 +143,7 @@ def test_grids_are_the_values_at_their_points(field_of, model):
 
 def test_only_the_open_field_has_a_wind_of_its_own(field_of):
     for model in WINDY:
-        field = field_of(model, farrell={"gust_std_m_s": 0.0})
+        field = field_of(model, **gusts(model, 0.0))
         field.advance(10)
         wind = field.wind_m_s_at(POINTS)
         if model == "farrell":
@@ -150,7 +159,7 @@ def test_gas_leaves_an_open_field(field_of):
 
 
 def test_a_core_samples_the_wind_of_the_open_field(make_scenario, make_room):
-    plain = make_scenario().model_dump(by_alias=True)
+    plain = plain_values(make_scenario())
     plain["gas"] = {
         "model": "farrell", "sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0,
         "farrell": {"wind_m_s": (0.7, 0.1, 0.0), "gust_std_m_s": 0.0},
@@ -167,7 +176,7 @@ def played(tmp_path, make_scenario, make_room):
         (tmp_path / f"iteration_{i}").write_bytes(gaden.compressed(gaden.version_3()))
 
     def build(*, gas="methane", source_m=gaden.SOURCE_M, **playback):
-        plain = make_scenario().model_dump(by_alias=True)
+        plain = plain_values(make_scenario())
         plain["gas"] = {
             "model": "playback", "gas": gas, "sources": [{"position_m": source_m}],
             "playback": {"folder": str(tmp_path), **playback},
@@ -200,7 +209,7 @@ def test_a_film_can_be_played(tmp_path, make_scenario, make_room):
     ppm[1, 8, 10] = 7.0
     path = tmp_path / "film.npz"
     np.savez(path, time_s=[0.0, 1.0], mixing_ratio_ppm=ppm[..., 0], origin_m=np.zeros(3), cell_m=0.5)
-    plain = make_scenario().model_dump(by_alias=True)
+    plain = plain_values(make_scenario())
     plain["gas"] = {"model": "playback", "sources": [{"position_m": SOURCE_M}], "playback": {"folder": str(path)}}
     field = gas_field_of(Scenario.model_validate(plain), make_room())
     place = np.array([(4.2, 5.2, 2.0)])
@@ -227,7 +236,7 @@ def test_the_seed_of_the_gas_replaces_that_of_the_run(make_scenario, make_room):
     """Runs of different seeds then fly through the same gas."""
 
     def places(run_seed, **gas):
-        plain = make_scenario().model_dump(by_alias=True)
+        plain = plain_values(make_scenario())
         plain["gas"] = {"sources": [{"position_m": SOURCE_M}], "warm_up_s": 5.0, **gas}
         core = FieldsCore(Scenario.model_validate(plain), make_room())
         core.reset(Episode(seed=run_seed))

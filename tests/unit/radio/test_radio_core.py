@@ -8,6 +8,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError
 from gslcosim.radio.core import RadioCore
 from gslcosim.runtime.assembly import dataflow_of, service_names
+from gslcosim.scenario.dumping import plain_values
 
 
 def body(agent, x_m=0.0):
@@ -29,7 +30,7 @@ def with_channels(make_scenario):
 
     def build(*channels, **options):
         scenario = make_scenario({}, {}, {}, **options)
-        fields = scenario.model_dump(by_alias=True)
+        fields = plain_values(scenario)
         fields["channels"] = [{"name": "radio", **channel} for channel in channels]
         return type(scenario).model_validate(fields)
 

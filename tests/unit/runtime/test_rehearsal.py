@@ -11,6 +11,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrames, FieldSamples, RadioTraffic
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime.rehearsal import rehearse
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.sensing.core import SensingCore
 
@@ -38,7 +39,7 @@ class Listening:
 
 @pytest.fixture
 def scenario(make_scenario):
-    values = make_scenario({}, {}).model_dump(by_alias=True)
+    values = plain_values(make_scenario({}, {}))
     values["agents"][0]["sensors"] = SENSORS
     return Scenario.model_validate({**values, "channels": [{"name": "radio"}]})
 

@@ -198,8 +198,8 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
          "neon, helium, biogas, butane, carbon_dioxide, carbon_monoxide, smoke or freom, was 'freon'. Did you mean "
          "freom?"),
         ("gas:", "gas:\n  model: playback",
-         "hall.yaml:5: gas.playback: expected a folder of frames with model: playback and only then, was none with "
-         "model: playback. For example model: playback, playback: {folder: my_frames}."),
+         "hall.yaml:5: gas.playback: expected a folder of frames with model: playback, was none. For "
+         "example model: playback, playback: {folder: my_frames}."),
         ("gas:", "gas:\n  tape: true\n  model: gaussian_plume",
          "hall.yaml:6: gas.tape: expected false, unless the gas is made of filaments that no vehicle moves, was true "
          "with model: gaussian_plume. Leave tape out."),
@@ -209,7 +209,7 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
         ("gas:", "gas:\n  model: meandering_plume\n  rotor_downwash: true",
          "hall.yaml:7: gas.rotor_downwash: expected false with a model without filaments of its own, was true with "
          "model: meandering_plume. Leave it out, or take model: filament."),
-        ("name: nose}", "name: nose, beam_body: [0, 0, 0]}",
+        ("model: tgs2600, name: nose}", "model: tdlas, name: nose, beam_body: [0, 0, 0]}",
          "hall.yaml:13: agents[0].sensors[0].beam_body: expected a direction that is not zero, was [0, 0, 0]. For "
          "example [1, 0, 0], ahead."),
     ],

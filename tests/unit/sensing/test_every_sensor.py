@@ -10,7 +10,7 @@ from staged import at_rest, surroundings_in
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, sensor_of
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models import build_sensor
 
@@ -43,8 +43,8 @@ def read(make_room):
         return MountSample(agent="beetle", sensor="s", gases=gases, wind_world_m_s=wind_m_s, beam_m=2.0)
 
     def readings(name, moments, *, seed=1, **settings):
-        kind = SENSOR_MODELS[name]
-        spec = SensorSpec.model_validate({"model": name, "name": "s", "hits_per_s_per_ppm": 10.0, **settings})
+        kind, many_hits = SENSOR_MODELS[name], {"hits_per_s_per_ppm": 10.0} if name == "hit_counter" else {}
+        spec = sensor_of(**{"model": name, "name": "s", **many_hits, **settings})
         sensor = build_sensor(kind, spec, TICK_NS, stream(seed, "test"))
         look = on_board if kind.is_on_board else in_air
         return [sensor.read(look(moment), (0.1 * moment, 0.0, 0.0)) for moment in moments]
@@ -54,9 +54,10 @@ def read(make_room):
 
 def without_own_noise(name):
     """Return the settings of a model, of those that its block has, that take its noise and wandering away."""
-    block = getattr(SensorSpec(model=name, name="s"), name, None)
+    block = getattr(sensor_of(model=name, name="s"), name, None)
     keys = [key for key in type(block).model_fields if re.search("noise|walk|bias|drift", key)] if block else []
-    silent = {"speed_noise_std_m_s": 0.0, "direction_noise_std_rad": 0.0}
+    own = {"speed_noise_std_m_s", "direction_noise_std_rad"} & SENSOR_BLOCKS[name].model_fields.keys()
+    silent = dict.fromkeys(own, 0.0)
     return {**silent, name: dict.fromkeys(keys, 0.0)} if keys else silent
 
 

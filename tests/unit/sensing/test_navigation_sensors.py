@@ -8,7 +8,7 @@ from staged import surroundings_in
 
 from gslcosim.frames import world_from_body_rotation
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import sensor_of
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.wandering import WanderingBias
 
@@ -17,7 +17,7 @@ YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
 def sensor(model, tick_s=0.1, mount_m=STILL, seed=1, **settings):
-    spec = SensorSpec.model_validate({"model": model, "name": "s", "mount_m": mount_m, model: settings})
+    spec = sensor_of(**{"model": model, "name": "s", "mount_m": mount_m, model: settings})
     return SENSOR_MODELS[model].build(spec, tick_s, stream(seed, "test"))
 
 

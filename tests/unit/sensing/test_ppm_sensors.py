@@ -5,7 +5,7 @@ import pytest
 
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import sensor_of
 from gslcosim.sensing import SENSOR_MODELS
 
 STILL = (0.0, 0.0, 0.0)
@@ -16,8 +16,8 @@ def sample(**ppm):
     return MountSample(agent="a", sensor="s", gases=gases, wind_world_m_s=STILL)
 
 
-def sensor_of(model, *, tick_s=0.1, **more):
-    spec = SensorSpec(model=model, name="s", **more)
+def instrument_of(model, *, tick_s=0.1, **more):
+    spec = sensor_of(model=model, name="s", **more)
     return SENSOR_MODELS[model].build(spec, tick_s, stream(1, "test"))
 
 
@@ -29,33 +29,33 @@ def values_of(sensor, samples):
     ("gas", "factor"), [("ethanol", 10.47), ("propanol", 2.7), ("chlorine", 1.0), ("acetone", 1.4)]
 )
 def test_a_pid_divides_by_the_correction_factor(gas, factor):
-    assert values_of(sensor_of("pid"), [sample(**{gas: 50.0})])[0] == pytest.approx(50.0 / factor)
+    assert values_of(instrument_of("pid"), [sample(**{gas: 50.0})])[0] == pytest.approx(50.0 / factor)
 
 
 def test_a_pid_adds_gases_and_is_blind_to_some():
-    assert values_of(sensor_of("pid"), [sample(methane=1e4, hydrogen=1e4, fluorine=1e4)])[0] == 0.0
-    assert values_of(sensor_of("pid"), [sample(acetone=14.0, chlorine=2.0)])[0] == pytest.approx(12.0)
+    assert values_of(instrument_of("pid"), [sample(methane=1e4, hydrogen=1e4, fluorine=1e4)])[0] == 0.0
+    assert values_of(instrument_of("pid"), [sample(acetone=14.0, chlorine=2.0)])[0] == pytest.approx(12.0)
 
 
 def test_a_threshold_sensor_reads_above_its_threshold_only():
-    sensor = sensor_of("threshold", threshold_ppm=2.0)
+    sensor = instrument_of("threshold", threshold_ppm=2.0)
     assert values_of(sensor, [sample(ethanol=x) for x in (1.9, 2.0, 2.1, 30.0)]).tolist() == [0.0, 0.0, 2.1, 30.0]
 
 
 def test_a_threshold_sensors_noise_is_in_the_gas_only():
-    sensor = sensor_of("threshold", threshold_ppm=2.0, noise_std=0.3)
+    sensor = instrument_of("threshold", threshold_ppm=2.0, noise_std=0.3)
     values = values_of(sensor, [sample(ethanol=10.0)] * 2000)
     assert (values.mean(), values.std()) == (pytest.approx(10.0, abs=0.03), pytest.approx(0.3, rel=0.1))
     assert not values_of(sensor, [sample(ethanol=1.0)] * 50).any()
 
 
 def test_a_binary_sensor_tells_gas_from_none():
-    sensor = sensor_of("binary", threshold_ppm=1.0)
+    sensor = instrument_of("binary", threshold_ppm=1.0)
     assert values_of(sensor, [sample(ethanol=0.6), sample(ethanol=0.6, methane=0.6)]).tolist() == [0.0, 1.0]
 
 
 def test_hits_are_poisson_with_a_mean_in_proportion_to_the_gas():
-    sensor = sensor_of("hit_counter", hits_per_s_per_ppm=4.0)
+    sensor = instrument_of("hit_counter", hits_per_s_per_ppm=4.0)
     hits = values_of(sensor, [sample(ethanol=5.0)] * 4000)
     assert hits.mean() == pytest.approx(2.0, abs=4 * math.sqrt(2.0 / 4000))
     assert hits.var() == pytest.approx(2.0, rel=0.1)
@@ -63,7 +63,7 @@ def test_hits_are_poisson_with_a_mean_in_proportion_to_the_gas():
 
 
 def test_an_averaging_sensor_is_the_mean_of_its_time():
-    sensor = sensor_of("averaging", averaging_s=0.4)
+    sensor = instrument_of("averaging", averaging_s=0.4)
     values = values_of(sensor, [sample(ethanol=x) for x in (8.0, 0.0, 1.0, 3.0, 4.0)])
     assert values.tolist() == [8.0, 4.0, 3.0, 3.0, 2.0]
 
@@ -73,7 +73,7 @@ def test_an_averaging_sensor_is_the_mean_of_its_time():
 def test_a_second_order_sensors_step_response_is_the_closed_form(times_s, tick_s):
     """For two different and for two equal time constants, up and down, at any length of the tick."""
     a, b = times_s
-    sensor = sensor_of("second_order", tick_s=tick_s, response_s=times_s, recovery_s=times_s)
+    sensor = instrument_of("second_order", tick_s=tick_s, response_s=times_s, recovery_s=times_s)
     t = tick_s * np.arange(1, round(8.0 / tick_s) + 1)
     lag = (
         (1 + t / a) * np.exp(-t / a) if a == b else (a * np.exp(-t / a) - b * np.exp(-t / b)) / (a - b)
@@ -84,7 +84,7 @@ def test_a_second_order_sensors_step_response_is_the_closed_form(times_s, tick_s
 
 
 def test_a_second_order_sensor_recovers_slower_than_it_responds():
-    sensor = sensor_of("second_order", response_s=(0.5, 0.5), recovery_s=(5.0, 5.0))
+    sensor = instrument_of("second_order", response_s=(0.5, 0.5), recovery_s=(5.0, 5.0))
     up = values_of(sensor, [sample(ethanol=10.0)] * 20)[-1]
     down = values_of(sensor, [sample()] * 20)[-1]
     assert up > 9.0
@@ -93,7 +93,7 @@ def test_a_second_order_sensor_recovers_slower_than_it_responds():
 
 def test_a_binary_sensors_noise_makes_misses_and_false_alarms():
     """Noise is in the gas that is compared: half of all answers are wrong at the threshold, and all are 1 or 0."""
-    sensor = sensor_of("binary", threshold_ppm=1.0, noise_std=0.5)
+    sensor = instrument_of("binary", threshold_ppm=1.0, noise_std=0.5)
     hits = values_of(sensor, [sample(ethanol=1.0)] * 2000)
     assert set(hits) == {0.0, 1.0}
     assert hits.mean() == pytest.approx(0.5, abs=0.05)
@@ -101,6 +101,6 @@ def test_a_binary_sensors_noise_makes_misses_and_false_alarms():
 
 def test_a_slow_hit_counter_loses_no_hits():
     samples = [sample(ethanol=5.0)] * 40
-    every_tick = values_of(sensor_of("hit_counter", hits_per_s_per_ppm=4.0), samples)
-    slow = values_of(sensor_of("hit_counter", hits_per_s_per_ppm=4.0, period_s=0.5), samples)
+    every_tick = values_of(instrument_of("hit_counter", hits_per_s_per_ppm=4.0), samples)
+    slow = values_of(instrument_of("hit_counter", hits_per_s_per_ppm=4.0, period_s=0.5), samples)
     np.testing.assert_array_equal(slow[4::5], every_tick.reshape(-1, 5).sum(axis=1))

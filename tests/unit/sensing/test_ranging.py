@@ -7,7 +7,7 @@ import pytest
 from staged import surroundings_in
 
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import sensor_of
 from gslcosim.sensing import SENSOR_MODELS
 from gslcosim.sensing.models.ranging import directions_body
 
@@ -17,7 +17,7 @@ R2 = math.sqrt(0.5)
 
 
 def read(room, model, spec=None, **around):
-    spec = SensorSpec.model_validate({"model": model, "name": "s", **(spec or {})})
+    spec = sensor_of(**{"model": model, "name": "s", **(spec or {})})
     return SENSOR_MODELS[model].build(spec, 0.1, stream(1, "test")).read(surroundings_in(room, **around), STILL)
 
 
@@ -42,7 +42,7 @@ def test_nothing_in_range_is_the_longest_range_and_told(make_room):
 
 
 def test_noise_is_that_of_the_scenario(make_room):
-    spec = SensorSpec(model="range_finder", name="s", noise_std=0.02, beam_body=(0, 0, -1))
+    spec = sensor_of(model="range_finder", name="s", noise_std=0.02, beam_body=(0, 0, -1))
     sensor = SENSOR_MODELS["range_finder"].build(spec, 0.1, stream(1, "test"))
     around = surroundings_in(make_room())
     ranges = [sensor.read(around, STILL).values[0] for _ in range(2000)]
@@ -65,7 +65,7 @@ def test_a_level_lidar_sees_the_walls(make_room):
 def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
     """Mount plus range times direction, turned with vehicle and mount, is on a face of the box."""
     settings = {"mount_m": (0.1, 0.2, 0.3), "mount_rpy_rad": (0.3, -0.2, 0.5), "lidar": {"n_azimuths": 90}}
-    spec = SensorSpec.model_validate({"model": "lidar_3d", "name": "s", **settings})
+    spec = sensor_of(**{"model": "lidar_3d", "name": "s", **settings})
     around = surroundings_in(make_room(), quaternion_wxyz=(0.5, 0.5, 0.5, 0.5))
     ranges = read(make_room(), "lidar_3d", settings, quaternion_wxyz=(0.5, 0.5, 0.5, 0.5)).array.to_array()
     directions = directions_body(spec)
@@ -78,5 +78,5 @@ def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
 
 
 def test_a_pitched_sensor_looks_down():
-    spec = SensorSpec(model="range_finder", name="s", mount_rpy_rad=(0.0, math.pi / 4, 0.0))
+    spec = sensor_of(model="range_finder", name="s", mount_rpy_rad=(0.0, math.pi / 4, 0.0))
     assert directions_body(spec) == pytest.approx(np.array([[R2, 0.0, -R2]]))

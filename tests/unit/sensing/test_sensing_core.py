@@ -17,6 +17,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim.sensing.core import SensingCore, mount_velocity_world_m_s
@@ -144,7 +145,7 @@ def test_a_mount_swings_with_the_turning_vehicle():
 
 
 def test_equal_seeds_give_equal_messages_and_another_seed_others(scenario, make_room):
-    noisy = scenario.model_dump(by_alias=True)
+    noisy = plain_values(scenario)
     noisy["agents"][0]["sensors"][1]["speed_noise_std_m_s"] = 0.1
 
     def encoded(seed):
@@ -181,14 +182,14 @@ def test_unknown_models_are_listed_together(scenario, make_room):
 
 
 def test_a_rate_that_does_not_fit_the_ticks_is_refused_before_the_run(scenario, make_room):
-    slow = scenario.model_dump(by_alias=True)
+    slow = plain_values(scenario)
     slow["agents"][1]["sensors"][0]["period_s"] = 0.33
     with pytest.raises(ScenarioError, match="sensor nose: period_s"):
         SensingCore(Scenario.model_validate(slow), make_room())
 
 
 def test_each_agent_hears_what_comes_to_it_and_is_told_of_its_refusals(scenario, make_room):
-    fields = scenario.model_dump(by_alias=True)
+    fields = plain_values(scenario)
     fields["channels"] = [{"name": "radio", "range_m": 5.0}, {"name": "far"}]
     core = SensingCore(Scenario.model_validate(fields), make_room())
     briefing = core.reset(Episode(seed=1))[keys.briefing("moth")]
@@ -227,7 +228,7 @@ def test_the_estimate_follows_the_reported_resistance_to_the_true_mixing_ratio(c
 
 
 def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
-    plain = scenario.model_dump(by_alias=True)
+    plain = plain_values(scenario)
     plain["gas"] |= {
         "gas": "freon",
         "define": [

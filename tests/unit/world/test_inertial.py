@@ -4,6 +4,7 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.world.core import WorldCore
 
@@ -11,7 +12,7 @@ G = 9.81
 
 
 def ticks(make_scenario, room, n, has_imu=True, **commands):
-    values = make_scenario({"start_m": (5.0, 5.0, 2.0)}).model_dump(by_alias=True)
+    values = plain_values(make_scenario({"start_m": (5.0, 5.0, 2.0)}))
     if has_imu:
         values["agents"][0]["sensors"] = [{"model": "imu", "name": "imu"}]
     core = WorldCore(Scenario.model_validate(values), room)

@@ -7,12 +7,13 @@ from gslcosim.contract.participant import Episode
 from gslcosim.fields.assembly import release_m3_s
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.offline.truth import ground_truth, ground_truth_of, sources_of
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 
 
 @pytest.fixture
 def scenario(make_scenario):
-    plain = make_scenario().model_dump(by_alias=True)
+    plain = plain_values(make_scenario())
     scheduled = {"kind": "scheduled", "schedule": [(0, 10)]}
     plain["gas"] = {
         "sources": [

@@ -12,6 +12,7 @@ from gslcosim.errors import ModelError
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.reading.beam_kernels import distance_to_wall_m
 from gslcosim.fields.reading.beams import Beams
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -22,7 +23,7 @@ def scenario_of(make_scenario):
     """Build a scenario whose agent has a laser half a metre ahead of it, looking ahead, and a nose."""
 
     def build(*, warm_up_s=10.0, **laser):
-        plain = make_scenario().model_dump(by_alias=True)
+        plain = plain_values(make_scenario())
         plain["gas"] = {"sources": [{"position_m": (5.0, 5.0, 2.0)}], "warm_up_s": warm_up_s}
         plain["agents"][0]["sensors"] = [
             {"model": "tdlas", "name": "laser", "mount_m": (0.5, 0.0, 0.0), **laser},

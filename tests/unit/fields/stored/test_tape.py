@@ -10,6 +10,7 @@ from gslcosim.errors import EnvironmentDataError, ModelError
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.offline.sampling import Instant, RoomFields, View
 from gslcosim.fields.stored.tape import GasTape, TapeSchedule, record_tape, tape_hash
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 
 SOURCES = [{"position_m": (5.0, 5.0, 2.0)}, {"position_m": (5.0, 5.2, 2.0), "gas": "methane", "ppm": 50.0}]
@@ -32,7 +33,7 @@ def scenario_of(make_scenario):
     """Build a short scenario whose gas is on tape or not."""
 
     def build(*, tape=True, sources=SOURCES[:1], time_limit_s=2.0, tick_ms=100, **gas):
-        plain = make_scenario(tick_ms=tick_ms).model_dump(by_alias=True)
+        plain = plain_values(make_scenario(tick_ms=tick_ms))
         plain["gas"] = {"sources": sources, "warm_up_s": 3.0, "tape": tape, **gas}
         plain["referee"]["stop"]["time_limit_s"] = time_limit_s
         return Scenario.model_validate(plain)

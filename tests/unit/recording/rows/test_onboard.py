@@ -7,7 +7,7 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Reading
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.recording.rows.onboard import ImageRows, LidarRows, Poses, RowTiming
-from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import sensor_of
 
 TICK_NS = 100_000_000
 BODY = (
@@ -31,9 +31,7 @@ class SentRows:
 
 
 def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
-    spec = SensorSpec.model_validate(
-        {"model": "lidar_2d", "name": "scan", "mount_m": (0, 0, 0.5), "max_range_m": 5.0, "lidar": {"n_azimuths": 4}}
-    )
+    spec = sensor_of(model="lidar_2d", name="scan", mount_m=(0, 0, 0.5), max_range_m=5.0, lidar={"n_azimuths": 4})
     poses = Poses([spec], TICK_NS)
     rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
     ranges = NumericArray.from_array(np.array([[1.0, 5.0, 2.0, 5.0]], np.float32))
@@ -50,7 +48,7 @@ def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
 
 
 def test_a_scan_that_is_told_again_because_a_command_is_awaited_is_recorded_once():
-    spec = SensorSpec.model_validate({"model": "lidar_2d", "name": "scan", "period_s": 0.5, "lidar": {"n_azimuths": 1}})
+    spec = sensor_of(model="lidar_2d", name="scan", period_s=0.5, lidar={"n_azimuths": 1})
     poses = Poses([spec], TICK_NS)
     rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
     ranges = NumericArray.from_array(np.ones((1, 1), np.float32))
@@ -62,7 +60,7 @@ def test_a_scan_that_is_told_again_because_a_command_is_awaited_is_recorded_once
 
 
 def test_a_picture_that_is_told_twice_is_recorded_once():
-    spec = SensorSpec.model_validate({"model": "camera", "name": "eye"})
+    spec = sensor_of(model="camera", name="eye")
     poses = Poses([spec], TICK_NS)
     image = EXAMPLES["images"].frames[0].image
     reading = Reading(sensor="eye", quantity="picture", unit="1", values=(), image=image)

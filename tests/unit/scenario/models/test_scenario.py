@@ -106,10 +106,6 @@ def test_the_wind_at_the_end_of_a_short_solve_needs_no_average():
     assert WindSpec(end_time_s=5.0, average_from_s=None).average_from_s is None
 
 
-def test_uniform_wind_is_not_solved_so_its_times_do_not_matter():
-    assert WindSpec(solver="uniform", average_from_s=1.0).solver == "uniform"
-
-
 def test_an_opening_may_lie_on_any_side():
     for flat in range(3):
         far = tuple(0.0 if axis == flat else 1.0 for axis in range(3))
