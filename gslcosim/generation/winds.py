@@ -93,10 +93,10 @@ def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
     )
 
 
-def _schedule(spec: InletScheduleSpec | None) -> flow.InflowSchedule | None:
+def _schedule(spec: InletScheduleSpec | None) -> flow.Schedule | None:
     if spec is None:
         return None
-    return flow.InflowSchedule(times_s=spec.times_s, values=spec.shares, is_repeating=spec.repeats)
+    return flow.Schedule(times_s=spec.times_s, values=spec.shares, is_repeating=spec.repeats)
 
 
 # Along both sides of the opening; its mean over the opening's cells is the opening's velocity.

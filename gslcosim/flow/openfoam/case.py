@@ -15,7 +15,7 @@ from gslcosim.flow.openfoam.polymesh import PolyMesh, polymesh_of
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
 from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT
 from gslcosim.flow.walls.domain import build_domain
-from gslcosim.flow.walls.inflow import InflowSchedule
+from gslcosim.flow.walls.inflow import Schedule
 from gslcosim.flow.walls.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
 
 COURANT = 1.0  # AutoGDM+'s
@@ -163,7 +163,7 @@ def _check_kind(patch: Patch) -> None:
         raise FlowError(
             f"{patch}: expected one of {names} for OpenFOAM, was {type(patch).__name__}. Use the built-in solver."
         )
-    if isinstance(patch, Inlet) and (patch.factor is not None or isinstance(patch.velocity_m_s, InflowSchedule)):
+    if isinstance(patch, Inlet) and (patch.factor is not None or isinstance(patch.velocity_m_s, Schedule)):
         raise FlowError(
             f"{patch}: expected a velocity that does not change in time for OpenFOAM, found a schedule. "
             f"Use the built-in solver."

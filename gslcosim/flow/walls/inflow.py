@@ -19,7 +19,7 @@ _AXES = "xyz"
 
 
 @dataclass(frozen=True, kw_only=True)
-class InflowSchedule:
+class Schedule:
     """Values at given times, linear in between; held before the first and after the last time, or repeated.
 
     Attributes:
@@ -61,7 +61,7 @@ class InflowSchedule:
         return np.array([np.interp(time_s, times_s, component) for component in values.T])
 
 
-InletVelocity = Vec3 | NDArray[Any] | Profile | InflowSchedule
+InletVelocity = Vec3 | NDArray[Any] | Profile | Schedule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,8 @@ class Inflow:
     """
 
     profile_m_s: F32
-    factor: InflowSchedule | None
-    velocity: InflowSchedule | None
+    factor: Schedule | None
+    velocity: Schedule | None
 
     def at(self, time_s: float) -> F32:
         """Return (na, nb, 3) velocities at a time [s]."""
@@ -111,7 +111,7 @@ class Inflow:
         return np.abs(np.multiply.outer(np.asarray(factors, float), speeds))
 
 
-def make_inflow(name: str, velocity: InletVelocity, factor: InflowSchedule | None, centres_m: F64) -> Inflow:
+def make_inflow(name: str, velocity: InletVelocity, factor: Schedule | None, centres_m: F64) -> Inflow:
     """Lay an inlet's velocity out on its cells.
 
     Args:
@@ -124,11 +124,11 @@ def make_inflow(name: str, velocity: InletVelocity, factor: InflowSchedule | Non
         FlowError: the velocity has the wrong shape or is not finite, or schedules are mixed up.
     """
     if factor is not None and factor.has_velocities:
-        raise FlowError(f"{name}: factor: expected a schedule of numbers, was one of velocities. Use velocity_m_s.")
-    if isinstance(velocity, InflowSchedule):
+        raise FlowError(f"{name}: factor: expected a Schedule of numbers, was one of velocities. Use velocity_m_s.")
+    if isinstance(velocity, Schedule):
         if factor is not None or not velocity.has_velocities:
             raise FlowError(
-                f"{name}: velocity_m_s: expected a schedule of velocities without a factor beside it. "
+                f"{name}: velocity_m_s: expected a Schedule of velocities without a factor beside it. "
                 f"For a profile that changes in time give the profile as velocity_m_s and the schedule as factor."
             )
         return Inflow(profile_m_s=np.zeros(centres_m.shape, np.float32), factor=None, velocity=velocity)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from gslcosim.environment.grid import Vec3
-from gslcosim.flow.walls.inflow import InflowSchedule, InletVelocity
+from gslcosim.flow.walls.inflow import InletVelocity, Schedule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,15 +31,15 @@ class Inlet(Patch):
     - an array (na, nb, 3) of velocities of the patch's cells, a and b the two axes along it in the order x, y, z;
     - a function from (n, 3) centres of boundary faces, grid's frame [m], to (n, 3) velocities, for example
       `parabolic_profile` or `log_profile`;
-    - a `InflowSchedule` of velocities.
+    - a `Schedule` of velocities.
 
-    All but the last are multiplied by `factor`, a `InflowSchedule` of numbers, where there is one.
+    All but the last are multiplied by `factor`, a `Schedule` of numbers, where there is one.
     `turbulence_intensity` is the root mean square of the fluctuations over the mean speed, per axis;
     its default, and the length scale of 0.1 times the patch's shorter side, are AutoGDM+'s.
     """
 
     velocity_m_s: InletVelocity
-    factor: InflowSchedule | None = None
+    factor: Schedule | None = None
     turbulence_intensity: float = 0.05
 
 

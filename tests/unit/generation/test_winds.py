@@ -106,7 +106,7 @@ def test_a_parabolic_inlet_has_the_mean_that_was_asked_for():
 def test_a_schedule_reaches_the_solver():
     spec = wind(inlet_schedule={"times_s": (0, 2), "shares": (0.0, 1.0), "repeats": True})
     inlet = patches_of(build_room(ROOM.layout, spec), spec)[0]
-    assert isinstance(inlet.factor, flow.InflowSchedule)
+    assert isinstance(inlet.factor, flow.Schedule)
     assert float(inlet.factor.at(1.0)) == 0.5
     assert float(inlet.factor.at(2.5)) == 0.25
 

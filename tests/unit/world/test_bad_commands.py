@@ -4,7 +4,6 @@ New commands and vehicles come in by themselves.
 """
 
 import math
-from typing import get_args
 
 import pytest
 from pydantic import ValidationError
@@ -13,11 +12,11 @@ from gslcosim.contract.commands import AGENT_KINDS
 from gslcosim.contract.messages import Command
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.models.scenario import VehicleSpec
+from gslcosim.vehicles import vehicle_names
 from gslcosim.world.core import WorldCore
 from gslcosim.world.guidance.arrival import OVERTURNED
 
-MODELS = get_args(VehicleSpec.model_fields["model"].annotation)
+MODELS = vehicle_names()
 RACK = ("rack", (6.0, 4.0, 0.0), (7.0, 6.0, 6.0))
 PLACES = {"a_kilometre_away": (1000.0, 3.0, 2.0), "under_the_floor": (4.0, 4.0, -1.0), "in_a_rack": (6.5, 5.0, 2.0)}
 # What neither moves a vehicle nor depends on where it is.

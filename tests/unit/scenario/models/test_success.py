@@ -20,7 +20,7 @@ from gslcosim.scenario.models.success import CRITERIA, SourceSuccess
          "mass_at_least belongs to of: map."),
         ("{of: map, horizontal: true}",
          "horizontal: expected one of the keys within_m, of, mass_at_least, was an unknown key. "
-         "horizontal belongs to of: source or of: declaration or of: all_sources."),
+         "horizontal belongs to of: source, declaration, all_sources."),
         ("{of: map, mass_at_least: 1.5}", "mass_at_least: expected a number greater than 0 to 1, was 1.5."),
         ("{of: all_sources, within_m: 0}", "within_m: expected a number greater than 0 in metres, was 0."),
     ],
