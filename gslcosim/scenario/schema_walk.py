@@ -77,6 +77,11 @@ def kinds_of(annotation: Any) -> list[str]:
     return list(one_of.names()) if one_of else [*_variants(annotation), *_offered_kinds(annotation)]
 
 
+def blocks_of(annotation: Any) -> dict[str, type[BaseModel]]:
+    """Return the block of each of gslcosim's kinds of which a block that belongs here may be."""
+    return _variants(annotation)
+
+
 def tag_key_of(annotation: Any) -> str:
     """Return the key that tells the kinds of a block apart: `kind` of a layout, `model` of a sensor."""
     if one_of := _one_of(annotation):

@@ -97,3 +97,21 @@ def test_an_error_on_the_page_is_one_that_is_given(text):
     sources = "\n".join(path.read_text() for path in sorted((ROOT / "gslcosim").rglob("*.py")))
     parts = [part.strip() for part in re.split(r"\b\d+\b", text)]
     assert all(part in sources for part in parts) or any(text in said for said in what_the_codec_says())
+
+
+def test_the_files_that_contributing_names_hold_what_it_says():
+    rows = re.findall(r"^\| ([^|]+\?) \| `([^`]+)` \|$", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    words = {
+        "what is the drag of a rotor?": "drag", "how does a MOX sensor decay?": "resistance falls with gas",
+        "what ends a run?": "time_limit", "where is a waypoint refused?": "def ",
+        "who decides that a process hangs?": "stall",
+    }  # fmt: skip
+    assert {question for question, _ in rows} == set(words)
+    for question, file in rows:
+        assert words[question] in (ROOT / file).read_text().lower(), file
+
+
+def test_the_index_has_every_page():
+    index = (ROOT / "docs" / "README.md").read_text()
+    pages = [page for page in PAGES if page.parent.name in ("docs", "extend", "benchmark") and page.name != "README.md"]
+    assert [name_of(page) for page in pages if f"({page.relative_to(ROOT / 'docs').as_posix()})" not in index] == []

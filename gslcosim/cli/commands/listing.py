@@ -14,18 +14,6 @@ EXAMPLES = """  gslcosim list
 
 Row = dict[str, str]
 
-# What a scenario names but no table describes.
-DESCRIPTIONS = {
-    "cluttered_rooms": "Random walls with passages, in the manner of the first AutoGDM, and clutter.",
-    "home": "A flat divided into rooms, with doors and furniture.",
-    "office": "Rooms on both sides of a corridor, with doors and desks; a rectangle or an L.",
-    "plant": "Tanks and buildings outdoors, in a wind that grows with the height.",
-    "warehouse_complex": "A warehouse whose inner racks are turned, with a forklift, piles and pallets in its aisles.",
-    "warehouse_empty": "A closed room of any size with an inlet and an outlet in opposite walls, and boxes if wanted.",
-    "warehouse_simple": "A warehouse with rows of racks, filled and empty ones by lot.",
-    "wind_tunnel": "A channel open at both ends, with blocks on its floor if wanted.",
-}
-
 
 def _scenarios() -> list[Row]:
     from gslcosim.scenario.bundled import bundled_scenarios
@@ -76,9 +64,10 @@ def _gases() -> list[Row]:
 
 
 def _layouts() -> list[Row]:
-    from gslcosim.scenario.schema_walk import kinds_of, slot_at
+    from gslcosim.scenario.schema_walk import blocks_of, slot_at
 
-    return [_described(name) for name in kinds_of(slot_at(("environment", "layout")).annotation)]
+    blocks = blocks_of(slot_at(("environment", "layout")).annotation)
+    return [{"name": name, "description": (block.__doc__ or "").partition("\n")[0]} for name, block in blocks.items()]
 
 
 KINDS: dict[str, Callable[[], list[Row]]] = {
@@ -110,10 +99,6 @@ def _run(arguments: argparse.Namespace) -> int:
         headings = [heading for heading in rows[0] if heading != "file"] if rows else ["name"]
         write(table([h.replace("_", " ") for h in headings], [[row[h] for h in headings] for row in rows]))
     return 0
-
-
-def _described(name: str) -> Row:
-    return {"name": name, "description": DESCRIPTIONS.get(name, "")}
 
 
 def _first_comment(path: Path) -> str:
