@@ -1,6 +1,7 @@
 """One name, one thing: no two public classes or modules of one name, outside of what is listed here with its reason."""
 
 import ast
+import re
 from collections import defaultdict
 from pathlib import Path
 
@@ -58,3 +59,10 @@ def test_no_two_public_classes_have_one_name():
 def test_the_lists_name_nothing_that_is_not_there():
     assert MODULES - modules().keys() == set()
     assert CLASSES - classes().keys() == set()
+
+
+def test_only_modules_that_a_decision_names_are_long():
+    page = (PACKAGE.parent / "docs" / "decisions" / "0020-rooms-of-packages.md").read_text()
+    named = set(re.findall(r"`([\w/]+\.py)`", page.split("**Modules above 350 lines.**")[1]))
+    long = {path.relative_to(PACKAGE).as_posix() for path in files() if len(path.read_text().splitlines()) > 350}
+    assert long == named
