@@ -20,14 +20,15 @@ from gslcosim.contract.messages import BodyState, Command, DriveSetpoint, Waypoi
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.vehicles import vehicle_of
-from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
+from gslcosim.world.core import WorldCore
 from gslcosim.world.paths.trajectory import stay_at
 from gslcosim.world.physics import records
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.mujoco_kernels import step_address
-from gslcosim.world.physics.scene import GRAVITY_M_S2, build_scene
+from gslcosim.world.physics.scene import build_scene
 
 DT_S = PHYSICS_STEP_MS * 1e-3
 TICK_S = 0.1
@@ -35,8 +36,6 @@ MIDDLE_M = (7.0, 5.0, 2.0)
 WITH_ROTORS = ("iris", "crazyflie", "hexarotor")
 FLYING = (*WITH_ROTORS, "holonomic")
 WIND_M_S = (-1.0, 0.5, 0.0)
-
-Vec3 = tuple[float, float, float]
 
 
 def closed_room(*, wind_m_s: tuple[Vec3, ...] = ((0.0, 0.0, 0.0),), period_s: float = 1.0) -> Environment:

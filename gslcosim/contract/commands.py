@@ -5,7 +5,8 @@ from typing import Annotated, Literal, Self, get_args
 from pydantic import ConfigDict, Field, JsonValue, StringConstraints, model_validator
 
 from gslcosim.contract.knowledge import Belief
-from gslcosim.contract.record import Message, Name, Record, Vec3
+from gslcosim.contract.record import Message, Name, Record
+from gslcosim.quantities import Vec3
 
 
 class RadioMessage(Record):

@@ -6,7 +6,8 @@ import numpy as np
 from pydantic import Field, StringConstraints, field_validator
 
 from gslcosim.contract.arrays import NumericArray
-from gslcosim.contract.record import Record, Vec3
+from gslcosim.contract.record import Record
+from gslcosim.quantities import Vec3
 
 MAX_BELIEF_CELLS = 65_536
 # How far the sum of a belief's probabilities may be from 1: single precision over many cells.

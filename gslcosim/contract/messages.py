@@ -26,7 +26,7 @@ from gslcosim.contract.record import Name as Name
 from gslcosim.contract.record import Quaternion as Quaternion
 from gslcosim.contract.record import Record as Record
 from gslcosim.contract.record import Tick as Tick
-from gslcosim.contract.record import Vec3 as Vec3
+from gslcosim.quantities import Vec3 as Vec3
 
 CONTRACT_VERSION = "1.2"
 

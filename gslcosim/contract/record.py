@@ -4,7 +4,6 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Tick = Annotated[int, Field(ge=0, le=2**53)]

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.quantities import Vec3
 
 # Far above what fits into memory with its wind; what is larger is a fault of the file.
 LARGEST_GRID_CELLS = 10**9

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Vec3 = tuple[float, float, float]
+from gslcosim.quantities import Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

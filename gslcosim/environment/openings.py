@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gslcosim.environment.grid import Grid, Vec3, point_text
+from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.model import Opening
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import OpeningSpec
 from gslcosim.scenario.problems import Problem
 

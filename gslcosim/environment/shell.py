@@ -1,7 +1,7 @@
 """What closes a room from outside: walls, floor and ceiling as boxes, and the colours of solids."""
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Box
+from gslcosim.quantities import Vec3
 
 WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
 

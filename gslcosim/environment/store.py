@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.environment.data_files import load_npy
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, VisualMesh, WindFrames
 from gslcosim.environment.room import content_hash_of
 from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.quantities import Vec3
 
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE, OCCUPANCY_FILE, WIND_FILE = "environment.yaml", "occupancy.npy", "wind.npy"

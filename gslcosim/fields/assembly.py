@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import ScenarioError
@@ -33,6 +32,7 @@ from gslcosim.fields.stored.movie import MOVIE_SUFFIX, GasMovie
 from gslcosim.fields.stored.playback import GasPlayback, usual_period_s
 from gslcosim.fields.stored.tape import MOST_SOURCES, TapedPlume
 from gslcosim.fields.timing import gas_timing
+from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import GasSpec, PlaybackSpec, SourceSpec
 

@@ -6,11 +6,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.reading.concentration import CUTOFF_SIGMA, Walls
+from gslcosim.quantities import Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

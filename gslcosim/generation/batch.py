@@ -8,12 +8,12 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell
 from gslcosim.environment.of_scenario.places import random_free_point_m
 from gslcosim.errors import GslCosimError
 from gslcosim.generation.making import generate_environment
 from gslcosim.generation.winds import Progress, no_progress
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim.scenario.recipes import Recipe

@@ -11,7 +11,6 @@ from typing import Any
 from gslcosim import flow
 from gslcosim.environment.exchange.mjcf import mjcf_of
 from gslcosim.environment.exchange.picture import top_view_png
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Environment
 from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.environment.room import with_wind
@@ -19,6 +18,7 @@ from gslcosim.environment.store import HISTORY_FILE, PICTURE_FILE, REPORT_FILE, 
 from gslcosim.errors import FlowError
 from gslcosim.generation.recipe_hash import recipe
 from gslcosim.generation.winds import Progress, no_progress, wind_of
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 _log = logging.getLogger(__name__)

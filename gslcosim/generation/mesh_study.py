@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3, point_text
+from gslcosim.environment.grid import point_text
 from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.of_scenario.places import problems_of_points
@@ -18,6 +18,7 @@ from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import UsageError
 from gslcosim.generation.convergence import Convergence, convergence_of
 from gslcosim.generation.winds import Progress, no_progress, wind_of
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.layouts import Layout
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.recipes import Recipe

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from gslcosim import flow
 from gslcosim.environment.exchange.wind_files import NoWindWarning, load_wind
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Opening, WindFrames
 from gslcosim.environment.of_scenario.room_origin import stored_environment, wind_file
 from gslcosim.environment.room import Room
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.flow.openfoam import solve_wind_openfoam
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim.scenario.models.wind import InletScheduleSpec
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Belief, BeliefScore, Vec3
+from gslcosim.contract.messages import Belief, BeliefScore
+from gslcosim.quantities import Vec3
 
 Array = NDArray[np.float64]
 

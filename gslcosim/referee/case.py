@@ -13,13 +13,13 @@ from gslcosim.contract.messages import (
     MountSample,
     RefereeEvent,
 )
+from gslcosim.quantities import Vec3
 from gslcosim.referee import metrics
 from gslcosim.referee.beliefs import score_of
 from gslcosim.referee.success import Evidence, criterion_of
 from gslcosim.scenario.models.success import SuccessSpec
 from gslcosim.ticks import seconds_from_ticks
 
-Vec3 = tuple[float, float, float]
 Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
 
 # What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that

@@ -19,12 +19,11 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
 from gslcosim.errors import ModelError
+from gslcosim.quantities import Vec3
 from gslcosim.referee.case import AgentCase, Outcome, Rules
 from gslcosim.referee.ports import referee_spec
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
-
-Vec3 = tuple[float, float, float]
 
 # The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
 CLEARANCE_M = 0.35

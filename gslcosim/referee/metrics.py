@@ -6,7 +6,7 @@ Sources: "thesis" is the GSL-Bench thesis (TU Delft), chapter 7 on performance m
 import math
 from collections.abc import Sequence
 
-Vec3 = tuple[float, float, float]
+from gslcosim.quantities import Vec3
 
 
 def distance_m(a_world_m: Vec3, b_world_m: Vec3) -> float:

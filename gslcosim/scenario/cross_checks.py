@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from gslcosim.quantities import PHYSICS_STEP_MS
 from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, Spec, StopSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec, has_estimates, sensor_names
@@ -12,7 +13,6 @@ from gslcosim.scenario.programs import problem_of_command, problem_of_python
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 
-PHYSICS_STEP_MS = 4
 TO_ALL = "all"
 # What sensors count in ticks, where they have it.
 _SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})

@@ -8,8 +8,8 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import EnvironmentSpec, VehicleSpec, WindSpec
-from gslcosim.scenario.models.spec import Vec3
 from gslcosim.scenario.problems import Problem, ProblemLike
 
 RANDOM = "random"

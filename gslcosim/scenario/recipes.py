@@ -9,11 +9,11 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from gslcosim.errors import ScenarioError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.explain import problems_of
 from gslcosim.scenario.loading import Check, load_scenario
 from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, WindSpec
-from gslcosim.scenario.models.spec import Vec3
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
 from gslcosim.scenario.random_places import Placer

@@ -21,6 +21,7 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.onboard import PoseSensorSpec
@@ -33,8 +34,6 @@ from gslcosim.sensing.ports import sensing_spec
 from gslcosim.sensing.rays import RayScene
 from gslcosim.sensing.table import kind_in
 from gslcosim.ticks import seconds_from_ticks
-
-Vec3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)

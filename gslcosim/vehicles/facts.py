@@ -9,7 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-Vec3 = tuple[float, float, float]
+from gslcosim.quantities import Vec3
+
 Kind = Literal["multirotor", "holonomic", "wheels"]
 # Four is the least that can push and turn about all axes; the compiled loop has room for sixteen.
 LEAST_ROTORS, MOST_ROTORS = 4, 16

@@ -17,6 +17,7 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planning import rehearse_planning
 from gslcosim.errors import ModelError, ScenarioError
+from gslcosim.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.scenario.models.onboard import ImuSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
@@ -31,12 +32,9 @@ from gslcosim.world.paths.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.physics import records
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.mujoco_kernels import step_address
-from gslcosim.world.physics.scene import GRAVITY_M_S2, Scene, build_scene
+from gslcosim.world.physics.scene import Scene, build_scene
 from gslcosim.world.ports import world_spec
 
-Vec3 = tuple[float, float, float]
-
-PHYSICS_STEP_MS = 4
 # Point robots have no fast dynamics: alone, they take this longer step where it fits the tick.
 POINT_ROBOT_STEP_MS = 20
 

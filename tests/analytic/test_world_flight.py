@@ -5,8 +5,8 @@ import math
 import pytest
 
 from gslcosim.contract.participant import Episode
+from gslcosim.quantities import GRAVITY_M_S2
 from gslcosim.world.core import WorldCore
-from gslcosim.world.physics.scene import GRAVITY_M_S2
 
 DT_S = 0.004
 MODELS = ("iris", "crazyflie", "hexarotor", "holonomic")

@@ -12,8 +12,9 @@ from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.quantities import PHYSICS_STEP_MS
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.world.core import PHYSICS_STEP_MS, WorldCore
+from gslcosim.world.core import WorldCore
 
 TICK_MS = 100
 N_TICKS = 500

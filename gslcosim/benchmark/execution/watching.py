@@ -14,10 +14,10 @@ from gslcosim.contract.messages import (
     RefereeEvent,
     Score,
 )
+from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import NS_PER_S
 
-Vec3 = tuple[float, float, float]
 GAS_SENSORS_REPORT = ("resistance", "mixing_ratio", "gas_detected", "hits", "estimated_mixing_ratio")
 _NAN = float("nan")
 

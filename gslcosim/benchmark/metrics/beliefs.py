@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gslcosim.benchmark.metrics.shapes import Array
 from gslcosim.contract.messages import Belief
-from gslcosim.environment.grid import Vec3
 from gslcosim.errors import ShapeError
+from gslcosim.quantities import Vec3
 from gslcosim.referee.beliefs import score_of
 
 # Cells of the common grid [m], on which beliefs of methods with cells of other sizes can be compared.

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike
 
 from gslcosim.benchmark.metrics.clearance_kernels import least_distance
 from gslcosim.benchmark.metrics.shapes import Array, as_points, as_series
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
 from gslcosim.environment.room import Room
 from gslcosim.errors import ShapeError
+from gslcosim.quantities import Vec3
 from gslcosim.referee import metrics
 
 # Radii of the table of trials [m].

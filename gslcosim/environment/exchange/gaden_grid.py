@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.data_files import NumberedLines, checked_grid, data_error, numbers_of, read_lines
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell
+from gslcosim.quantities import Vec3
 
 OCCUPANCY_FILE = "OccupancyGrid3D.csv"
 _HEAD = (("env_min", 3), ("env_max", 3), ("num_cells", 3), ("cell_size", 1))

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.exchange.wind_files import NoWindWarning, load_wind
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, Opening, WindFrames
 from gslcosim.environment.occupancy_kernels import reachable_cells
 from gslcosim.environment.openings import FACES, Face
 from gslcosim.environment.room import Room, with_wind
 from gslcosim.environment.shell import closing_boxes
 from gslcosim.environment.voxel_boxes import boxes_from_solid
+from gslcosim.quantities import Vec3
 
 # The walls are part of the grid or lie at its border; these close the openings, so that no vehicle leaves the room.
 _CLOSING_WALL_M = 0.2

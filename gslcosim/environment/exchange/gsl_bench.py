@@ -19,10 +19,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.environment.data_files import checked_grid, data_error, load_npy, read_content
 from gslcosim.environment.exchange.grid_room import room_of_grid, room_with_wind
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.room import Room
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.quantities import Vec3
 
 HEAD_SUFFIX, GRID_SUFFIX = "_head.txt", "_grid.npy"
 OCCUPANCY_DIR, WIND_DIR = "occupancy", "wind_data"

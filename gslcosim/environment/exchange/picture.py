@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Box, Cell, Environment, Opening
+from gslcosim.quantities import Vec3
 
 LONG_SIDE_PX, MARGIN_PX = 900, 40
 ARROWS_PER_SIDE = 30

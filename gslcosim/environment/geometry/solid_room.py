@@ -32,7 +32,7 @@ from gslcosim.environment.geometry.surface_voxels import (
     voxels_of,
 )
 from gslcosim.environment.geometry.surfaces import Surfaces, surfaces_of
-from gslcosim.environment.grid import Grid, Vec3, point_text
+from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.model import Cell, Opening, VisualMesh
 from gslcosim.environment.occupancy import reachable_from
 from gslcosim.environment.occupancy_kernels import reachable_cells
@@ -43,6 +43,7 @@ from gslcosim.environment.room import Room
 from gslcosim.environment.shell import closing_boxes
 from gslcosim.environment.voxel_boxes import boxes_from_solid
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.scenario import WindSpec
 from gslcosim.scenario.problems import Problem

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.geometry.mesh_formats import Part
-from gslcosim.environment.grid import Grid, Vec3, point_text
+from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.model import Opening
 from gslcosim.environment.openings import Face, border_m, snapped_range
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.geometry import GeometryOpeningSpec, GeometrySpec
 from gslcosim.scenario.problems import Problem
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from typing import Literal
 
-from gslcosim.environment.grid import Grid, Vec3, point_text
+from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.layouts.furnishing import furniture_of, opening_specs
 from gslcosim.environment.layouts.outdoors import log_profile, whole_face
 from gslcosim.environment.model import Box, Light, Opening
@@ -19,6 +19,7 @@ from gslcosim.environment.openings import (
 from gslcosim.environment.plan import LAYOUT_PATH, MAX_CELLS, RoomPlan
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.environment.shell import OBSTACLE_RGBA, WALL_NAMES, closing_boxes
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.layouts import BoxSpec, FurtherOpeningSpec, Layout, OpeningSpec, PlantSpec
 from gslcosim.scenario.models.scenario import WindSpec
 from gslcosim.scenario.problems import Problem

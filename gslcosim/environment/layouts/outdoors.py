@@ -2,7 +2,7 @@
 
 import math
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.layouts.pieces import (
     CONCRETE_RGBA,
     STEEL_RGBA,
@@ -14,6 +14,7 @@ from gslcosim.environment.layouts.pieces import (
     strips,
 )
 from gslcosim.environment.model import Box, Opening
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 from gslcosim.scenario.models.layouts import OpeningSpec, PlantSpec, WindTunnelSpec
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3, point_text
+from gslcosim.environment.grid import point_text
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.of_scenario.room_origin import folder_of, problems_of_source, room_of
 from gslcosim.environment.room import Room
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario, VehicleSpec
 from gslcosim.scenario.problems import Problem
 

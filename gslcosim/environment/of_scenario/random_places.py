@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.of_scenario.places import can_start_at, random_free_point_m
 from gslcosim.environment.of_scenario.room_origin import folder_of, problems_of_source, room_of
 from gslcosim.environment.room import Room
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 from gslcosim.scenario.models.scenario import EnvironmentSpec, VehicleSpec, WindSpec
 from gslcosim.scenario.random_places import Wanted

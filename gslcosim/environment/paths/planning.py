@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment
 from gslcosim.environment.paths.planning_kernels import (
     block_near_boxes_inplace,
@@ -21,6 +21,7 @@ from gslcosim.environment.paths.planning_kernels import (
 )
 from gslcosim.environment.room import Room
 from gslcosim.environment.sight_kernels import is_line_of_sight_free
+from gslcosim.quantities import Vec3
 
 # Nearest free places: of any part, and of what is in sight or not; compiled functions take positional arguments only.
 _ANY_PART = 0

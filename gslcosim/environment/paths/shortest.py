@@ -13,11 +13,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.paths.shortest_kernels import any_angle_path
 from gslcosim.environment.room import Room
 from gslcosim.environment.sight_kernels import is_line_of_sight_free
+from gslcosim.quantities import Vec3
 
 _MAX_TIGHTENING_ROUNDS = 200
 # Where tightening ends, in cells.

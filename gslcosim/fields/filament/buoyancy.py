@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-GRAVITY_M_S2 = 9.81
+from gslcosim.quantities import GRAVITY_M_S2
+
 SPHERE_DRAG = 0.5
 RADIUS_SIGMA = 2.0
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import BodyPoses
-from gslcosim.fields.filament.buoyancy import GRAVITY_M_S2
+from gslcosim.quantities import GRAVITY_M_S2
 from gslcosim.scenario import Scenario
 from gslcosim.vehicles import Vehicle
 

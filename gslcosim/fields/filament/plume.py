@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.fields.filament.buoyancy import NEUTRAL, Buoyancy
@@ -19,6 +18,7 @@ from gslcosim.fields.filament.release import ReleasePlan
 from gslcosim.fields.filament.source_shapes import POINT, SourceShape
 from gslcosim.fields.filament.trace_kernels import trace_displacement
 from gslcosim.fields.gases import air_density_mol_m3
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 
 WindAt = Callable[[float], NDArray[np.float32]]

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
+from gslcosim.quantities import Vec3
 
 ShapeKind = Literal["point", "box", "line", "sphere", "cylinder"]
 

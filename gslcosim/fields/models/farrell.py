@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.fields.filament.downwash import Jets
 from gslcosim.fields.filament.plume import FilamentPlume, Filaments
 from gslcosim.fields.models.farrell_kernels import blow_inplace, set_edges_inplace, wind_in_cells
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 
 # The wind's own clock: its statistics depend neither on the gas's step nor on the tick.

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.errors import ModelError
 from gslcosim.fields.reading.concentration import checked_points
+from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 
 StabilityClass = Literal["A", "B", "C", "D", "E", "F"]

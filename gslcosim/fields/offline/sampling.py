@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.exchange.gsl_bench import load_gsl_bench_room
 from gslcosim.environment.exchange.wind_files_arrays import read_array_frame, read_result
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import EnvironmentDataError, UsageError
@@ -27,6 +27,7 @@ from gslcosim.fields.stored.frame import GasFrame
 from gslcosim.fields.stored.gaden_folder import find_occupancy, read_walls
 from gslcosim.fields.stored.playback import GasPlayback, usual_period_s, values_in_cells
 from gslcosim.fields.timing import gas_timing
+from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.fields.assembly import gas_field_of, gas_seed, gases_in, release_m3_s
 from gslcosim.fields.gas_field import GasField, PointGrid
 from gslcosim.fields.offline.sampling import lattice_in
 from gslcosim.fields.reading.concentration import CUTOFF_SIGMA
 from gslcosim.fields.timing import gas_timing
+from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import NS_PER_S
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import BodyPoses
-from gslcosim.environment.grid import Vec3
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError
 from gslcosim.fields.reading.beam_kernels import distance_to_wall_m
 from gslcosim.fields.reading.concentration import float3
 from gslcosim.frames import world_from_body_rotation
+from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
 

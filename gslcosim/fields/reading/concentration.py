@@ -6,12 +6,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.errors import ShapeError
 from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.gases import air_density_mol_m3
 from gslcosim.fields.reading.concentration_kernels import add_filaments_at_points_inplace, add_filaments_to_grid_inplace
+from gslcosim.quantities import Vec3
 
 CUTOFF_SIGMA = 5.0
 

@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.reading.concentration import (
     CUTOFF_SIGMA,
@@ -14,6 +13,7 @@ from gslcosim.fields.reading.concentration import (
     strength_ppm_m3,
 )
 from gslcosim.fields.reading.index_kernels import add_indexed_filaments_at_points_inplace, sort_into_blocks_inplace
+from gslcosim.quantities import Vec3
 
 BLOCK_M = 0.8
 # Larger rooms have larger blocks: a table of more would cost more than it saves.

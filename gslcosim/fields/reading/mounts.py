@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import BodyPoses
-from gslcosim.environment.grid import Vec3
 from gslcosim.errors import ModelError
 from gslcosim.frames import world_from_body_rotation
+from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.gases import GASES, air_density_mol_m3
+from gslcosim.quantities import Vec3
 
 # Beyond these a size is a fault of the file; the cube of a far smaller one would round to zero.
 LEAST_SIGMA_M = 1e-4

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid, Vec3
+from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.stored.frame import (
@@ -35,6 +35,7 @@ from gslcosim.fields.stored.frame import (
     grid_of_frame,
     place_of_source,
 )
+from gslcosim.quantities import Vec3
 
 LATE_HEADER = b"GADEN_RESULT\0"
 LARGEST_FRAME_BYTES = 1 << 30

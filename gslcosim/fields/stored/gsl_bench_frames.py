@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.stored.frame import (
     GasFrame,
@@ -16,6 +15,7 @@ from gslcosim.fields.stored.frame import (
     grid_of_frame,
     place_of_source,
 )
+from gslcosim.quantities import Vec3
 
 _RECORD_KINDS = {"pose_x": "f", "pose_y": "f", "pose_z": "f", "sigma": "f"}
 _HEAD_KINDS = {

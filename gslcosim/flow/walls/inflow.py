@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.errors import FlowError
+from gslcosim.quantities import Vec3
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from gslcosim.environment.grid import Vec3
 from gslcosim.flow.walls.inflow import InletVelocity, Schedule
+from gslcosim.quantities import Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

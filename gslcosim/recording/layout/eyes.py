@@ -6,8 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Vec3
 from gslcosim.environment.model import Environment
+from gslcosim.quantities import Vec3
 
 # Where the eye stands, seen from the room's middle: somewhat west of south and above, the inlet's side in front.
 EYE_AZIMUTH_RAD = math.radians(-114.0)

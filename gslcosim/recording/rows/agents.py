@@ -6,7 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
-from gslcosim.contract.messages import BodyState, Command, MountSample, Observation, Vec3, Waypoint
+from gslcosim.contract.messages import BodyState, Command, MountSample, Observation, Waypoint
+from gslcosim.quantities import Vec3
 from gslcosim.recording import colors
 from gslcosim.recording.entities import AgentEntities
 from gslcosim.recording.instruments import Curves, wind_speed_m_s

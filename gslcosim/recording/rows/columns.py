@@ -7,7 +7,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Reading, Vec3
+from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Reading
+from gslcosim.quantities import Vec3
 from gslcosim.recording.colors import GasScale, Rgb, gas_colors, slice_colors
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import picture_format, slice_height_m

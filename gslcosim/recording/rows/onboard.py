@@ -11,8 +11,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import BodyState, CameraImage, Quaternion, Reading, Vec3
+from gslcosim.contract.messages import BodyState, CameraImage, Quaternion, Reading
 from gslcosim.frames import quaternion_from_rotation, world_from_body_rotation
+from gslcosim.quantities import Vec3
 from gslcosim.recording.colors import Rgb
 from gslcosim.recording.run_file import RunFile
 from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec

@@ -7,7 +7,7 @@ from functools import singledispatch
 
 from gslcosim.contract.messages import BeliefScore, BodyState
 from gslcosim.errors import ModelError
-from gslcosim.scenario.models.spec import Vec3
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.success import SuccessSpec
 
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from gslcosim.quantities import Vec3
 from gslcosim.referee.success.criterion import Criterion, Evidence, criterion_of
-from gslcosim.scenario.models.spec import Vec3
 from gslcosim.scenario.models.success import AllSourcesSuccess, DeclarationSuccess, MapSuccess, SourceSuccess
 
 

@@ -2,8 +2,9 @@
 
 from pydantic_core import PydanticCustomError
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Vec3, shown
+from gslcosim.scenario.models.spec import shown
 
 
 def check_box(min_m: Vec3, max_m: Vec3) -> None:

@@ -6,9 +6,10 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, Vec3, shown
+from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, shown
 
 # The gases that there are; the table with their figures is in gslcosim.fields.
 GASES = (

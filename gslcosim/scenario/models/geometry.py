@@ -4,9 +4,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.extents import check_box, check_box_or_rectangle, check_velocity_of
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, Positive, Spec, Vec3
+from gslcosim.scenario.models.spec import Name, Positive, Spec
 
 
 class ExtentSpec(Spec):

@@ -10,9 +10,10 @@ from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.extents import check_box, check_rectangle, check_velocity_of
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Count, Fraction, Name, NonNegative, Positive, Spec, Vec3
+from gslcosim.scenario.models.spec import Count, Fraction, Name, NonNegative, Positive, Spec
 
 DEFAULT_KIND = "warehouse_empty"
 

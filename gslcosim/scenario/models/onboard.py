@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.sensor_base import (
     BeamSensorSpec,
     MeasuringSensorSpec,
@@ -13,7 +14,7 @@ from gslcosim.scenario.models.sensor_base import (
     ReachingSensorSpec,
     TurnedSensorSpec,
 )
-from gslcosim.scenario.models.spec import NonNegative, Positive, Spec, Vec3
+from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
 
 Pixels = Annotated[int, Field(ge=8, le=2048)]
 Rays = Annotated[int, Field(ge=1, le=4096)]

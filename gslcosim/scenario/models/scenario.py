@@ -6,6 +6,7 @@ from pydantic import Field, field_validator, model_validator
 
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import VehicleError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
@@ -18,7 +19,7 @@ from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.sensors import Sensor
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
 from gslcosim.scenario.models.services import Service
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Vec3
+from gslcosim.scenario.models.spec import Name, NonNegative, Positive
 from gslcosim.scenario.models.spec import Spec as Spec
 from gslcosim.scenario.models.success import SourceSuccess, Success
 from gslcosim.scenario.models.wind import WindSpec as WindSpec

@@ -4,8 +4,9 @@ from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, Vec3, shown
+from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, shown
 
 
 class SensorSpec(Spec):

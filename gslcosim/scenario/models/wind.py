@@ -10,9 +10,10 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import NonNegative, Positive, Spec, Vec3
+from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
 
 Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
 # Solvers that compute a flow, as against those that have their wind from elsewhere.

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Observation, Vec3
+from gslcosim.contract.messages import Observation
+from gslcosim.quantities import Vec3
 from gslcosim.search.maps.kernel_dm import GasMaps
 from gslcosim.search.moving.grid_paths import Free
 from gslcosim.search.senses.instruments import Nose, Vane

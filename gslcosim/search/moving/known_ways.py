@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from gslcosim.contract.messages import Briefing, Vec3
+from gslcosim.contract.messages import Briefing
+from gslcosim.quantities import Vec3
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.moving.grid_paths import inflated, shortest_path
 from gslcosim.search.moving.legs import Room

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation, Vec3
+from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
+from gslcosim.quantities import Vec3
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.moving.flying import waypoint

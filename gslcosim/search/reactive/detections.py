@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from gslcosim.contract.messages import Vec3
+from gslcosim.quantities import Vec3
 from gslcosim.search.moving.declaring import Estimate
 
 

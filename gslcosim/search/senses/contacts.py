@@ -5,7 +5,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gslcosim.contract.messages import Briefing, Observation, Vec3
+from gslcosim.contract.messages import Briefing, Observation
+from gslcosim.quantities import Vec3
 from gslcosim.search.senses.hits import GasHits
 from gslcosim.search.senses.instruments import noses_of, vanes_of
 from gslcosim.search.senses.measuring import Measurement, StopAndMeasure, TrustedWind

@@ -4,7 +4,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from gslcosim.contract.messages import Observation, Vec3
+from gslcosim.contract.messages import Observation
+from gslcosim.quantities import Vec3
 from gslcosim.search.senses.hits import GasHits, OnsetDetector
 from gslcosim.search.senses.instruments import Nose
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from gslcosim.contract.messages import Briefing, Observation, SensorDescription, Vec3
+from gslcosim.contract.messages import Briefing, Observation, SensorDescription
 from gslcosim.methods.instrument_kinds import (
     CAMERA_QUANTITY,
     ESTIMATE_QUANTITY,
@@ -11,6 +11,7 @@ from gslcosim.methods.instrument_kinds import (
     RANGE_QUANTITY,
     WIND_QUANTITY,
 )
+from gslcosim.quantities import Vec3
 
 # The ending of the name under which the estimate of a MOX sensor comes.
 ESTIMATE_ENDING = "_ppm"

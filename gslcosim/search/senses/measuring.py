@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gslcosim.contract.messages import Observation, Vec3
+from gslcosim.contract.messages import Observation
+from gslcosim.quantities import Vec3
 from gslcosim.search.senses.hits import is_more_gas
 from gslcosim.search.senses.instruments import Nose, Vane
 

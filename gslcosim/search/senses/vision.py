@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gslcosim.contract.messages import CameraImage, Vec3
+from gslcosim.contract.messages import CameraImage
+from gslcosim.quantities import Vec3
 from gslcosim.search.beliefs import normalised
 from gslcosim.search.grids import CellGrid
 

@@ -13,7 +13,8 @@ a report with wind and best place has at most 63 bytes.
 import re
 from dataclasses import dataclass, replace
 
-from gslcosim.contract.messages import Briefing, ChannelDescription, Observation, RadioMessage, Vec3
+from gslcosim.contract.messages import Briefing, ChannelDescription, Observation, RadioMessage
+from gslcosim.quantities import Vec3
 
 MAX_NUMBERS = 8
 EARLY_S = 1.0

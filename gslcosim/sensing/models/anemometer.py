@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas_sensors import Anemometer3dSpec, AnemometerSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
-from gslcosim.sensing.models.base import SensorKind, Vec3
+from gslcosim.sensing.models.base import SensorKind
 
 QUANTITY = "apparent_wind"
 UNIT = "m/s, rad"

@@ -8,10 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from gslcosim.contract.messages import Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, OnBoardSensorSpec, SensorSpec
-
-Vec3 = tuple[float, float, float]
 
 
 class SensorModel(Protocol):

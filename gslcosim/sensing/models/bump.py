@@ -4,7 +4,8 @@ from collections import deque
 
 import numpy as np
 
-from gslcosim.contract.messages import Reading, Vec3
+from gslcosim.contract.messages import Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.onboard import BumpSensorSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from gslcosim.contract.messages import CameraImage, Reading, Vec3
+from gslcosim.contract.messages import CameraImage, Reading
 from gslcosim.errors import ModelError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.onboard import CameraSensorSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind

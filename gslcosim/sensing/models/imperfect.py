@@ -8,8 +8,9 @@ import numpy as np
 
 from gslcosim.contract.messages import Reading
 from gslcosim.errors import GslCosimError, ScenarioError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, NoisySensorSpec, SensorSpec
-from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
+from gslcosim.sensing.models.base import SensorKind, SensorModel
 from gslcosim.ticks import NS_PER_S, exact_ticks_from_seconds
 
 

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
-from gslcosim.contract.messages import Reading, Vec3
+from gslcosim.contract.messages import Reading
 from gslcosim.errors import ModelError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.onboard import ImuSensorSpec, ImuSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.inertial_kernels import inertial_samples

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gslcosim.contract.messages import GasAmount, MountSample, Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec
-from gslcosim.sensing.models.base import Estimator, SensorKind, Vec3, estimate_name
+from gslcosim.sensing.models.base import Estimator, SensorKind, estimate_name
 
 LEAST_RATIO = 0.01
 QUANTITY = "resistance"

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from gslcosim.contract.messages import Quaternion, Reading, Vec3
+from gslcosim.contract.messages import Quaternion, Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.onboard import BarometerSensorSpec, GpsSensorSpec, MagnetometerSensorSpec, PoseSensorSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind

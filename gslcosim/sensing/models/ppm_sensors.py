@@ -9,6 +9,7 @@ from collections import deque
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.gas_sensors import (
     AveragingSensorSpec,
@@ -18,7 +19,7 @@ from gslcosim.scenario.models.gas_sensors import (
     ThresholdSensorSpec,
 )
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
-from gslcosim.sensing.models.base import SensorKind, SensorModel, Vec3
+from gslcosim.sensing.models.base import SensorKind, SensorModel
 
 # Correction factors at 11.7 eV; what is not in the table is not ionised.
 PID_CORRECTION = {"ethanol": 10.47, "propanol": 2.7, "chlorine": 1.0, "acetone": 1.4}

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
-from gslcosim.contract.messages import Reading, Vec3
+from gslcosim.contract.messages import Reading
 from gslcosim.frames import rotation_from_rpy
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.onboard import (
     AzimuthsSpec,
     ElevationsSpec,

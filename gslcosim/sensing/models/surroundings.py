@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import BodyState, CameraImage, Vec3
+from gslcosim.contract.messages import BodyState, CameraImage
 from gslcosim.frames import world_from_body_rotation
+from gslcosim.quantities import Vec3
 from gslcosim.sensing.rays import RayScene
 
 

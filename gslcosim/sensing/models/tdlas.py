@@ -3,9 +3,10 @@
 import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
-from gslcosim.sensing.models.base import SensorKind, Vec3
+from gslcosim.sensing.models.base import SensorKind
 
 QUANTITY = "path_integrated_mixing_ratio"
 UNIT = "ppm m"

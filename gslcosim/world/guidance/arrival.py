@@ -3,10 +3,10 @@
 import math
 from typing import Literal
 
+from gslcosim.quantities import Vec3
 from gslcosim.ticks import ticks_from_seconds
 from gslcosim.world.guidance.course import Course
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import Vec3
 
 # When a vehicle counts as being at its waypoint, and how long after the end of its trajectory it may take.
 ARRIVED_WITHIN_M = 0.15

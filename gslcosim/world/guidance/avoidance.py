@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.quantities import Vec3
 from gslcosim.world.paths.legs import AT_REST, Leg, plan_leg, swings_out
 from gslcosim.world.paths.routes import Routes
-from gslcosim.world.paths.trajectory import Limits, Trajectory, Vec3, fly_at
+from gslcosim.world.paths.trajectory import Limits, Trajectory, fly_at
 
 # A corner is passed at one of these shares of the speed that its legs allow, the first that keeps clear; else it stops.
 _CORNER_SHARES = (1.0, 0.5, 0.25)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from gslcosim.contract.messages import Command
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.ticks import ticks_from_seconds
 from gslcosim.world.guidance.abilities import Abilities
@@ -17,7 +18,7 @@ from gslcosim.world.guidance.separation import Neighbours
 from gslcosim.world.paths.columns import free_height_m
 from gslcosim.world.paths.legs import AT_REST, Leg
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Vec3
+from gslcosim.world.paths.trajectory import AS_BEFORE, Heading
 from gslcosim.world.physics.records import Setpoint
 
 # A lower flight than this above where it stood is none [m].

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from gslcosim.quantities import Vec3
 from gslcosim.ticks import seconds_from_ticks
 from gslcosim.world.guidance.abilities import Abilities
 from gslcosim.world.paths.legs import AT_REST, FlightPlanner, Leg, Motion, Planner
 from gslcosim.world.paths.rover_paths import RoverPlanner
-from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Trajectory, Vec3, fly_at, stay_at
+from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Trajectory, fly_at, stay_at
 from gslcosim.world.physics.records import Setpoint
 
 

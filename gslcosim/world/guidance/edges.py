@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslcosim.quantities import Vec3
 from gslcosim.ticks import NS_PER_S
 from gslcosim.world.guidance.abilities import Abilities
 from gslcosim.world.guidance.avoidance import Avoidance
 from gslcosim.world.guidance.course import Course
 from gslcosim.world.paths.legs import AT_REST
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import Limits, Trajectory, Vec3, fly_at
+from gslcosim.world.paths.trajectory import Limits, Trajectory, fly_at
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gslcosim.quantities import Vec3
 from gslcosim.ticks import ticks_from_seconds
 from gslcosim.world.guidance.arrival import ARRIVED_WITHIN_M
 from gslcosim.world.guidance.avoidance import Avoidance
@@ -11,7 +12,7 @@ from gslcosim.world.guidance.course import Course
 from gslcosim.world.guidance.separation import LOOKS_AHEAD_S, Neighbours, meets_within, passing_velocity
 from gslcosim.world.paths.legs import AT_REST
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import Limits, Trajectory, Vec3, fly_at
+from gslcosim.world.paths.trajectory import Limits, Trajectory, fly_at
 
 # How long a vehicle may go out of the way of others on one leg, before it holds.
 GIVES_WAY_FOR_S = 20.0

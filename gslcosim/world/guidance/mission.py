@@ -1,6 +1,7 @@
 """What an agent and its vehicle say to each other: commands obeyed, kept or refused, and when the agent is asked."""
 
 from gslcosim.contract.messages import Command
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.world.guidance.abilities import Abilities
 from gslcosim.world.guidance.arrival import OVERTURNED
@@ -10,7 +11,7 @@ from gslcosim.world.guidance.refusals import refusal_from_here, refusal_of
 from gslcosim.world.guidance.separation import Neighbours
 from gslcosim.world.paths.legs import AT_REST, heading_of, legs_of
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import Trajectory, Vec3
+from gslcosim.world.paths.trajectory import Trajectory
 from gslcosim.world.physics.records import Setpoint
 
 # What makes a command the same as the one before.

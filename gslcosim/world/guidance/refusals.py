@@ -5,12 +5,13 @@ import math
 import numpy as np
 
 from gslcosim.contract.messages import Command, DriveSetpoint
+from gslcosim.quantities import Vec3
 from gslcosim.world.guidance.abilities import Abilities
 from gslcosim.world.guidance.course import Course
 from gslcosim.world.guidance.edges import Edges
 from gslcosim.world.paths.columns import is_way_down_free
 from gslcosim.world.paths.legs import AT_REST, legs_of, refusal_of_curves, refusal_of_motion
-from gslcosim.world.paths.space import FlightSpace, Vec3
+from gslcosim.world.paths.space import FlightSpace
 
 
 def refusal_of(command: Command, abilities: Abilities, space: FlightSpace, *, is_on_ground: bool) -> str | None:

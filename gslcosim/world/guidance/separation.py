@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.quantities import Vec3
 from gslcosim.world.guidance.separation_kernels import passing_costs, soonest_meeting_s
-from gslcosim.world.paths.trajectory import Vec3
 
 # How far ahead vehicles look [s]. Chosen: at 1 m/s each, two of them see one another 8 m apart.
 LOOKS_AHEAD_S = 4.0

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import mujoco
 
 from gslcosim.errors import ScenarioError
+from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.world.paths.space import FlightSpace, Vec3
+from gslcosim.world.paths.space import FlightSpace
 from gslcosim.world.physics.scene import Scene
 
 # What may touch at the start: vehicles stand on what is below them [m].

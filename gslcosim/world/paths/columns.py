@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell
+from gslcosim.quantities import Vec3
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import Vec3
 
 # What a vehicle keeps from what is above or below it, beyond its radius [m].
 _MARGIN_M = 0.05

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Command
+from gslcosim.quantities import Vec3
 from gslcosim.ticks import NS_PER_S
 from gslcosim.world.paths.space import FlightSpace
-from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Limits, Trajectory, Vec3, fly_at, fly_through, fly_to
+from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Limits, Trajectory, fly_at, fly_through, fly_to
 
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 # Shares of a path's duration at which it is looked at.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planning import FreeSpace, free_space
-from gslcosim.world.paths.trajectory import Vec3
+from gslcosim.quantities import Vec3
 
 # What a vehicle keeps from obstacles beyond its radius: errors of its control [m].
 MARGIN_M = 0.05

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.quantities import Vec3
 from gslcosim.world.paths.legs import AT_REST, Leg, Motion, plan_leg, swings_out
-from gslcosim.world.paths.trajectory import Heading, Limits, Trajectory, Vec3, fly_at, stay_at
+from gslcosim.world.paths.trajectory import Heading, Limits, Trajectory, fly_at, stay_at
 
 # A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one
 # that drives stops for that only beyond the other.

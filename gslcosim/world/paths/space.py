@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Cell, Environment
-
-Vec3 = tuple[float, float, float]
+from gslcosim.quantities import Vec3
 
 _SOLID = int(Cell.SOLID)
 # What a vehicle may stray from its reference while it brakes.

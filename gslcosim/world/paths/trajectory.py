@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.quantities import Vec3
 from gslcosim.ticks import seconds_from_ticks
 from gslcosim.world.paths.trajectory_kernels import plan_inplace, polynomial_state
-
-Vec3 = tuple[float, float, float]
 
 # Compiled functions take positional arguments only: what the flag of `plan_inplace` means.
 _TO_POINT, _TO_VELOCITY = False, True

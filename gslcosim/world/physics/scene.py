@@ -9,10 +9,9 @@ import mujoco
 
 from gslcosim.environment.model import Box, Environment
 from gslcosim.environment.solids import solid_boxes
+from gslcosim.quantities import GRAVITY_M_S2
 from gslcosim.vehicles import Vehicle
 from gslcosim.world.physics.vehicle_bodies import body_spec, half_height_m
-
-GRAVITY_M_S2 = 9.81
 
 # The part of a vehicle on wheels that must touch nothing; a site and a sensor of touch have its name.
 HULL = "hull"

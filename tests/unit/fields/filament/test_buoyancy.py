@@ -2,8 +2,9 @@ import math
 
 import pytest
 
-from gslcosim.fields.filament.buoyancy import GRAVITY_M_S2, NEUTRAL, gaden_3, terminal_velocity
+from gslcosim.fields.filament.buoyancy import NEUTRAL, gaden_3, terminal_velocity
 from gslcosim.fields.gases import GASES
+from gslcosim.quantities import GRAVITY_M_S2
 
 VOLUME_M3 = 10e-6 * (2 * math.pi) ** 1.5 * 0.1**3
 
