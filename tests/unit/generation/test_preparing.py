@@ -1,5 +1,6 @@
 """Environments from scenarios: made once, kept by what they were made from, and solved with the built-in solver."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError, ScenarioError
 from gslcosim.generation import prepare_environment, recipe_hash
 from gslcosim.generation.recipe_hash import sources
+from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
 
 SMALL = {"size_m": [4.0, 3.0, 2.0], "obstacles": [{"name": "box", "min_m": [1, 1, 0], "max_m": [2, 2, 1]}]}
@@ -128,7 +130,7 @@ sys.stdout.write(str(prepare_environment(scenario, cache_dir=Path(sys.argv[2])))
 
 @pytest.mark.slow
 def test_processes_that_prepare_the_same_environment_at_once_all_get_it(tmp_path):
-    text = scenario().model_dump_json(by_alias=True)
+    text = json.dumps(plain_values(scenario()))
     command = [sys.executable, "-c", PREPARE, text, str(tmp_path / "cache")]
     processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
     folders = {process.communicate(timeout=60)[0] for process in processes}
