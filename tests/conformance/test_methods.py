@@ -1,8 +1,9 @@
-"""Every bundled search method keeps every rule of the conformance kit, with all that its card needs."""
+"""Bundled search methods keep every rule of the conformance kit, with all that their cards need; all in `make soak`."""
 
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from some_methods import every_method
 
 from gslcosim.conformance import FlightLimits, Wiring, check_agent
 from gslcosim.runtime.processes import python_command
@@ -27,7 +28,7 @@ def wiring_of(name):
     return Wiring(command=tuple(python_command(str(bundled_agents()[name]))))
 
 
-@pytest.mark.parametrize("name", sorted(bundled_agents()))
+@every_method()
 def test_a_method_keeps_every_rule(name, reports):
     report = reports[name].result()
     assert report.has_passed, report.as_text()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from flights import fly, fly_here
+from some_methods import every_method
 
 from gslcosim.methods.card import card_beside
 from gslcosim.scenario.bundled import bundled_agents
@@ -28,16 +29,9 @@ STARTS_M = ([4.5, 2.5, 0.05], [4.5, 1.2, 0.05], [4.5, 3.8, 0.05], [3.2, 1.2, 0.0
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 
-def named(names):
-    return [pytest.param(name, marks=[pytest.mark.tour] if name in TOUR else []) for name in names]
-
-
 @cache
 def card_of(name):
     return card_beside(bundled_agents()[name])
-
-
-every_method = pytest.mark.parametrize("name", named(sorted(bundled_agents())))
 
 
 def sensors_for(card):
@@ -81,7 +75,7 @@ def scenario_of(tmp_path):
     return write
 
 
-@every_method
+@every_method(TOUR)
 def test_it_flies_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
     scenario = scenario_of(name)
     multi = fly(scenario, tmp_path / "multi")

@@ -104,9 +104,11 @@ def _kill_after_first_row(run: "subprocess.Popen[bytes]", journal: Path) -> list
 @pytest.mark.end_to_end
 def test_ctrl_c_leaves_whole_tables_and_no_worker(smoke: Path, tmp_path: Path) -> None:
     folder = tmp_path / "results" / "smoke"
+    # Whoever runs the tests in the background may have had SIGINT ignored, which children inherit.
     run = subprocess.Popen(
-        _command("run", "smoke", "--jobs", "1", "--no-report"), cwd=tmp_path, stdout=subprocess.PIPE, text=True
-    )
+        _command("run", "smoke", "--jobs", "1", "--no-report"), cwd=tmp_path, stdout=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     journal = folder / "rows.jsonl"
     deadline = time.monotonic() + 120
     while not (journal.is_file() and journal.stat().st_size > 0):

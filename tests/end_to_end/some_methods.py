@@ -1,0 +1,28 @@
+"""Which bundled methods the shorter tests fly: the first and the last of each family; `make soak` flies them all."""
+
+from collections import defaultdict
+from collections.abc import Collection
+
+import pytest
+
+from gslcosim.methods.card import card_beside
+from gslcosim.scenario.bundled import bundled_agents
+
+
+def _some():
+    families = defaultdict(list)
+    for name, program in sorted(bundled_agents().items()):
+        families[card_beside(program).family].append(name)
+    return {name for names in families.values() for name in (names[0], names[-1])}
+
+
+SOME = _some()
+
+
+def every_method(tour: Collection[str] = ()):
+    """Return a parameter for each method, with the mark that says which tests it is part of."""
+
+    def marks(name):
+        return [pytest.mark.tour] if name in tour else [] if name in SOME else [pytest.mark.soak]
+
+    return pytest.mark.parametrize("name", [pytest.param(n, marks=marks(n)) for n in sorted(bundled_agents())])
