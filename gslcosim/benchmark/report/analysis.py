@@ -114,7 +114,7 @@ def analyse(material: Material) -> Analysis:
         rooms=rooms,
         starts=starts_of(material, rooms),
         tracks=tracks_of(material, rooms),
-        grades=case_grades(material),
+        grades=case_grades(material, rooms),
         failures=failure_groups(material),
         draws_plumes=clusters_of(material.rows, np.flatnonzero(~material.rows.is_control)) is not None,
     )

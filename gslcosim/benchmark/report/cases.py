@@ -1,14 +1,14 @@
 """How difficult each case is, and which flights failed and how."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.benchmark.report.causes import Causes, causes_of
-from gslcosim.benchmark.report.reading import Floats, Ints, Material
+from gslcosim.benchmark.report.causes import Causes, causes_of, shortest_path_m
+from gslcosim.benchmark.report.reading import Ints, Material
+from gslcosim.benchmark.report.rooms import DrawnRoom
 from gslcosim.benchmark.statistics.difficulty import fit_rasch, grades
 from gslcosim.benchmark.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.benchmark.statistics.rates import wilson
@@ -62,7 +62,7 @@ class FailureGroup:
     by_entry: tuple[tuple[int, int], ...]
 
 
-def case_grades(material: Material) -> tuple[CaseGrade, ...]:
+def case_grades(material: Material, rooms: Sequence[DrawnRoom]) -> tuple[CaseGrade, ...]:
     """Return the difficulty of each case with gas, in the order of the suite."""
     rows = material.rows
     oracle, walker = material.index_of_anchor("lower"), material.index_of_anchor("upper")
@@ -76,7 +76,7 @@ def case_grades(material: Material) -> tuple[CaseGrade, ...]:
     rounded = np.round(fit.difficulty, 6)
     graded = grades(rounded) if np.ptp(rounded) > 0 else [""] * cells.size
     half = two_sided_z(0.95) * fit.difficulty_error
-    causes = causes_of(material, cells)
+    causes = causes_of(material, rooms, cells)
     found: list[CaseGrade] = []
     for k, cell in enumerate(cells.tolist()):
         some = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
@@ -87,16 +87,10 @@ def case_grades(material: Material) -> tuple[CaseGrade, ...]:
                 difficulty=Estimate(d, d - half[k], d + half[k], n), is_informative=bool(fit.is_informative[k]),
                 success=wilson(int(successes[k].sum()), n), oracle_s=_time_of(material, some, oracle),
                 walker=_rate_of(material, some, walker), contact=_contact(material, some),
-                shortest_m=_first_known(rows["shortest_path_m"][some]), causes=causes[k], n=n,
+                shortest_m=shortest_path_m(material, some), causes=causes[k], n=n,
             )
         )  # fmt: skip
     return tuple(found)
-
-
-# Equal for all flights of a case; absent where one has no result.
-def _first_known(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(known[0]) if known.size else math.nan
 
 
 def _counts(material: Material, cells: Ints, entries: Sequence[int]) -> tuple[Ints, Ints]:

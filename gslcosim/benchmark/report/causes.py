@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.benchmark.report.reading import Flags, Floats, Ints, Material, RoomMap
-from gslcosim.benchmark.report.rooms import rooms_of
+from gslcosim.benchmark.report.rooms import DrawnRoom
 from gslcosim.benchmark.statistics.difficulty import (
     contact_difficulty,
     distance_difficulty,
@@ -39,16 +39,17 @@ class Causes:
     wind: float
 
 
-def causes_of(material: Material, cells: Ints) -> list[Causes]:
+def causes_of(material: Material, rooms: Sequence[DrawnRoom], cells: Ints) -> list[Causes]:
     """Return what makes each case difficult.
 
     Args:
         material: What was flown.
+        rooms: The rooms that it was flown in.
         cells: (n,) indices of the cases, as in `rows.cells`.
     """
     rows = material.rows
     index = {entry.name: i for i, entry in enumerate(material.entries)}
-    maps = _map_of_rows(material)
+    maps = _map_of_rows(rooms)
     ways = _ways_of(material, material.index_of_anchor("lower"))
     found: list[Causes] = []
     for cell in cells.tolist():
@@ -59,7 +60,7 @@ def causes_of(material: Material, cells: Ints) -> list[Causes]:
             Causes(
                 geometry=geometric_difficulty(float(rows["success"][blind].mean())) if blind.size else math.nan,
                 contact=_contact(material, sweep),
-                distance=_distance(rows["shortest_path_m"][flown], plan),
+                distance=_distance(shortest_path_m(material, flown), plan),
                 legibility=_legibility(plan) if plan else math.nan,
                 wind=_wind(plan, [ways[row] for row in flown.tolist() if row in ways]) if plan else math.nan,
             )
@@ -74,18 +75,21 @@ def _contact(material: Material, sweep: Ints) -> float:
     return contact_difficulty(rows["first_contact_s"][sweep], float(rows["time_limit_s"][sweep[0]]))
 
 
-# Equal for all flights of a case; absent where one has no result.
-def _distance(shortest_m: Floats, plan: RoomMap | None) -> float:
-    known = shortest_m[np.isfinite(shortest_m)]
-    if plan is None or not known.size:
-        return math.nan
-    return distance_difficulty(float(known[0]), plan.cell_m * math.hypot(*plan.occupied.shape))
+def shortest_path_m(material: Material, flown: Ints) -> float:
+    """Return the shortest way of the flights of one case [m]: equal for all, nan where none has a result."""
+    ways_m = material.rows["shortest_path_m"][flown]
+    known_m = ways_m[np.isfinite(ways_m)]
+    return float(known_m[0]) if known_m.size else math.nan
 
 
-def _map_of_rows(material: Material) -> dict[int, RoomMap]:
+def _distance(shortest_m: float, plan: RoomMap | None) -> float:
+    return distance_difficulty(shortest_m, plan.cell_m * math.hypot(*plan.occupied.shape)) if plan else math.nan
+
+
+def _map_of_rows(rooms: Sequence[DrawnRoom]) -> dict[int, RoomMap]:
     return {
         row: room.plan
-        for room in rooms_of(material)
+        for room in rooms
         if room.plan is not None
         for row in room.rows.tolist()
     }  # fmt: skip

@@ -7,6 +7,7 @@ import synthetic
 
 from gslcosim.benchmark.report.causes import causes_of
 from gslcosim.benchmark.report.reading import read_material
+from gslcosim.benchmark.report.rooms import rooms_of
 
 WALK = synthetic.Method(name="persistent_walk", success=0.25, mean_s=150.0)
 SWEEP = synthetic.Method(name="sweep", success=0.6, mean_s=120.0)
@@ -23,7 +24,7 @@ def material(tmp_path_factory):
 
 def causes(material):
     cells = np.unique(material.rows.cells)
-    return cells, causes_of(material, cells)
+    return cells, causes_of(material, rooms_of(material), cells)
 
 
 def flown(material, cell, name):
