@@ -5,7 +5,10 @@ BIN := .venv/bin
 # Many processes start for a test: without bytecode each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite crossings plume-statistics soak golden docs contract setup
+# The last commit of 0.1.0.
+BASE ?= 9693e5e
+
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against crossings plume-statistics soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -25,10 +28,13 @@ check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/lint-imports --no-logo && $(BIN)/pyright
 
 bench: .venv/ready-dev      # how fast it is on this machine
-	@set -e; for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script; done
+	@set -e; for script in $(filter-out %/bench_against.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
 
 bench-agents: .venv/ready-dev  # decisions per second and round trip, for each language and door
 	$(BIN)/python tests/benchmarks/bench_agents.py
+
+bench-against: .venv/ready-dev  # today's speed beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
+	$(BIN)/python tests/benchmarks/bench_against.py --base $(BASE)
 
 bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py

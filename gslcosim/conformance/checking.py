@@ -16,6 +16,7 @@ from gslcosim.conformance.judging import (
     slowest_answer_s,
 )
 from gslcosim.conformance.rules import RULES
+from gslcosim.conformance.wires import open_wire
 from gslcosim.conformance.wiring import Wiring
 
 SEED, OTHER_SEED = 20_230_117, 7
@@ -155,7 +156,7 @@ class Check:
         time.sleep(max(0.0, self._started_at + MIN_S_BETWEEN_STARTS - time.monotonic()))
         self._started_at = time.monotonic()
         script = Script(name=name, seed=seed, variation=variation)
-        return Flight(self.wiring.open(), script, self.limits, self.wiring.needs()).play()
+        return Flight(open_wire(self.wiring), script, self.limits, self.wiring.needs()).play()
 
     def _add(self, *found: dict[str, Failure]) -> None:
         for failures in found:

@@ -5,12 +5,16 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import msgpack
+
 from gslcosim.conformance.answers import Answer, read_answer, refused_answer
-from gslcosim.conformance.scripted_world import TICK_NS, ScriptedWorld, briefing_for, ticks, with_unknown_fields
-from gslcosim.conformance.wiring import Event, Wire
-from gslcosim.contract.messages import Command, Ending, Message, Observation
+from gslcosim.conformance.scripted_world import AGENT, TICK_NS, ScriptedWorld, briefing_for, ticks, with_unknown_fields
+from gslcosim.conformance.wiring import AgentExited, AgentGivenUp, QuestionAsked, StrayCame, Wire, WireEvent
+from gslcosim.contract.messages import Command, Ending, Message
 from gslcosim.methods.card import Needs
+from gslcosim.runtime.agents.desk import REPEAT_AFTER_S, Desk
 from gslcosim.runtime.agents.door import BELIEF_EVERY_S, Door
+from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, CommandRefused
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.ticks import NS_PER_S
 
@@ -20,7 +24,6 @@ FLOOD_MESSAGES = 100
 GIVE_UP_AFTER_MESSAGES = 2000
 MAX_WRONG = 3
 REPEAT_EVERY_QUESTIONS = 3
-REPEAT_AFTER_S = 1.0  # as the supervisor of a run does
 END_REASON = "time_limit"
 BELIEF_EVERY_TICKS = BELIEF_EVERY_S * NS_PER_S // TICK_NS
 
@@ -114,7 +117,8 @@ class Flight:
         self._began = time.monotonic()
         self._needs = needs or Needs()
         self._world = ScriptedWorld(script.seed, self._needs)
-        self._door = Door("agent", belief_every_ticks=BELIEF_EVERY_TICKS)
+        door = Door(AGENT, belief_every_ticks=BELIEF_EVERY_TICKS)
+        self._desk = Desk(AGENT, door, wire, answer_within_s=limits.answer_s)
         self._open_tick: int | None = None
         self._transcript = Transcript(script, joins_by_start=wire.joins_by_start)
 
@@ -135,7 +139,8 @@ class Flight:
         transcript = self._transcript
         transcript.unheard = self._wire.unheard()
         transcript.briefed_at_s = self._now()
-        self._send(briefing_for(transcript.script.seed, self._needs))
+        briefing = briefing_for(transcript.script.seed, self._needs)
+        self._desk.brief(briefing, self._payload(briefing))
         # Over Zenoh the keys of an agent have no order among each other.
         self._await(lambda: not self._wire.may_lose, self._limits.settle_s)
         if transcript.script.variation != "ending at once":
@@ -156,7 +161,8 @@ class Flight:
             if transcript.script.variation == "lost link":
                 self._wire.cut()
             else:
-                self._send(Ending(tick=max(transcript.told_ticks, default=0), reason=END_REASON))
+                ending = Ending(tick=max(transcript.told_ticks, default=0), reason=END_REASON)
+                self._wire.end(ending, self._payload(ending))
             self._await(lambda: transcript.exited_at_s is not None, self._limits.exit_s)
         elif transcript.exited_at_s is None:
             self._await(lambda: transcript.exited_at_s is not None, self._limits.settle_s)
@@ -168,34 +174,32 @@ class Flight:
             transcript.questions.append(Question(tick, self._now()))
             self._open_tick = tick
         transcript.told_ticks.add(tick)
-        self._door.observed(observation)
-        self._send(observation)
+        self._desk.observe(observation, self._payload(observation))
         if not is_asked:
             self._await(lambda: True, 0.0)
             return
-        self._await_answer(transcript.questions[-1], observation)
+        self._await_answer(transcript.questions[-1])
         if transcript.script.variation == "repeats" and len(transcript.questions) % REPEAT_EVERY_QUESTIONS == 0:
-            self._repeat(observation)
+            self._repeat()
         self._open_tick, transcript.questions[-1].closed_at_s = None, self._now()
         if answers := transcript.answers_to(transcript.questions[-1]):
             self._world.obey(answers[0].answer.command)  # type: ignore[arg-type]
 
-    def _repeat(self, observation: Observation) -> None:
+    def _repeat(self) -> None:
         question = self._transcript.questions[-1]
         if self._transcript.answers_to(question):
             question.n_sent = len(self._transcript.answers_to(question))
-            self._send_again(observation)
-            self._await_answer(question, observation)
+            self._send_again()
+            self._await_answer(question)
 
     # What a run does when a question may have got lost: briefing and observation come again.
-    def _send_again(self, observation: Observation) -> None:
+    def _send_again(self) -> None:
         self._transcript.questions[-1].n_sent += 1
-        self._send(briefing_for(self._transcript.script.seed))
-        self._send(observation)
+        self._wire.repeat()
 
     # Twice the limit, to tell a late answer from none. Where something wrong has come instead, a run does not wait
     # either; the right answer might still follow at once.
-    def _await_answer(self, question: Question, observation: Observation) -> None:
+    def _await_answer(self, question: Question) -> None:
         transcript, settle_s = self._transcript, self._limits.settle_s
         n_wanted = question.n_sent
 
@@ -211,7 +215,7 @@ class Flight:
             self._await(is_settled, min(rest_s, REPEAT_AFTER_S) if self._wire.may_lose else rest_s)
             if is_settled() or self._now() >= deadline or self._is_over():
                 return
-            self._send_again(observation)
+            self._send_again()
 
     def _is_instead(self, arrival: Arrival, question: Question) -> bool:
         is_unasked = arrival.answer.command is not None and arrival.answer.tick in self._transcript.told_ticks
@@ -231,38 +235,51 @@ class Flight:
             except queue.Empty:
                 continue
 
-    def _handle(self, event: Event) -> None:
-        kind, data = event
+    def _handle(self, event: WireEvent) -> None:
         transcript = self._transcript
-        if kind in ("command", "refused"):
-            self._hear(read_answer(data) if kind == "command" else refused_answer(data.decode()), data, kind)
-        elif kind == "joined":
-            transcript.joined_at_s = transcript.joined_at_s or self._now()
-        elif kind in ("left", "given up") and transcript.left_at_s is None:
-            transcript.left_at_s, transcript.left_how = self._now(), data.decode()
-            transcript.is_given_up = kind == "given up"
-        elif kind == "exit":
-            transcript.exited_at_s, transcript.exit_code = self._now(), int(data)
-        elif kind in ("stray", "question"):
-            notes = transcript.strays if kind == "stray" else transcript.queries
-            if len(notes) < FLOOD_MESSAGES:
-                notes.append(data.decode())
+        match event:
+            case CommandCame(payload=payload):
+                self._hear(read_answer(payload), event)
+            case CommandRefused(text=text):
+                self._hear(refused_answer(text), event)
+            case AgentJoined():
+                transcript.joined_at_s = transcript.joined_at_s or self._now()
+            case AgentGone(reason=reason):
+                self._note_end(reason, is_given_up=False)
+            case AgentGivenUp(reason):
+                self._note_end(reason, is_given_up=True)
+            case AgentExited(exit_code):
+                transcript.exited_at_s, transcript.exit_code = self._now(), exit_code
+            case StrayCame(text) if len(transcript.strays) < FLOOD_MESSAGES:
+                transcript.strays.append(text)
+            case QuestionAsked(key) if len(transcript.queries) < FLOOD_MESSAGES:
+                transcript.queries.append(key)
+            case _:
+                return
 
-    def _hear(self, answer: Answer, data: bytes, kind: str) -> None:
-        transcript = self._transcript
+    def _note_end(self, reason: str, *, is_given_up: bool) -> None:
+        if self._transcript.left_at_s is None:
+            self._transcript.left_at_s, self._transcript.left_how = self._now(), reason
+            self._transcript.is_given_up = is_given_up
+
+    def _hear(self, answer: Answer, event: CommandCame | CommandRefused) -> None:
+        transcript, faults = self._transcript, self._desk.door.faults
         transcript.n_arrivals += 1
-        self._wire.handled()
-        n_faults = len(self._door.faults)
-        _ = self._door.received(data) if kind == "command" else self._door.refused(data.decode())
-        fault = self._door.faults[-1].text if len(self._door.faults) > n_faults else ""
+        n_faults = len(faults)
+        self._desk.handle(event)
+        fault = faults[-1].text if len(faults) > n_faults else ""
         if len(transcript.arrivals) < GIVE_UP_AFTER_MESSAGES:
             arrival = Arrival(answer=answer, at_s=self._now(), open_tick=self._open_tick, fault=fault)
             transcript.arrivals.append(arrival)
 
-    def _send(self, message: Message) -> None:
+    # As a run sends it, apart from what the script's variation adds or leaves out.
+    def _payload(self, message: Message) -> bytes:
         variation = self._transcript.script.variation
         fields = message.model_dump(exclude_defaults=variation == "optional fields")
-        self._wire.send(type(message), with_unknown_fields(fields) if variation == "unknown fields" else fields)  # type: ignore[arg-type]
+        payload: Any = msgpack.packb(
+            with_unknown_fields(fields) if variation == "unknown fields" else fields, use_bin_type=True
+        )
+        return payload
 
     def _is_gone(self) -> bool:
         return self._transcript.exited_at_s is not None or self._transcript.left_at_s is not None

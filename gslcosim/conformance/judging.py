@@ -280,4 +280,4 @@ def _with_fault(got: str, arrival: Arrival) -> str:
 
 
 def _words(transcript: Transcript) -> str:
-    return f"\nIts last words: {transcript.last_words}" if transcript.last_words else ""
+    return f"\nThe end of its log: {transcript.last_words}" if transcript.last_words else ""

@@ -29,7 +29,7 @@ _ALL = (
     Rule(
         id="joins",
         sentence="starts and joins the run in time",
-        remedy="Run the command by itself and read its last words. Over Zenoh an agent joins with the user, password "
+        remedy="Run the command by itself and read its log. Over Zenoh an agent joins with the user, password "
         "and namespace of GSLCOSIM_JOIN and shows the liveliness token agents/<name>/alive; over tcp and unix it "
         "connects to GSLCOSIM_GATEWAY and sends the frame {token: GSLCOSIM_TOKEN} first.",
     ),
@@ -127,7 +127,7 @@ _ALL = (
     Rule(
         id="stays",
         sentence="stays until the end of the run",
-        remedy="Read its last words: the agent crashed, exited, or closed its link while the run went on.",
+        remedy="Read the end of its log: the agent crashed, exited, or closed its link while the run went on.",
     ),
     Rule(
         id="ending",

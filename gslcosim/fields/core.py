@@ -17,11 +17,14 @@ from gslcosim.contract.messages import (
     MountSample,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.ventilation import WIND
+from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError
-from gslcosim.fields.assembly import gas_field_of, gas_seed
+from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.filament.downwash import Downwash
 from gslcosim.fields.gas_field import GasField, PointGrid, wind_m_s_at
+from gslcosim.fields.gas_setup import gas_seed
 from gslcosim.fields.ports import fields_spec
 from gslcosim.fields.reading.beams import Beams
 from gslcosim.fields.reading.filament_field import FilamentField
@@ -37,9 +40,10 @@ SLICE_CUTOFF_SIGMA = 3.0
 class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
-    Reads `truth/bodies` of the same tick. Writes `truth/samples` every tick and `truth/filaments` at tick 0 and every
-    `recording.gas_every_s`. Readings see filaments with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and
-    along free lines of sight; slices are cut off at 3 sigma and do not look for walls.
+    Reads `truth/bodies` of the same tick, and `truth/wind` of the last one where a service drives the wind. Writes
+    `truth/samples` every tick and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments
+    with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at
+    3 sigma and do not look for walls.
 
     Invariants: no filament in a solid cell; equal seeds give equal messages.
     Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
@@ -57,7 +61,9 @@ class FieldsCore:
         self._timing = gas_timing(scenario)
         self._mounts = MountPlaces(scenario)
         n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
-        self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step)
+        self._wind = DrivenWind(environment.wind) if scenario.has_driven_wind else None
+        wind_at = None if self._wind is None else self._wind.at
+        self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
         self._beams = Beams(scenario, environment)
         self._downwash = Downwash(scenario)
         self._slice_height_m = slice_height_m(scenario)
@@ -77,6 +83,8 @@ class FieldsCore:
 
     def reset(self, episode: Episode) -> Outbox:
         """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
+        if self._wind is not None:
+            self._wind.reset()
         self._gas.reset(gas_seed(self._scenario, episode.seed))
         self._gas.advance(self._timing.warm_up_steps)
         return {}
@@ -84,6 +92,8 @@ class FieldsCore:
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Bring the gas to the end of the tick and sample it there."""
         bodies = cast(BodyPoses, inbox[keys.BODIES])
+        if self._wind is not None:
+            self._wind.take(inbox.get(WIND))
         self._advance(self._timing.steps_at(tick), bodies)
         outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
         if tick % self._snapshot_ticks == 0:

@@ -3,6 +3,7 @@
 from gslcosim.contract import keys
 from gslcosim.contract.messages import FieldSamples, FilamentCloud
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
+from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import exact_ticks_from_seconds
 
@@ -12,9 +13,10 @@ def fields_spec(scenario: Scenario) -> ParticipantSpec:
     snapshot_ticks = exact_ticks_from_seconds(
         scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
     )
+    wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
     return ParticipantSpec(
         name="fields",
-        reads=(Read(port=keys.BODIES),),
+        reads=(Read(port=keys.BODIES), *wind),
         writes=(
             Write(port=keys.SAMPLES, message_type=FieldSamples),
             Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=snapshot_ticks),

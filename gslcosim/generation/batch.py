@@ -15,7 +15,7 @@ from gslcosim.generation.making import generate_environment
 from gslcosim.generation.winds import Progress, no_progress
 from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.recipes import Recipe
 
 
@@ -24,7 +24,7 @@ class Order:
     """An environment to make: from what, and where to put it."""
 
     spec: EnvironmentSpec
-    wind: WindSpec
+    wind: SolverSpec
     folder: Path
     scenario_dir: Path | None = None
     sources_m: tuple[Vec3, ...] = ()
@@ -37,7 +37,7 @@ class Order:
 
     @property
     def seed(self) -> int:
-        """The layout's seed; 0 where nothing is drawn by lot."""
+        """The layout's seed; 0 where nothing is random."""
         return 0 if self.spec.layout is None else self.spec.layout.seed
 
 

@@ -19,7 +19,7 @@ from gslcosim.errors import FlowError
 from gslcosim.generation.recipe_hash import recipe
 from gslcosim.generation.winds import Progress, no_progress, wind_of
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class Made:
 
 def generate_environment(
     spec: EnvironmentSpec,
-    wind: WindSpec,
+    wind: SolverSpec,
     folder: Path,
     *,
     scenario_dir: Path | None = None,

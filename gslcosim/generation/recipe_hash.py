@@ -3,22 +3,23 @@
 import hashlib
 import json
 from collections.abc import Iterator
-from importlib.metadata import version
+from importlib import import_module
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from typing import Any
 
 from gslcosim._code_identity import code_hash, package_files
 from gslcosim.environment.of_scenario.room_origin import folder_of, wind_file
 from gslcosim.environment.store import FORMAT
-from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
-from gslcosim.scenario.models.wind import SOLVING
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
+from gslcosim.scenario.models.wind import SOLVING, WindSpec
 
 # What a wind that is not solved does not depend on.
 _OF_SOLVING = {key for key, solvers in WindSpec.belongs.items() if set(solvers) <= set(SOLVING)}
 _BLOCK = 1 << 20
 
 
-def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> str:
+def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> str:
     """Return 32 hexadecimal digits of all that decides what a generated environment will hold.
 
     That is layout, wind, the code that makes rooms and solves the wind, the packages that compile it, and the content
@@ -31,35 +32,57 @@ def recipe_hash(environment: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
     """
     digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
     digest.update(code_hash(sources(environment, wind)).encode())
+    if not isinstance(wind, WindSpec):
+        digest.update(_package_hash(type(wind)).encode())
     for path in _files_read(environment, wind, scenario_dir):
         digest.update(path.name.encode())
         _update_with(digest, path)
     return digest.hexdigest()
 
 
-def recipe(environment: EnvironmentSpec, wind: WindSpec) -> dict[str, Any]:
+def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
     """Return what an environment is made from as plain values."""
-    wind_values = wind.model_dump(mode="json", exclude=None if wind.solves else _OF_SOLVING)
+    is_own = isinstance(wind, WindSpec)
+    wind_values = wind.model_dump(mode="json", exclude=_OF_SOLVING if is_own and not wind.solves else None)
     if wind.solver == "auto" and environment.folder_key is None:
         wind_values["solver"] = "built_in"
-    packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves else {}
+    packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves or not is_own else {}
     made_from = environment.model_dump(mode="json", exclude_none=True)
     return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
 
 
-def sources(environment: EnvironmentSpec, wind: WindSpec) -> list[Path]:
+def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
     """Return the code that decides what an environment holds: when it changes, environments are made anew."""
     parts = ["environment/*", "environment/layouts", "environment/of_scenario/room_origin.py"]
     if environment.geometry is not None:
         parts.append("environment/geometry")
     if environment.folder_key is not None or wind.file is not None:
         parts.append("environment/exchange")
-    if wind.solves:
+    if not isinstance(wind, WindSpec):
+        parts += ["flow", "generation/winds.py"]  # a package may build on them
+    elif wind.solves:
         parts += ["flow"] if wind.solver == "openfoam" else ["flow/*", "flow/walls"]
     return package_files(*parts)
 
 
-def _files_read(environment: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None) -> Iterator[Path]:
+# All code of the package, since nobody knows what of it the wind depends on, and its version for what is compiled.
+def _package_hash(block: type[SolverSpec]) -> str:
+    name = block.__module__.partition(".")[0]
+    digest = hashlib.blake2b(digest_size=16)
+    for distribution in sorted(packages_distributions().get(name, ())):
+        digest.update(f"{distribution} {version(distribution)}\n".encode())
+    module = import_module(name)
+    folders = [Path(folder) for folder in getattr(module, "__path__", ())]
+    paths = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    if not folders and module.__file__ is not None:
+        paths = [Path(module.__file__)]
+    for path in paths:
+        digest.update(path.name.encode())
+        _update_with(digest, path)
+    return digest.hexdigest()
+
+
+def _files_read(environment: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Iterator[Path]:
     if environment.folder_key is not None:
         yield from _files_in(folder_of(environment, scenario_dir))
     for file in environment.geometry.files if environment.geometry is not None else ():

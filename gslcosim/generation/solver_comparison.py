@@ -15,6 +15,7 @@ from gslcosim.flow.comparison import SolverComparison, compare_solvers
 from gslcosim.generation.making import save_with_views
 from gslcosim.generation.recipe_hash import recipe as plain_recipe
 from gslcosim.generation.winds import Progress, no_progress, patches_of
+from gslcosim.scenario.models.wind import WindSpec
 from gslcosim.scenario.recipes import Recipe
 
 JSON_FILE = "solver_comparison.json"
@@ -39,6 +40,8 @@ def compare_on(recipe: Recipe, folder: Path, *, progress: Progress | None = None
         FlowError: there is no OpenFOAM, or one of both failed.
     """
     wind, progress = recipe.wind, progress or no_progress
+    if not isinstance(wind, WindSpec):
+        raise UsageError(f"--compare-solvers: expected one of gslcosim's own solvers, was {wind.solver}.")
     if wind.save_every_s is not None:
         raise UsageError("--compare-solvers: expected one wind to compare, was wind.save_every_s. Leave it out.")
     room = room_of(recipe.environment, wind, scenario_dir=recipe.directory)

@@ -4,7 +4,7 @@ import logging
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, singledispatch
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,11 +17,11 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Opening, WindFrames
 from gslcosim.environment.of_scenario.room_origin import stored_environment, wind_file
 from gslcosim.environment.room import Room
-from gslcosim.errors import EnvironmentDataError
+from gslcosim.errors import EnvironmentDataError, FlowError, ScenarioError
 from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
-from gslcosim.scenario.models.wind import InletScheduleSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec
+from gslcosim.scenario.models.wind import InletScheduleSpec, SolverSpec, WindSpec
 
 Progress = Callable[[str, float], None]
 _Solution = TypeVar("_Solution")
@@ -42,8 +42,41 @@ def no_progress(_text: str, _fraction: float) -> None:
     """Tell nobody."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class WindSetup:
+    """What a builder of wind has besides its block.
+
+    Attributes:
+        room: Geometry, occupancy and openings.
+        environment: Where the room comes from; it may bring its wind.
+        scenario_dir: What relative paths are relative to.
+        progress: Is told what is being done and how much of it is over, from 0 to 1.
+    """
+
+    room: Room
+    environment: EnvironmentSpec
+    scenario_dir: Path | None
+    progress: Progress
+
+
+@singledispatch
+def wind_of_block(block: SolverSpec, setup: WindSetup) -> MadeWind:
+    """Return the wind of a wind solver's block in a room.
+
+    A package that brings a solver registers its builder by the type of its block.
+
+    Raises:
+        ScenarioError: nobody has registered a builder for the block.
+    """
+    del setup
+    raise ScenarioError(
+        f"wind.solver: expected a builder for {type(block).__name__}, was none. "
+        f"The package of {block.kind_name} has to register it with wind_of_block."
+    )
+
+
 def wind_of(
-    room: Room, spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None, progress: Progress
+    room: Room, spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None, progress: Progress
 ) -> MadeWind:
     """Return the wind in a room.
 
@@ -55,9 +88,20 @@ def wind_of(
         progress: Is told what is being done and how much of it is over, from 0 to 1.
 
     Raises:
-        FlowError: the wind cannot be solved.
+        FlowError: the wind cannot be solved, or does not fit the room.
         EnvironmentDataError: stored wind is wanted and there is none, or a file is not what it should be.
     """
+    setup = WindSetup(room=room, environment=spec, scenario_dir=scenario_dir, progress=progress)
+    made = wind_of_block(wind, setup)
+    expected, found = (*room.grid.shape, 3), made.frames.velocity_m_s.shape[1:]
+    if found != expected:
+        raise FlowError(f"wind.solver: {wind.kind_name}: expected frames of the shape {expected}, was {found}.")
+    return made
+
+
+@wind_of_block.register
+def _own_wind(wind: WindSpec, setup: WindSetup) -> MadeWind:
+    room, spec, scenario_dir, progress = setup.room, setup.environment, setup.scenario_dir, setup.progress
     if wind.solver == "uniform":
         return MadeWind(frames=_uniform(room, wind))
     if wind.file is not None or (spec.folder_key is not None and wind.solver in ("auto", "stored")):

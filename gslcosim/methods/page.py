@@ -32,7 +32,7 @@ _HEAD = (
     "<!-- Made by `make docs` from the method cards, agents/*/method.yaml; do not edit. -->\n\n"
     "Each method is a folder in `agents/`, flown by its name, `start: {python: surge_cast}`, and set by `parameters` "
     "in the scenario.\n"
-    "What a method needs and lacks is told by `gslcosim validate`, before anything flies.\n"
+    "`gslcosim validate` tells what a method needs and lacks, before anything flies.\n"
     "[write-an-agent.md](write-an-agent.md) has the way to one of your own, [search.md](search.md) the building "
     "blocks; policies of other packages fly through [adapters](examples/adapters/README.md).\n\n"
     "Sensors are kinds: *gas* any nose at a point, *gas_ppm* one that tells a mixing ratio (or a MOX sensor with its "

@@ -27,6 +27,7 @@ from gslcosim.recording.ports import recorder_spec
 from gslcosim.recording.rows.agents import AgentRows
 from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
 from gslcosim.recording.rows.contacts import ContactNotes
+from gslcosim.recording.rows.service_curves import ServiceRows
 from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import draw_map, draw_room, draw_sources
@@ -99,6 +100,7 @@ class RecorderCore:
         self._note_truth(tick, inbox)
         self._note_agents(tick, inbox)
         self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
+        self._services.add(tick, inbox)
         self._note_score(tick, cast(Score | None, inbox.get(keys.SCORE)))
         verdict = cast(Verdict | None, inbox.get(keys.VERDICT))
         if verdict is not None:
@@ -129,6 +131,7 @@ class RecorderCore:
         self._contact_log = TextRows(entities.CONTACTS)
         self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
         self._radio = TextRows(entities.RADIO)
+        self._services = ServiceRows(self._scenario)
         self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
         self._commands = [(agent, keys.command(name)) for name, agent in self._agents.items()]
 
@@ -227,6 +230,7 @@ class RecorderCore:
             return
         logs = (self._events, self._contact_log, self._radio)
         rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
+        rows += self._services.all()
         for agent in self._agents.values():
             rows += agent.all()
         for item in rows:

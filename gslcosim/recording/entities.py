@@ -26,6 +26,7 @@ DISTANCE_PLOTS = "plots/distance_m"
 BELIEF_PLOTS = "plots/belief_frac"
 TRACKING_PLOTS = "plots/tracking_error_m"
 ON_BOARD_PLOTS = "plots/on_board"
+SERVICE_PLOTS = "plots/services"
 
 
 @dataclass(frozen=True)

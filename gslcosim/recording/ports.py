@@ -2,6 +2,7 @@
 
 from gslcosim.contract import keys
 from gslcosim.contract.participant import ParticipantSpec, Read
+from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 
 # The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
@@ -15,6 +16,9 @@ def recorder_spec(scenario: Scenario) -> ParticipantSpec:
         reads.append(keys.RADIO)
     for agent in scenario.agents:
         reads += [keys.observation(agent.name), keys.command(agent.name)]
+    if scenario.has_driven_wind:
+        reads.append(WIND)
+    reads += [port for service in scenario.services for port in service.recorded_ports]
     return ParticipantSpec(
         name="recorder",
         reads=tuple(Read(port=port) for port in reads),

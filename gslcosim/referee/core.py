@@ -1,6 +1,7 @@
 """The referee as a participant: reads truth and commands, writes the score of every tick and one verdict."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import cast
 
 from gslcosim.contract import keys
@@ -29,6 +30,22 @@ from gslcosim.ticks import seconds_from_ticks
 CLEARANCE_M = 0.35
 
 
+@dataclass
+class _Judged:
+    """What the referee knows of one run so far; `shortest_m` are the shortest ways from the starts."""
+
+    cases: list[AgentCase]
+    answers: dict[str, dict[int, Command]]
+    shortest_m: dict[str, float | None] = field(default_factory=dict[str, float | None])
+    last_outcome: Outcome = "time_limit"
+    is_over: bool = False
+
+    @classmethod
+    def of(cls, names: Sequence[str], rules: Rules) -> "_Judged":
+        """Return what is known before the first tick."""
+        return cls([AgentCase(name, rules) for name in names], {name: {} for name in names})
+
+
 class RefereeCore:
     """Judges all agents of a run.
 
@@ -52,7 +69,7 @@ class RefereeCore:
         self._heights_m = {agent.name: agent.vehicle.search_height_m for agent in scenario.agents}
         self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
         self._spec = referee_spec(scenario)
-        self._begin()
+        self._run = _Judged.of(self._names, self._rules)
 
     @property
     def spec(self) -> ParticipantSpec:
@@ -62,7 +79,7 @@ class RefereeCore:
     def reset(self, episode: Episode) -> Outbox:
         """Forget the last run; the referee draws no random numbers and writes nothing before tick 0."""
         del episode
-        self._begin()
+        self._run = _Judged.of(self._names, self._rules)
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
@@ -70,29 +87,23 @@ class RefereeCore:
         bodies = self._bodies(tick, inbox)
         if tick == 0:
             # Here and not at the verdict: nobody waits for the referee now, at the end everybody does.
-            self._shortest_m = {name: self._shortest_way_m(name, bodies[name].position_world_m) for name in self._names}
+            starts_m = {name: bodies[name].position_world_m for name in self._names}
+            self._run.shortest_m = {name: self._shortest_way_m(name, at_m) for name, at_m in starts_m.items()}
         samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
         events: list[RefereeEvent] = []
-        for case in self._cases:
+        for case in self._run.cases:
             events += self._judge(case, tick, bodies[case.name], samples, inbox)
         is_final = self._is_final(tick, events)
         score = Score(
             tick=tick,
-            agents=tuple(case.score(bodies[case.name]) for case in self._cases),
+            agents=tuple(case.score(bodies[case.name]) for case in self._run.cases),
             events=tuple(events),
             is_final=is_final,
         )
         if not is_final:
             return {keys.SCORE: score}
-        self._is_over = True
+        self._run.is_over = True
         return {keys.SCORE: score, keys.VERDICT: self._verdict(tick)}
-
-    def _begin(self) -> None:
-        self._cases = [AgentCase(name, self._rules) for name in self._names]
-        self._shortest_m: dict[str, float | None] = {}
-        self._answers: dict[str, dict[int, Command]] = {name: {} for name in self._names}
-        self._last_outcome: Outcome = "time_limit"
-        self._is_over = False
 
     def _bodies(self, tick: int, inbox: Inbox) -> dict[str, BodyState]:
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
@@ -109,33 +120,33 @@ class RefereeCore:
         own = [sample for sample in samples if sample.agent == case.name]
         events = case.observe(tick, body, own, self._command_in_effect(case.name, tick, inbox))
         if case.outcome is not None:
-            self._last_outcome = case.outcome
+            self._run.last_outcome = case.outcome
         return events
 
     def _command_in_effect(self, name: str, tick: int, inbox: Inbox) -> Command | None:
-        answers = self._answers[name]
+        answers = self._run.answers[name]
         if answer := cast(Command | None, inbox.get(keys.command(name))):
             answers[tick + self._latency_ticks[name]] = answer
         return answers.pop(tick, None)
 
     # Appends the ends by time limit to the events of this tick.
     def _is_final(self, tick: int, events: list[RefereeEvent]) -> bool:
-        if self._is_over:
+        if self._run.is_over:
             return False
-        going_on = [case for case in self._cases if case.outcome is None]
+        going_on = [case for case in self._run.cases if case.outcome is None]
         if going_on and seconds_from_ticks(tick, self._rules.tick_ns) >= self._limit_s:
             events += [case.end("time_limit") for case in going_on]
-            self._last_outcome = "time_limit"
+            self._run.last_outcome = "time_limit"
             return True
         return not going_on
 
     def _verdict(self, tick: int) -> Verdict:
-        results = tuple(self._result(case) for case in self._cases)
+        results = tuple(self._result(case) for case in self._run.cases)
         has_success = any(result.success for result in results)
-        return Verdict(tick=tick, end_reason="success" if has_success else self._last_outcome, agents=results)
+        return Verdict(tick=tick, end_reason="success" if has_success else self._run.last_outcome, agents=results)
 
     def _result(self, case: AgentCase) -> AgentResult:
-        return case.result(self._shortest_m[case.name])
+        return case.result(self._run.shortest_m[case.name])
 
     # To the source that is nearest by way, not by air. Where a run ends at the success radius the way does too: to the
     # source itself a straight flight would be shorter than the shortest way. A rover cannot go over things.

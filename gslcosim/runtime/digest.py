@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,12 @@ class RunDigest:
     final_tick: int
     writer_of: dict[str, str]
     trails: dict[str, Trail]
+
+    @classmethod
+    def of(cls, trails: Mapping[str, Trail], writer_of: Mapping[str, str], final_tick: int) -> "RunDigest":
+        """Return the digest of whole chains, without what came after the final tick."""
+        cut = {port: trail.until(final_tick) for port, trail in trails.items()}
+        return cls(final_tick, {port: writer_of[port] for port in trails}, cut)
 
     @property
     def hex(self) -> str:

@@ -11,10 +11,10 @@ from gslcosim.generation import prepare_environment
 from gslcosim.runtime.assembly import dataflow_of
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
+from gslcosim.runtime.over_bus.launch import fly_over_bus
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
-from gslcosim.runtime.supervisor import Supervisor
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
 
 
@@ -82,7 +82,7 @@ def _outcome(
             from gslcosim.runtime.in_process import fly_in_process
 
             return fly_in_process(setup, directory, network, report)
-        return Supervisor(setup, directory, network, report).fly()
+        return fly_over_bus(setup, directory, network, report)
     except GslCosimError as error:
         return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
 

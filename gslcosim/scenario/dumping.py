@@ -101,7 +101,7 @@ def with_absolute_gas(scenario: Scenario, directory: Path) -> Scenario:
         scenario: A valid scenario.
         directory: Where its relative paths start.
     """
-    playback = scenario.gas.playback
+    playback = scenario.gas.stored
     if playback is None:
         return scenario
     folder = _absolute(playback.folder, directory)

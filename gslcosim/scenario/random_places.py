@@ -9,7 +9,7 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.scenario import EnvironmentSpec, VehicleSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec, VehicleSpec
 from gslcosim.scenario.problems import Problem, ProblemLike
 
 RANDOM = "random"
@@ -26,7 +26,7 @@ class Wanted:
 
 
 # From the environment, its wind, the scenario's folder and seed to a place for each that is wanted.
-Placer = Callable[[EnvironmentSpec, WindSpec, Path, int, Sequence[Wanted]], Mapping[str, Vec3]]
+Placer = Callable[[EnvironmentSpec, SolverSpec, Path, int, Sequence[Wanted]], Mapping[str, Vec3]]
 
 
 def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | None) -> list[Problem]:
@@ -50,7 +50,7 @@ def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | 
         return [_refusal(path, "three numbers: the room is not known here") for path, _, _ in spots]
     try:
         environment = EnvironmentSpec.model_validate_json(json.dumps(values.get("environment")), strict=True)
-        wind = WindSpec.model_validate_json(json.dumps(values.get("wind", {})), strict=True)
+        wind = SolverSpec.model_validate_json(json.dumps(values.get("wind", {})), strict=True)
         wanted = [Wanted(path=path, vehicle=_vehicle_in(block, key)) for path, block, key in spots]
     except ValidationError:
         for _, block, key in spots:

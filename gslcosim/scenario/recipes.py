@@ -13,7 +13,7 @@ from gslcosim.quantities import Vec3
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.explain import problems_of
 from gslcosim.scenario.loading import Check, load_scenario
-from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, WindSpec
+from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
 from gslcosim.scenario.random_places import Placer
@@ -33,7 +33,7 @@ class Recipe:
 
     name: str
     environment: EnvironmentSpec
-    wind: WindSpec
+    wind: SolverSpec
     directory: Path | None = None
     sources_m: tuple[Vec3, ...] = ()
 

@@ -12,7 +12,6 @@ from pydantic.fields import FieldInfo
 
 from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.offers import Offers
 from gslcosim.scenario.problems import child_path
 from gslcosim.scenario.units import unit_of
 
@@ -74,7 +73,7 @@ def words_of(annotation: Any) -> list[str]:
 def kinds_of(annotation: Any) -> list[str]:
     """Return the kinds of which a block that belongs here may be, where there are several; others' packages' last."""
     one_of = _one_of(annotation)
-    return list(one_of.names()) if one_of else [*_variants(annotation), *_offered_kinds(annotation)]
+    return list(one_of.names()) if one_of else list(_variants(annotation))
 
 
 def blocks_of(annotation: Any) -> dict[str, type[BaseModel]]:
@@ -88,6 +87,11 @@ def tag_key_of(annotation: Any) -> str:
         return one_of.tag_key
     tag, model = next(iter(_variants(annotation).items()))
     return next(name for name, field in model.model_fields.items() if typing.get_args(field.annotation) == (tag,))
+
+
+def model_of(annotation: Any) -> type[BaseModel] | None:
+    """Return the model of the block that belongs here, if it is one block of one kind."""
+    return _model_in(annotation)
 
 
 def kinds_with_key(annotation: Any, key: str) -> list[str]:
@@ -105,10 +109,8 @@ def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[B
     yield path, model
     for name, field in model.model_fields.items():
         inner_path = child_path(path, field.alias or name)
-        for annotation, place in (
-            (field.annotation, inner_path),
-            (_item_annotation(field.annotation), f"{inner_path}[]"),
-        ):
+        whole = _annotation_of(field)
+        for annotation, place in ((whole, inner_path), (_item_annotation(whole), f"{inner_path}[]")):
             inner = _model_in(annotation)
             for each in [inner] if inner else dict.fromkeys(_variants(_split(annotation)[0]).values()):
                 yield from _all_blocks(each, place)
@@ -126,12 +128,18 @@ def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
     field = next((field for model in models if (field := _field_of(model, segment))), None)
     if field is None:
         return None
-    annotation, constraints = _split(field.annotation)
+    annotation, constraints = _split(_annotation_of(field))
     return Slot(path=path, key=segment, annotation=annotation, constraints=(*constraints, *field.metadata))
 
 
 def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
     return next((field for name, field in model.model_fields.items() if (field.alias or name) == key), None)
+
+
+# Pydantic takes an annotation apart; what says that a block is one of several kinds is then among the metadata.
+def _annotation_of(field: FieldInfo) -> Any:
+    one_of = next((each for each in field.metadata if isinstance(each, OneOf)), None)
+    return field.annotation if one_of is None else typing.Annotated[field.annotation, one_of]
 
 
 # Optional[X] and Annotated[X, ...] to X; a union of several kinds stays what it is.
@@ -187,16 +195,9 @@ def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
     for each in _kinds_of_union(annotation):
         kind, constraints = _split(each)
         tags = [constraint.tag for constraint in constraints if isinstance(constraint, Tag)]
-        if any(isinstance(constraint, Offers) for constraint in constraints):
-            continue  # their blocks are known only when a scenario names them
         if tags and isinstance(kind, type) and issubclass(kind, BaseModel):
             variants[tags[0]] = kind
     return variants
-
-
-def _offered_kinds(annotation: Any) -> list[str]:
-    constraints = (constraint for each in _kinds_of_union(annotation) for constraint in _split(each)[1])
-    return [name for offers in constraints if isinstance(offers, Offers) for name in offers.names()]
 
 
 def _item_annotation(annotation: Any) -> Any:

@@ -8,6 +8,7 @@ from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import KnownMap, NominalPlume
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 
 
@@ -43,12 +44,18 @@ def nominal_plume(scenario: Scenario) -> NominalPlume:
         tests/unit/sensing/test_granted.py
     """
     gas, source = scenario.gas, scenario.gas.sources[0]
+    # A model without filaments has no spread of its own; its figures are those that filaments usually have.
+    usual = FilamentsSpec.model_fields
+    growth_m2_s = gas.growth_m2_s if isinstance(gas, FilamentsSpec) else usual["growth_m2_s"].default
+    diffusivity_m2_s = (
+        gas.eddy_diffusivity_m2_s if isinstance(gas, FilamentsSpec) else usual["eddy_diffusivity_m2_s"].default
+    )
     puff_ppm_m3 = source.ppm * (2.0 * math.pi) ** 1.5 * source.sigma_m**3
     return NominalPlume(
         release_ppm_m3_s=source.filaments_per_s * puff_ppm_m3,
         puffs_per_s=source.filaments_per_s,
         initial_sigma_m=source.sigma_m,
-        growth_m2_s=gas.growth_m2_s,
-        diffusivity_m2_s=gas.eddy_diffusivity_m2_s,
+        growth_m2_s=growth_m2_s,
+        diffusivity_m2_s=diffusivity_m2_s,
         wind_speed_m_s=math.hypot(*scenario.wind.inlet_velocity_m_s),
     )

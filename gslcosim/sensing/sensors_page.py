@@ -5,7 +5,8 @@ import re
 import sys
 from pathlib import Path
 
-from gslcosim.scenario.models.sensors import SENSORS
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
+from gslcosim.scenario.settings import SettingRow, settings_of
 from gslcosim.sensing.models import SENSOR_MODELS
 from gslcosim.sensing.models.mox import MOX_PARAMETERS, MoxParameters
 from gslcosim.sensing.models.ppm_sensors import PID_CORRECTION
@@ -15,7 +16,7 @@ _BLOCK = re.compile(r"(<!-- table (\w+), rewritten by `make docs` -->\n)(.*?)(\n
 
 def with_tables(page: str) -> str:
     """Return the text of docs/sensors.md with its tables as the code has them."""
-    tables = {"models": _model_rows, "mox": _mox_rows, "pid": _pid_rows}
+    tables = {"models": _model_rows, "settings": _setting_rows, "mox": _mox_rows, "pid": _pid_rows}
     return _BLOCK.sub(lambda found: f"{found[1]}\n{tables[found[2]]()}{found[4]}", page)
 
 
@@ -23,6 +24,28 @@ def _model_rows() -> str:
     kinds = [SENSOR_MODELS[name] for name in SENSORS]
     rows = [f"| `{kind.name}` | {kind.quantity} | {kind.unit} | {kind.description} |" for kind in kinds]
     return "\n".join(["| model | quantity | unit | what it is |", "|---|---|---|---|", *rows]) + "\n"
+
+
+# A row for each setting, whatever the number of models that have it; what all have comes first.
+def _setting_rows() -> str:
+    owners: dict[SettingRow, list[str]] = {}
+    for name, block in SENSOR_BLOCKS.items():
+        for setting in settings_of(block, kind=name, without=frozenset({"model"})):
+            owners.setdefault(setting, []).append(name)
+    ranked = sorted(owners.items(), key=lambda item: len(item[1]) < len(SENSOR_BLOCKS))
+    rows = [
+        f"| `{each.key}` | {each.unit} | {each.default} | {each.meaning} | {_models(names)} |" for each, names in ranked
+    ]
+    return "\n".join(["| setting | unit | default | meaning | models |", "|---|---|---|---|---|", *rows]) + "\n"
+
+
+def _models(names: list[str]) -> str:
+    if len(names) == len(SENSOR_BLOCKS):
+        return "all"
+    mox = list(MOX_PARAMETERS)
+    if set(mox) <= set(names):
+        names = ["MOX", *(name for name in names if name not in mox)]
+    return ", ".join(names)
 
 
 def _mox_rows() -> str:

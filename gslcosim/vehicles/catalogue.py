@@ -1,17 +1,18 @@
 """The catalogue: every vehicle by name, gslcosim's own and those of installed packages."""
 
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from gslcosim.errors import VehicleError
+from gslcosim.offers import OfferError, Offers
 from gslcosim.vehicles.facts import Vehicle
 from gslcosim.vehicles.vehicle_folder import PARAMETERS_FILE, read_vehicle
 
 # Third parties add theirs under this name; each entry point is a folder's path, or a module in the folder.
 VEHICLE_ENTRY_POINTS = "gslcosim.vehicles"
+_OFFERS = Offers(group=VEHICLE_ENTRY_POINTS, what="vehicle")
 VEHICLES_DIR = Path(__file__).parent
 
 
@@ -19,7 +20,7 @@ VEHICLES_DIR = Path(__file__).parent
 def vehicle_names() -> tuple[str, ...]:
     """Return the names of all vehicles: gslcosim's, which are the folders beside this file, then those of packages."""
     own = _own_names()
-    return (*own, *sorted(entry_points(group=VEHICLE_ENTRY_POINTS).names - set(own)))
+    return (*own, *sorted({*_OFFERS.names()} - set(own)))
 
 
 def is_vehicle(name: str) -> bool:
@@ -48,27 +49,18 @@ def _own_names() -> tuple[str, ...]:
 
 @cache
 def _offered(name: str) -> Vehicle:
-    points = list(entry_points(group=VEHICLE_ENTRY_POINTS, name=name))
-    if not points:
+    if name not in _OFFERS.names():
         raise VehicleError(f"vehicle: expected one of {', '.join(vehicle_names())}, was {name!r}.")
-    offers = sorted({point.value for point in points})
-    if len(offers) > 1:
-        raise VehicleError(f"vehicle {name}: expected one package that offers it, was {' and '.join(offers)}.")
-    return read_vehicle(name, _folder_of(name, points[0]))
-
-
-def _folder_of(name: str, point: EntryPoint) -> Path:
     try:
-        offered = point.load()
-    # A package of somebody else may raise anything when it is imported.
-    except Exception as error:
-        raise VehicleError(f"vehicle {name}: expected {point.value} to be imported, was {error!r}.") from error
+        folder = _OFFERS.loaded(name, _folder_of, "a folder's path, or a module in the folder")
+    except OfferError as error:
+        raise VehicleError(f"vehicle {name}: {error}") from error
+    return read_vehicle(name, folder)
+
+
+def _folder_of(offered: object) -> Path | None:
     folder = _path_of(offered)
-    if folder is None or not folder.is_dir():
-        raise VehicleError(
-            f"vehicle {name}: expected {point.value} to be a folder's path, or a module in the folder, was {offered!r}."
-        )
-    return folder.resolve()
+    return folder.resolve() if folder is not None and folder.is_dir() else None
 
 
 def _path_of(offered: Any) -> Path | None:

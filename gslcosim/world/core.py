@@ -2,29 +2,32 @@
 # MuJoCo is compiled and comes without stubs.
 # pyright: reportAttributeAccessIssue=false
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract import keys
-from gslcosim.contract.arrays import NumericArray
-from gslcosim.contract.messages import BodyPoses, BodyState, Command
+from gslcosim.contract.messages import BodyPoses, Command
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.ventilation import WIND
+from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planning import rehearse_planning
 from gslcosim.errors import ModelError, ScenarioError
-from gslcosim.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
+from gslcosim.quantities import PHYSICS_STEP_MS
 from gslcosim.scenario.models.onboard import ImuSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.vehicles import Vehicle, vehicle_of
+from gslcosim.world.craft import Craft, Records, StartState
 from gslcosim.world.guidance.abilities import Abilities, abilities_of
 from gslcosim.world.guidance.avoidance import Avoidance
-from gslcosim.world.guidance.mission import Mission
+from gslcosim.world.guidance.guide import Guide
 from gslcosim.world.guidance.separation import Neighbours, rehearse_separation
 from gslcosim.world.guidance.starts import check_overlaps, check_starts
 from gslcosim.world.paths.routes import Routes, routes_of
@@ -44,6 +47,9 @@ _STANDS_WITHIN_M = 0.5
 _SUPPORTS_FROM = 0.7
 
 
+_Six = tuple[Any, Any, Any, Any, Any, Any]
+
+
 class WorldCore:
     """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz (50 Hz when there are only point robots).
 
@@ -57,6 +63,8 @@ class WorldCore:
         self._spec = world_spec(scenario)
         self._tick_ns = scenario.tick_ns
         self._environment = environment
+        self._wind = _wind_of(environment)
+        self._warm_up_s = scenario.gas.warm_up_s
         self._agents = scenario.agents
         models = [vehicle_of(agent.vehicle.model) for agent in self._agents]
         spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
@@ -65,27 +73,35 @@ class WorldCore:
         self._n_substeps = scenario.tick_ms // step_ms
         dt_s = step_ms * 1e-3
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
-        self._starts = [
+        self._data = mujoco.MjData(self._scene.model)
+        self._constants = _constants(self._scene, self._agents, models, dt_s)
+        self._states = np.zeros(len(self._agents), records.STATE)
+        has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
+        self._inertial = np.zeros((len(self._agents), self._n_substeps if any(has_imu) else 0, 9))
+        self._i_velocities = np.add.outer(self._constants["i_qvel"], np.arange(3))
+        self._views, self._loop_arguments = self._arguments_of_loop()
+        self._routes: dict[tuple[object, ...], Routes] = {}
+        starts = [
             _resting_place(agent, space, half_height_m)
             for agent, space, half_height_m in zip(self._agents, spaces, self._scene.half_height_m, strict=True)
         ]
-        self._constants = _constants(self._scene, self._agents, models, dt_s)
-        self._states = np.zeros(len(self._agents), records.STATE)
-        self._has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
-        n_rows = self._n_substeps if any(self._has_imu) else 0
-        self._inertial = np.zeros((len(self._agents), n_rows, 9))
-        self._missions: list[Mission] = []
-        self._routes: dict[tuple[object, ...], Routes] = {}
-        for k, agent in enumerate(self._agents):
+        self._crafts: list[Craft] = []
+        for k, (agent, start) in enumerate(zip(self._agents, starts, strict=True)):
             abilities = abilities_of(agent.vehicle, models[k], self._constants[k], self._scene.half_height_m[k])
             if abilities.has_wheels:
-                spaces[k] = replace(spaces[k], ground_height_m=self._starts[k][0][2])
+                spaces[k] = replace(spaces[k], ground_height_m=start.position_world_m[2])
             spaces[k] = replace(spaces[k], moves_places=agent.vehicle.avoidance != "none")
-            avoidance = self._avoidance(agent, spaces[k], abilities)
-            self._missions.append(Mission(agent, spaces[k], abilities, self._tick_ns, avoidance=avoidance))
-        check_starts(self._agents, spaces, self._starts)
-        self._data = mujoco.MjData(self._scene.model)
-        self._set_loop_arguments()
+            new_guide = partial(
+                Guide,
+                agent,
+                spaces[k],
+                abilities,
+                self._tick_ns,
+                start.position_world_m,
+                avoidance=self._avoidance(agent, spaces[k], abilities),
+            )
+            self._crafts.append(Craft(agent.name, new_guide, start, self._records(k, has_imu=has_imu[k])))
+        check_starts(self._agents, spaces, [(start.position_world_m, start.is_flying) for start in starts])
         self._place_vehicles()
         check_overlaps(self._scene, self._data, self._agents)
         self._tick = -1
@@ -108,18 +124,10 @@ class WorldCore:
     def reset(self, episode: Episode) -> Outbox:
         """Put every vehicle at rest at its start; nothing is written once."""
         del episode
-        self._states[:] = np.zeros((), records.STATE)
-        for k, (mission, (position_m, is_flying)) in enumerate(zip(self._missions, self._starts, strict=True)):
-            mission.start(position_m)
-            if is_flying:
-                self._states[k]["rotor_speed_rad_s"] = records.hover_rotor_speed_rad_s(self._constants[k])
+        self._wind.reset()
+        for craft in self._crafts:
+            craft.reset()
         self._place_vehicles()
-        # At rest nothing is felt but what carries it.
-        self._inertial[:] = 0.0
-        self._inertial[:, :, 2] = GRAVITY_M_S2
-        self._path_length_m = [0.0] * len(self._agents)
-        self._positions_m = [position_m for position_m, _ in self._starts]
-        self._touched: list[set[str]] = [set() for _ in self._agents]
         self._tick = -1
         return {}
 
@@ -136,16 +144,20 @@ class WorldCore:
         if tick != self._tick + 1:
             raise ModelError(f"world: expected tick {self._tick + 1}, was {tick}.")
         self._tick = tick
-        for touched in self._touched:
-            touched.clear()
+        for craft in self._crafts:
+            craft.begin_tick()
         if tick == 0:
             self._note_contacts()
-            self._supports = [frozenset(touched) for touched in self._touched]
+            for craft in self._crafts:
+                craft.stand()
         else:
-            self._obey(tick, inbox)
+            self._wind.take(inbox.get(WIND))
+            for craft in self._crafts:
+                command = inbox.get(keys.command(craft.name))
+                craft.obey(tick, command if isinstance(command, Command) else None)
             self._keep_apart(tick)
             self._fly(tick)
-        return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(self._body(k) for k in range(len(self._agents))))}
+        return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._crafts))}
 
     def rehearse(self) -> None:
         """Use what is used only in flight, where vehicles use it: planning, and keeping apart."""
@@ -168,28 +180,20 @@ class WorldCore:
 
     def _place_vehicles(self) -> None:
         mujoco.mj_resetData(self._scene.model, self._data)
-        for k, (position_m, _) in enumerate(self._starts):
-            self._qpos(k)[:7] = (*position_m, 1.0, 0.0, 0.0, 0.0)
+        for craft in self._crafts:
+            craft.place()
         mujoco.mj_forward(self._scene.model, self._data)
-
-    def _obey(self, tick: int, inbox: Inbox) -> None:
-        for k, (agent, mission) in enumerate(zip(self._agents, self._missions, strict=True)):
-            command = inbox.get(keys.command(agent.name))
-            path, setpoint = mission.trajectory, mission.setpoint
-            mission.begin_tick(tick, command if isinstance(command, Command) else None)
-            if mission.trajectory is not path or mission.setpoint is not setpoint:
-                self._follow(k)
 
     # All look at where the others are now, then all decide.
     def _keep_apart(self, tick: int) -> None:
-        gives_way = np.array([mission.gives_way for mission in self._missions])
+        gives_way = np.array([craft.gives_way for craft in self._crafts])
         if not gives_way.any():
             return
-        positions_m, velocities_m_s = np.array(self._positions_m), self._data.qvel[self._i_velocities]
-        for k, mission in enumerate(self._missions):
+        positions_m = np.array([craft.position_m for craft in self._crafts])
+        velocities_m_s = self._data.qvel[self._i_velocities]
+        for k, craft in enumerate(self._crafts):
             if not gives_way[k]:
                 continue
-            path = mission.trajectory
             neighbours = Neighbours(
                 own=k,
                 positions_m=positions_m,
@@ -197,21 +201,11 @@ class WorldCore:
                 least_m=self._least_m[k],
                 gives_way=gives_way,
             )
-            mission.keep_apart(tick - 1, neighbours)
-            if mission.trajectory is not path:
-                self._follow(k)
-
-    def _follow(self, k: int) -> None:
-        mission, state = self._missions[k], self._states[k]
-        state["is_armed"] = mission.is_armed
-        if mission.setpoint is None:
-            records.set_trajectory(state, mission.trajectory)
-        else:
-            records.set_setpoint(state, mission.setpoint)
+            craft.keep_apart(tick - 1, neighbours)
 
     def _fly(self, tick: int) -> None:
-        wind = self._environment.wind
-        frame = self._wind_m_s[wind.frame_at(seconds_from_ticks(tick - 1, self._tick_ns))]
+        # As old as the gas: time 0 of the wind is when the sources open.
+        frame = self._wind.at(self._warm_up_s + seconds_from_ticks(tick - 1, self._tick_ns))
         i_substep = 0
         while i_substep < self._n_substeps:
             i_substep, i_unsound = fly_substeps_inplace(
@@ -219,29 +213,11 @@ class WorldCore:
                 self._inertial, *self._views, frame, *self._loop_arguments,
             )  # fmt: skip
             if i_unsound >= 0:
-                raise ModelError(self._unsound_text(i_unsound))
+                raise ModelError(self._unsound_text(self._crafts[i_unsound]))
             if self._data.ncon:
                 self._note_contacts()
-        for k in range(len(self._missions)):
-            self._end_tick(k, tick)
-
-    def _end_tick(self, k: int, tick: int) -> None:
-        mission, position_m = self._missions[k], self._position_m(k)
-        self._path_length_m[k] += math.dist(position_m, self._positions_m[k])
-        self._positions_m[k] = position_m
-        path, setpoint, phase = mission.trajectory, mission.setpoint, mission.phase
-        w, x, y, z = self._qpos(k)[3:7].tolist()
-        mission.end_tick(
-            tick,
-            position_m,
-            self._velocity_m_s(k),
-            yaw_rad=math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)),
-            uprightness=1.0 - 2.0 * (x * x + y * y),
-        )
-        if mission.trajectory is not path or mission.setpoint is not setpoint:
-            self._follow(k)
-        if phase == "landing" and mission.phase == "on_ground":
-            self._supports[k] = frozenset(self._touched[k])
+        for craft in self._crafts:
+            craft.end_tick(tick)
 
     # What wheels stand on is no collision; what they run against is.
     def _note_contacts(self) -> None:
@@ -251,77 +227,40 @@ class WorldCore:
                 continue
             agent_a, agent_b = scene.agent_of_geom[geom_a], scene.agent_of_geom[geom_b]
             if agent_a >= 0:
-                self._touched[agent_a].add(scene.thing_of_geom[geom_b])
+                self._crafts[agent_a].touch(scene.thing_of_geom[geom_b])
             if agent_b >= 0:
-                self._touched[agent_b].add(scene.thing_of_geom[geom_a])
+                self._crafts[agent_b].touch(scene.thing_of_geom[geom_a])
 
-    def _body(self, k: int) -> BodyState:
-        mission, qpos, qvel = self._missions[k], self._qpos(k), self._qvel(k)
-        # A vehicle that fails before its take-off is over has not collided with what it stood on.
-        is_leaving = mission.phase == "failed" and not mission.has_taken_off
-        touched = self._touched[k] - self._supports[k] if is_leaving else self._touched[k]
-        w, x, y, z = qpos[3:7].tolist()
-        omega_x, omega_y, omega_z = qvel[3:6].tolist()
-        return BodyState(
-            agent=self._agents[k].name,
-            position_world_m=self._positions_m[k],
-            quaternion_wxyz=(w, x, y, z),
-            velocity_world_m_s=self._velocity_m_s(k),
-            angular_velocity_body_rad_s=(omega_x, omega_y, omega_z),
-            phase=mission.phase,
-            awaiting_command=mission.awaiting_command,
-            path_length_m=self._path_length_m[k],
-            waypoint_world_m=mission.waypoint_world_m,
-            contacts=tuple(sorted(touched)),
-            rejected_command=mission.notice,
-            tracking_error_m=self._tracking_error_m(k),
-            planned_path_world_m=mission.planned_path_world_m,
-            inertial_body=NumericArray.from_array(self._inertial[k]) if self._has_imu[k] else None,
-        )
-
-    def _tracking_error_m(self, k: int) -> float | None:
-        mission = self._missions[k]
-        if mission.setpoint is not None or not mission.is_armed or self._tick == 0:
-            return None
-        return math.dist(self._positions_m[k], mission.trajectory.state_at(self._tick, self._tick_ns)[0])
-
-    # A vehicle's position and attitude, then its wheels.
-    def _qpos(self, k: int) -> NDArray[np.float64]:
-        return self._data.qpos[self._i_qpos[k] :]
-
-    # Its velocity and rates, then the speeds of its wheels.
-    def _qvel(self, k: int) -> NDArray[np.float64]:
-        return self._data.qvel[self._i_qvel[k] :]
-
-    def _position_m(self, k: int) -> Vec3:
-        x_m, y_m, z_m = self._qpos(k)[:3].tolist()
-        return x_m, y_m, z_m
-
-    def _velocity_m_s(self, k: int) -> Vec3:
-        u, v, w = self._qvel(k)[:3].tolist()
-        return u, v, w
-
-    def _unsound_text(self, k: int) -> str:
+    def _unsound_text(self, craft: Craft) -> str:
         return (
-            f"world: expected a finite, plausible state of {self._agents[k].name}'s vehicle at tick {self._tick}, "
-            f"was position {self._position_m(k)} m, velocity {self._velocity_m_s(k)} m/s."
+            f"world: expected a finite, plausible state of {craft.name}'s vehicle at tick {self._tick}, "
+            f"was position {craft.true_position_m} m, velocity {craft.true_velocity_m_s} m/s."
         )
 
-    # Views of MuJoCo's arrays and addresses stay valid as long as model and data live. The wind is handed over
-    # read-only, as it comes from a memory map, so that one compiled kernel serves all.
-    def _set_loop_arguments(self) -> None:
+    def _records(self, k: int, *, has_imu: bool) -> Records:
+        i_qpos, i_qvel = int(self._constants[k]["i_qpos"]), int(self._constants[k]["i_qvel"])
+        return Records(
+            constants=self._constants[k],
+            state=self._states[k, ...],
+            pose=self._data.qpos[i_qpos : i_qpos + 7],
+            motion=self._data.qvel[i_qvel : i_qvel + 6],
+            inertial=self._inertial[k] if has_imu else None,
+        )
+
+    # Views of MuJoCo's arrays and addresses stay valid as long as model and data live.
+    def _arguments_of_loop(self) -> tuple[_Six, tuple[Any, Any, Any, Any, Any]]:
         model, data, grid = self._scene.model, self._data, self._environment.grid
-        self._i_qpos: list[int] = self._constants["i_qpos"].tolist()
-        self._i_qvel: list[int] = self._constants["i_qvel"].tolist()
-        self._i_velocities = np.add.outer(self._i_qvel, np.arange(3))
-        wind = self._environment.wind.velocity_m_s
-        if wind.dtype != np.float32 or not wind.flags.c_contiguous:
-            raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
-        self._wind_m_s = wind.view()
-        self._wind_m_s.flags.writeable = False
-        self._views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
+        views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
         addresses = (step_address(), model._address, data._address)
-        self._loop_arguments = (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
+        return views, (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
+
+
+# One compiled kernel serves all winds: read-only, as they come from a memory map.
+def _wind_of(environment: Environment) -> DrivenWind:
+    wind = environment.wind.velocity_m_s
+    if wind.dtype != np.float32 or not wind.flags.c_contiguous:
+        raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
+    return DrivenWind(environment.wind)
 
 
 def _physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
@@ -337,13 +276,12 @@ def _physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
     return PHYSICS_STEP_MS
 
 
-# Where a vehicle is at tick 0, and whether it hovers there instead of standing.
-def _resting_place(agent: AgentSpec, space: FlightSpace, half_height_m: float) -> tuple[Vec3, bool]:
+def _resting_place(agent: AgentSpec, space: FlightSpace, half_height_m: float) -> StartState:
     x_m, y_m, z_m = agent.vehicle.start_m
     standing_m = space.support_height_m(agent.vehicle.start_m) + half_height_m
     if abs(z_m - standing_m) <= _STANDS_WITHIN_M:
-        return (x_m, y_m, standing_m), False
-    return (x_m, y_m, z_m), True
+        return StartState(position_world_m=(x_m, y_m, standing_m), is_flying=False)
+    return StartState(position_world_m=(x_m, y_m, z_m), is_flying=True)
 
 
 def _constants(scene: Scene, agents: Sequence[AgentSpec], models: Sequence[Vehicle], dt_s: float) -> NDArray[np.void]:

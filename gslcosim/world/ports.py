@@ -3,13 +3,16 @@
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
+from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 
 
 def world_spec(scenario: Scenario) -> ParticipantSpec:
     """Return the world's dataflow: the agents' commands with their delays in, all true poses out."""
+    commands = (Read(port=keys.command(a.name), delay_ticks=a.latency_ticks) for a in scenario.agents)
+    wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
     return ParticipantSpec(
         name="world",
-        reads=tuple(Read(port=keys.command(a.name), delay_ticks=a.latency_ticks) for a in scenario.agents),
+        reads=(*commands, *wind),
         writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
     )

@@ -21,7 +21,7 @@ CORES = {
 # What every service does before it builds its own core, and that core.
 SCRIPT = """
 import importlib, sys
-from gslcosim.runtime.service import serve
+from gslcosim.runtime.over_bus.service import serve
 from gslcosim.runtime.assembly import build_core, dataflow_of
 importlib.import_module(sys.argv[1])
 print(*sorted({"mujoco", "rerun"} & set(sys.modules)))

@@ -19,10 +19,10 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
 from gslcosim.environment.store import load_environment
-from gslcosim.fields.assembly import gas_model_of
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.filament.plume import FilamentPlume, Filaments, GasSource, amount_of_filament_mol
 from gslcosim.fields.filament.release import ConstantRelease
+from gslcosim.fields.models.filament_gas import gas_model_of
 from gslcosim.fields.reading.concentration import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim.fields.reading.index import FilamentIndex
 from gslcosim.generation import prepare_environment

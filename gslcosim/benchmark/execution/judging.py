@@ -39,7 +39,7 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
         trial: Which.
         environment_hash: Of its room.
         status: `crashed`, `hung`, `out_of_memory` or `fault`.
-        fault: What is known of it, with the last words.
+        fault: What is known of it, with the end of its log.
     """
     row: Row = dict.fromkeys((column.name for column in TRIAL_COLUMNS), None)
     scenario = trial.resolved

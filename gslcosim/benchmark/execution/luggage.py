@@ -161,7 +161,7 @@ def _luggage_of(scenario: Scenario, directory: Path) -> Luggage:
 
 # As the scenario writes it, and where that is.
 def _places_in(scenario: Scenario, directory: Path) -> Iterator[tuple[str, Path]]:
-    spec, wind, playback = scenario.environment, scenario.wind, scenario.gas.playback
+    spec, wind, playback = scenario.environment, scenario.wind, scenario.gas.stored
     if spec.folder_key is not None:
         yield getattr(spec, spec.folder_key), folder_of(spec, directory)
     for file in spec.geometry.files if spec.geometry is not None else ():

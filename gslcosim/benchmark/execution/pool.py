@@ -181,7 +181,7 @@ class LocalPool:
         taken_s = time.monotonic() - worker.started_at if worker.started_at is not None else 0.0
         _kill(worker)
         words = worker.last_words()
-        told = f"{text}. Its last words: {words}" if words else f"{text}."
+        told = f"{text}. The end of its log: {words}" if words else f"{text}."
         if not worker.is_up:
             self._n_failed_starts += 1
             if self._n_failed_starts >= _MOST_FAILED_STARTS:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.store import load_environment
-from gslcosim.fields.assembly import gas_field_of, gas_seed
+from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.gas_field import GasField, PointGrid, wind_m_s_at
+from gslcosim.fields.gas_setup import gas_seed
 from gslcosim.fields.timing import gas_timing
 from gslcosim.generation import prepare_environment
 from gslcosim.referee.case import GAS_CONTACT_PPM

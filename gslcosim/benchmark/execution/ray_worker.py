@@ -62,7 +62,7 @@ def installed() -> dict[str, str]:
 class RayWorker:
     """An actor that does one job after the other in a process of its own, which it can end and replace.
 
-    The process is a worker of `LocalPool`, so that limits, crashes and last words are what they are on one machine.
+    The process is a worker of `LocalPool`, so that limits, crashes and logs are what they are on one machine.
     """
 
     def __init__(self, limits: LimitsSpec, fetch: Callable[[Any], Contents | None]) -> None:

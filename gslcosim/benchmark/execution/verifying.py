@@ -74,7 +74,7 @@ class Again:
         return found[0]
 
     def sample(self, n: int, *, seed: int) -> list[Trial]:
-        """Return n of the flights with a result, drawn by lot, in the order of the suite."""
+        """Return n of the flights with a result, drawn at random, in the order of the suite."""
         flown = [trial for trial in self.trials.values() if self.rows[trial.id]["status"] == "flown"]
         chosen = stream(seed, "benchmark.verify").permutation(len(flown))[:n]
         return [flown[i] for i in sorted(chosen)]
@@ -118,7 +118,7 @@ def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
     """Fly a trial again with a recording, unless there is one; return its run directory and its digest.
 
     Raises:
-        UsageError: it came to nothing again; the text has the last words.
+        UsageError: it came to nothing again; the text has the end of its log.
     """
     place = again.folder.recordings / trial.id
     if (place / "recording.rrd").is_file():

@@ -111,8 +111,8 @@ def _without_paths(values: dict[str, Any], scenario: Scenario) -> dict[str, Any]
         values["environment"] = sorted(environment)
     if scenario.wind.file is not None:
         values["wind"]["solver"] = "file"
-    if scenario.gas.playback is not None:
-        values["gas"]["playback"]["folder"] = folder_hash(Path(scenario.gas.playback.folder))
+    if scenario.gas.stored is not None:
+        values["gas"]["playback"]["folder"] = folder_hash(Path(scenario.gas.stored.folder))
     for agent in values["agents"]:
         start = agent["start"]
         start.pop("python", None)

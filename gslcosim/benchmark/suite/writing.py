@@ -59,7 +59,7 @@ def _names_files(path: Path) -> bool:
         return True  # what the suite sets makes it whole; where it stands it can be read
     environment = scenario.environment
     has_files = environment.folder_key is not None or environment.geometry is not None
-    return has_files or scenario.wind.file is not None or scenario.gas.playback is not None
+    return has_files or scenario.wind.file is not None or scenario.gas.stored is not None
 
 
 def _kept_program(entry: EntrySpec, directory: Path, folder: Path) -> dict[str, Any]:

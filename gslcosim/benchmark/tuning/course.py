@@ -65,7 +65,7 @@ class TuningCourse:
 def course_of(subject: Subject, purpose: str, number: int, *, n: int, taken: frozenset[int]) -> TuningCourse:
     """Return a course of n flights.
 
-    All cases are flown equally often. What is left over goes to cases of all scenarios in turn, by lot within each.
+    All cases are flown equally often. What is left over goes to cases of all scenarios in turn, at random within each.
 
     Args:
         subject: The method and its cases.

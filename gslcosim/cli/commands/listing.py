@@ -3,16 +3,26 @@
 import argparse
 import ast
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
+from gslcosim.offers import OfferError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from gslcosim.scenario.models.one_of import OneOf
 
 EXAMPLES = """  gslcosim list
   gslcosim list sensors
   gslcosim list scenarios --json"""
 
-Row = dict[str, str]
+Row = dict[str, Any]
+# Columns that a table on a terminal does not show.
+_HIDDEN = ("file", "settings")
 
 
 def _scenarios() -> list[Row]:
@@ -37,9 +47,48 @@ def _sensors() -> list[Row]:
     from gslcosim.sensing.models import sensor_kind, sensor_names
 
     return [
-        {"name": kind.name, "quantity": kind.quantity, "unit": kind.unit, "description": kind.description}
+        {
+            "name": kind.name,
+            "quantity": kind.quantity,
+            "unit": kind.unit,
+            "description": kind.description,
+            "settings": _settings(kind.settings, kind.name, "model"),
+        }
         for kind in map(sensor_kind, sensor_names())
     ]
+
+
+def _gas_models() -> list[Row]:
+    from gslcosim.scenario.models.gas import GAS_KINDS
+
+    return _kinds_of(GAS_KINDS)
+
+
+def _wind_solvers() -> list[Row]:
+    from gslcosim.scenario.models.wind import WIND_KINDS
+
+    return _kinds_of(WIND_KINDS)
+
+
+# Packages are imported to be listed; one that cannot be is told in its row, and hides no other.
+def _kinds_of(one_of: "OneOf") -> list[Row]:
+    rows: list[Row] = []
+    for name in (*one_of.own, *(name for name in one_of.offers.names() if name not in one_of.own)):
+        try:
+            block = one_of.block_of(name)
+        except OfferError as error:
+            rows.append({"name": name, "description": str(error), "settings": []})
+            continue
+        assert block is not None, "every name has a block"
+        description = one_of.descriptions.get(name, (block.__doc__ or "").partition("\n")[0])
+        rows.append({"name": name, "description": description, "settings": _settings(block, name, one_of.tag_key)})
+    return rows
+
+
+def _settings(block: type["BaseModel"], kind: str, tag_key: str) -> list[Row]:
+    from gslcosim.scenario.settings import settings_of
+
+    return [asdict(each) for each in settings_of(block, kind=kind, without=frozenset({tag_key}))]
 
 
 def _vehicles() -> list[Row]:
@@ -74,6 +123,8 @@ KINDS: dict[str, Callable[[], list[Row]]] = {
     "scenarios": _scenarios,
     "agents": _agents,
     "sensors": _sensors,
+    "gas_models": _gas_models,
+    "wind_solvers": _wind_solvers,
     "vehicles": _vehicles,
     "gases": _gases,
     "layouts": _layouts,
@@ -96,9 +147,20 @@ def _run(arguments: argparse.Namespace) -> int:
     for i, (kind, rows) in enumerate(found.items()):
         if arguments.kind is None:
             write(f"{'' if i == 0 else chr(10)}{kind.upper()}")
-        headings = [heading for heading in rows[0] if heading != "file"] if rows else ["name"]
+        headings = [heading for heading in rows[0] if heading not in _HIDDEN] if rows else ["name"]
         write(table([h.replace("_", " ") for h in headings], [[row[h] for h in headings] for row in rows]))
+        if arguments.kind is not None:
+            _write_settings(rows)
     return 0
+
+
+# A table for each; those that many kinds share are told with each, as each can have them.
+def _write_settings(rows: list[Row]) -> None:
+    for row in rows:
+        settings = [[each["key"], each["unit"], each["default"], each["meaning"]] for each in row.get("settings", ())]
+        if settings:
+            write(f"\n{row['name'].upper()}")
+            write(table(["setting", "unit", "default", "meaning"], settings))
 
 
 def _first_comment(path: Path) -> str:
@@ -114,7 +176,7 @@ def _first_docstring_line(path: Path) -> str:
 
 COMMAND = Command(
     name="list",
-    summary="list scenarios, agents, sensors, vehicles, gases or layouts",
+    summary="list scenarios, agents, sensors, gas models, wind solvers, vehicles, gases or layouts",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -10,7 +10,7 @@ from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.schema import contract_hash, message_types
 
 _ABOUT = (
-    "What gslcosim and its agents say to each other. "
+    "The messages between gslcosim and its agents. "
     "An operation is what an agent does: it receives its briefing, observations and the ending, and sends commands. "
     "Channels without an operation are between services; agents can neither read nor write them."
 )

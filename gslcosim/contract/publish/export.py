@@ -13,7 +13,7 @@ _README = f"""# The contract, version {CONTRACT_VERSION}
 
 <!-- Made by `make contract` from gslcosim/contract; do not edit. -->
 
-What gslcosim and its agents say to each other, for every language.
+The messages between gslcosim and its agents, for every language.
 
 | file | what |
 |---|---|

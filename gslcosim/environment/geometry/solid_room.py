@@ -45,7 +45,7 @@ from gslcosim.environment.voxel_boxes import boxes_from_solid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.geometry import GeometrySpec
-from gslcosim.scenario.models.scenario import WindSpec
+from gslcosim.scenario.models.scenario import SolverSpec
 from gslcosim.scenario.problems import Problem
 
 GEOMETRY_PATH = "environment.geometry"
@@ -63,12 +63,12 @@ class _Case:
     """What is asked for: surfaces, openings, and the size of cells."""
 
     spec: GeometrySpec
-    wind: WindSpec
+    wind: SolverSpec
     surfaces: Surfaces
     plugs: tuple[Plug, ...]
 
 
-def room_of_geometry(spec: GeometrySpec, wind: WindSpec, *, base_dir: Path) -> Room:
+def room_of_geometry(spec: GeometrySpec, wind: SolverSpec, *, base_dir: Path) -> Room:
     """Return the room that files of geometry describe, without wind.
 
     The grid covers the air's box: its lower corner lies exactly on the farthest walls, its upper one within half a cell
@@ -121,7 +121,7 @@ def _load(spec: GeometrySpec, base_dir: Path) -> list[Part]:
     return parts
 
 
-def _problems_of_kinds(plugs: Sequence[Plug], wind: WindSpec) -> list[Problem]:
+def _problems_of_kinds(plugs: Sequence[Plug], wind: SolverSpec) -> list[Problem]:
     if wind.solver == "uniform":
         return []
     return [

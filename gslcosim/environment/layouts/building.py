@@ -4,11 +4,11 @@ from gslcosim.environment.layouts.kinds import plan_room, problems_of_layout
 from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
 from gslcosim.environment.problems import raise_if_any
 from gslcosim.environment.room import Room, frozen
-from gslcosim.scenario.models.scenario import Layout, WindSpec
+from gslcosim.scenario.models.scenario import Layout, SolverSpec
 from gslcosim.scenario.problems import Problem
 
 
-def build_room(layout: Layout, wind: WindSpec) -> Room:
+def build_room(layout: Layout, wind: SolverSpec) -> Room:
     """Generate a room from its layout, without solving its wind.
 
     Args:
@@ -31,6 +31,6 @@ def build_room(layout: Layout, wind: WindSpec) -> Room:
     )
 
 
-def problems_of_room(layout: Layout, wind: WindSpec) -> list[Problem]:
+def problems_of_room(layout: Layout, wind: SolverSpec) -> list[Problem]:
     """Return all that makes a room impossible, with the places in the scenario; empty when it can be built."""
     return problems_of_layout(layout, wind) or problems_of_occupancy(plan_room(layout, wind))

@@ -21,7 +21,7 @@ from gslcosim.environment.problems import raise_if_any
 from gslcosim.environment.shell import OBSTACLE_RGBA, WALL_NAMES, closing_boxes
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.layouts import BoxSpec, FurtherOpeningSpec, Layout, OpeningSpec, PlantSpec
-from gslcosim.scenario.models.scenario import WindSpec
+from gslcosim.scenario.models.scenario import SolverSpec
 from gslcosim.scenario.problems import Problem
 
 SKY_RGBA = (0.75, 0.85, 0.95, 0.05)
@@ -31,7 +31,7 @@ WHITE_UP_TO_M, YELLOW_RGBA = 3.0, (0.95, 0.80, 0.15, 1.0)
 LIGHT_EVERY_M, LIGHT_BELOW_CEILING_FRAC = 6.0, 0.02
 
 
-def plan_room(layout: Layout, wind: WindSpec) -> RoomPlan:
+def plan_room(layout: Layout, wind: SolverSpec) -> RoomPlan:
     """Lay out a room.
 
     Args:
@@ -58,7 +58,7 @@ def plan_room(layout: Layout, wind: WindSpec) -> RoomPlan:
     )
 
 
-def problems_of_layout(layout: Layout, wind: WindSpec) -> list[Problem]:
+def problems_of_layout(layout: Layout, wind: SolverSpec) -> list[Problem]:
     """Return all that makes a layout impossible, with the places in the scenario; empty when it can be built."""
     problems = _problems_of_size(layout.size_m, wind.cell_m)
     problems += _problems_of_obstacles(layout)
@@ -79,7 +79,7 @@ def problems_of_layout(layout: Layout, wind: WindSpec) -> list[Problem]:
     return problems + _problems_of_further_openings(layout, wind, grid, [first, second])
 
 
-def _problems_of_further_openings(layout: Layout, wind: WindSpec, grid: Grid, others: list[Opening]) -> list[Problem]:
+def _problems_of_further_openings(layout: Layout, wind: SolverSpec, grid: Grid, others: list[Opening]) -> list[Problem]:
     problems: list[Problem] = []
     for i, spec in enumerate(layout.openings):
         path = f"{LAYOUT_PATH}.openings[{i}]"
@@ -202,7 +202,7 @@ def _grid(layout: Layout, cell_m: float) -> Grid:
     return Grid(origin_m=(0.0, 0.0, 0.0), cell_m=cell_m, shape=(nx, ny, nz))
 
 
-def _openings(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[tuple[Opening, ...], tuple[str, ...]]:
+def _openings(layout: Layout, wind: SolverSpec, grid: Grid) -> tuple[tuple[Opening, ...], tuple[str, ...]]:
     inlet, outlet = _inlet_and_outlet(layout, wind, grid)
     further = tuple(_further(spec, wind, grid) for spec in layout.openings)
     notices = (
@@ -216,12 +216,12 @@ def _openings(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[tuple[Opening
     return openings, tuple(notice for notice in notices if notice)
 
 
-def _further(spec: FurtherOpeningSpec, wind: WindSpec, grid: Grid) -> Opening:
+def _further(spec: FurtherOpeningSpec, wind: SolverSpec, grid: Grid) -> Opening:
     velocity_m_s = (spec.velocity_m_s or wind.inlet_velocity_m_s) if spec.kind == "inlet" else (0.0, 0.0, 0.0)
     return replace(_opening(spec.kind, spec, grid, velocity_m_s), name=spec.name)
 
 
-def _inlet_and_outlet(layout: Layout, wind: WindSpec, grid: Grid) -> tuple[Opening, Opening]:
+def _inlet_and_outlet(layout: Layout, wind: SolverSpec, grid: Grid) -> tuple[Opening, Opening]:
     inlet, outlet = opening_specs(layout)
     return (
         _opening("inlet", inlet, grid, wind.inlet_velocity_m_s),

@@ -64,7 +64,7 @@ def racks_of(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
 
 
 def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
-    """Return the type of each rack by lot: below 7 is the load, 7 and 8 are empty; enough of them are filled."""
+    """Return the type of each rack at random: below 7 is the load, 7 and 8 are empty; enough of them are filled."""
     rng = stream(layout.seed, "layout.rack_types")
     types = rng.integers(N_TYPES, size=n_racks)
     empty = np.flatnonzero(types >= len(LOADS))

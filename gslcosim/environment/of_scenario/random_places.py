@@ -1,4 +1,4 @@
-"""Places drawn by lot: sources in free, reachable air, vehicles where they can stand and rise."""
+"""Places drawn at random: sources in free, reachable air, vehicles where they can stand and rise."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
-from gslcosim.scenario.models.scenario import EnvironmentSpec, VehicleSpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec, VehicleSpec
 from gslcosim.scenario.random_places import Wanted
 
 # Above the floor: as high as the bundled scenarios' starts [m].
@@ -22,7 +22,7 @@ N_TRIES = 10_000
 
 
 def draw_places(
-    spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path, seed: int, wanted: Sequence[Wanted]
+    spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path, seed: int, wanted: Sequence[Wanted]
 ) -> Mapping[str, Vec3]:
     """Return a place for each that is wanted and for which there is one, each from a random stream of its own.
 
@@ -50,7 +50,7 @@ def draw_places(
 
 
 # Nothing when the room has problems, which others tell.
-def _room(spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path) -> Room | Environment | None:
+def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> Room | Environment | None:
     if spec.path is None:
         has_problems = bool(problems_of_source(spec, wind, scenario_dir=scenario_dir))
         return None if has_problems else room_of(spec, wind, scenario_dir=scenario_dir)

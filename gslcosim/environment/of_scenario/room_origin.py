@@ -12,7 +12,7 @@ from gslcosim.environment.openings import face_of, problems_of_inflow
 from gslcosim.environment.problems import ImpossibleRoomError, raise_if_any
 from gslcosim.environment.room import Room
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.scenario.models.scenario import EnvironmentSpec, GeometrySpec, WindSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, GeometrySpec, SolverSpec, WindSpec
 from gslcosim.scenario.problems import Problem
 
 
@@ -28,13 +28,13 @@ def folder_of(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
     return folder if folder.is_absolute() or scenario_dir is None else scenario_dir / folder
 
 
-def wind_file(wind: WindSpec, scenario_dir: Path | None) -> Path:
+def wind_file(wind: SolverSpec, scenario_dir: Path | None) -> Path:
     """Return the file or folder that a scenario's wind is read from."""
     assert wind.file is not None, "only solver: {file: …} names one"
     return (scenario_dir or Path()) / Path(wind.file).expanduser()
 
 
-def room_of(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> Room:
+def room_of(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> Room:
     """Return the room of an environment that has no wind yet; that is any but one with a `path`.
 
     Args:
@@ -54,7 +54,7 @@ def room_of(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None 
     return with_inflow(_read_room(spec, scenario_dir), wind)
 
 
-def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: Path | None = None) -> list[Problem]:
+def problems_of_source(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> list[Problem]:
     """Return all that keeps a room from being made or read, with the places in the scenario."""
     if spec.layout is not None:
         return problems_of_room(spec.layout, wind)
@@ -79,7 +79,7 @@ def problems_of_source(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
 
 
 # A room from geometry is known to be one only once it is made.
-def _problems_of_geometry(spec: GeometrySpec, wind: WindSpec, scenario_dir: Path) -> list[Problem]:
+def _problems_of_geometry(spec: GeometrySpec, wind: SolverSpec, scenario_dir: Path) -> list[Problem]:
     try:
         room_of_geometry(spec, wind, base_dir=scenario_dir)
     except ImpossibleRoomError as error:
@@ -112,7 +112,7 @@ def stored_environment(spec: EnvironmentSpec, wind: WindSpec, *, scenario_dir: P
     return _IMPORTERS[spec.folder_key](folder, period_s=wind.period_s, is_looping=wind.loops)
 
 
-def with_inflow(room: Room, wind: WindSpec) -> Room:
+def with_inflow(room: Room, wind: SolverSpec) -> Room:
     """Return an imported room whose inlets have the scenario's wind, where they have none of their own.
 
     A room that marks no inlet, as GADEN's do not, gets one in each opening that the wind blows into.
@@ -129,7 +129,7 @@ def with_inflow(room: Room, wind: WindSpec) -> Room:
     return replace(room, openings=openings, notices=(*room.notices, *notices))
 
 
-def _is_blown_into(opening: Opening, room: Room, wind: WindSpec) -> bool:
+def _is_blown_into(opening: Opening, room: Room, wind: SolverSpec) -> bool:
     face = face_of(opening, room.grid)
     return face is not None and wind.inlet_velocity_m_s[face.axis] * face.inward > 0
 

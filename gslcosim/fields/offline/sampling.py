@@ -19,8 +19,9 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.errors import EnvironmentDataError, UsageError
-from gslcosim.fields.assembly import gas_field_of, gas_seed
+from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.gas_field import GasField, PointGrid, Sight
+from gslcosim.fields.gas_setup import gas_seed
 from gslcosim.fields.reading.concentration import CUTOFF_SIGMA, Walls, checked_points, mixing_ratio_ppm_on_grid
 from gslcosim.fields.reading.index import FilamentIndex
 from gslcosim.fields.stored.frame import GasFrame

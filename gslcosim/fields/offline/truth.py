@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.fields.assembly import gas_field_of, gas_seed, gases_in, release_m3_s
+from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.gas_field import GasField, PointGrid
+from gslcosim.fields.gas_setup import gas_seed, gases_in, release_m3_s
 from gslcosim.fields.offline.sampling import lattice_in
 from gslcosim.fields.reading.concentration import CUTOFF_SIGMA
 from gslcosim.fields.timing import gas_timing

@@ -11,7 +11,12 @@ from gslcosim.environment.model import Cell, Environment
 from gslcosim.errors import ShapeError
 from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.gases import air_density_mol_m3
-from gslcosim.fields.reading.concentration_kernels import add_filaments_at_points_inplace, add_filaments_to_grid_inplace
+from gslcosim.fields.reading.concentration_kernels import (
+    FilamentTable,
+    WallCells,
+    add_filaments_at_points_inplace,
+    add_filaments_to_grid_inplace,
+)
 from gslcosim.quantities import Vec3
 
 CUTOFF_SIGMA = 5.0
@@ -59,15 +64,26 @@ _NO_WALLS = Walls(
 )
 
 
-def as_kernels_take_them(walls: Walls | None) -> tuple[bool, NDArray[np.uint8], NDArray[np.int32], Vec3, float]:
-    """Return whether there are walls, and what kernels need of them: arrays of their kind also where there are none."""
+def wall_cells(walls: Walls | None) -> WallCells:
+    """Return walls as kernels take them: arrays of their kind also where there are none."""
     seen_through = _NO_WALLS if walls is None else walls
-    return (
-        walls is not None,
-        seen_through.occupancy,
-        seen_through.solid_sums,
-        seen_through.origin_m,
-        seen_through.cell_m,
+    return WallCells(
+        is_opaque=walls is not None,
+        occupancy=seen_through.occupancy,
+        solid_sums=seen_through.solid_sums,
+        origin_m=seen_through.origin_m,
+        cell_m=seen_through.cell_m,
+    )
+
+
+def filament_table(filaments: Filaments, air_mol_m3: float | None = None) -> FilamentTable:
+    """Return filaments as kernels take them; see `strength_ppm_m3`."""
+    return FilamentTable(
+        position_world_m=filaments.position_world_m,
+        sigma_m=filaments.sigma_m,
+        source_index=filaments.source_index,
+        strength_ppm_m3=strength_ppm_m3(filaments.amount_mol, air_mol_m3),
+        gas_index=filaments.gas_index,
     )
 
 
@@ -108,13 +124,9 @@ def mixing_ratio_ppm_at(
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
     add_filaments_at_points_inplace(
         points,
-        filaments.position_world_m,
-        filaments.sigma_m,
-        filaments.source_index,
-        strength_ppm_m3(filaments.amount_mol, air_mol_m3),
-        filaments.gas_index,
+        filament_table(filaments, air_mol_m3),
         float(cutoff_sigma),
-        *as_kernels_take_them(walls),
+        wall_cells(walls),
         mixing_ratio_ppm,
     )
     return mixing_ratio_ppm
@@ -146,11 +158,7 @@ def mixing_ratio_ppm_on_grid(
     """
     mixing_ratio_ppm = np.zeros(shape)
     add_filaments_to_grid_inplace(
-        filaments.position_world_m,
-        filaments.sigma_m,
-        filaments.source_index,
-        strength_ppm_m3(filaments.amount_mol, air_mol_m3),
-        filaments.gas_index,
+        filament_table(filaments, air_mol_m3),
         gas,
         float(cutoff_sigma),
         float3(first_point_m),

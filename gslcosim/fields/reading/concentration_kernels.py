@@ -2,6 +2,7 @@
 # pyright: basic
 
 import math
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -10,6 +11,36 @@ from gslcosim.environment.sight_kernels import is_line_of_sight_free
 from gslcosim.fields.filament.trace_kernels import cell_index
 
 NORMALISATION = (2.0 * math.pi) ** 1.5
+
+
+class WallCells(NamedTuple):
+    """What hides gas from a reading, as kernels take it.
+
+    `is_opaque` says whether gas is hidden at all; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
+    (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `sums_of_solids`); `origin_m` (3,)
+    corner of cell (0, 0, 0), world frame [m]; `cell_m` edge of the cubic cells [m].
+    """
+
+    is_opaque: bool
+    occupancy: Any
+    solid_sums: Any
+    origin_m: Any
+    cell_m: float
+
+
+class FilamentTable(NamedTuple):
+    """Filaments of one instant, as kernels take them.
+
+    `position_world_m` (n, 3) centres, world frame, xyz [m]; `sigma_m` (n,) standard deviations s [m], > 0;
+    `source_index` (n,) int32 index into the next two: `strength_ppm_m3` (n_sources,) a filament's gas as volume of pure
+    gas, S = 1e6 N / n_air [ppm m3], `gas_index` (n_sources,) int32 gas of each source.
+    """
+
+    position_world_m: Any
+    sigma_m: Any
+    source_index: Any
+    strength_ppm_m3: Any
+    gas_index: Any
 
 
 @numba.njit(cache=True, nogil=True)
@@ -28,13 +59,11 @@ def _n_solid_in_box(solid_sums, i0, j0, k0, i1, j1, k1):
 
 
 @numba.njit(cache=True, nogil=True)
-def is_box_of_air(solid_sums, origin_m, cell_m, x0, x1, y0, y1, z0, z1):
+def is_box_of_air(walls, x0, x1, y0, y1, z0, z1):
     """Tell whether no cell that touches a box is solid; outside the grid nothing is.
 
     Args:
-        solid_sums: (nx + 1, ny + 1, nz + 1) int32 (see `is_seen`).
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
+        walls: `WallCells`.
         x0: Least x of the box, world frame [m]; y0 and z0 likewise.
         x1: Greatest x of the box, world frame [m], finite; y1 and z1 likewise.
         y0: See x0.
@@ -45,6 +74,7 @@ def is_box_of_air(solid_sums, origin_m, cell_m, x0, x1, y0, y1, z0, z1):
     Held by:
         tests/unit/fields/reading/test_concentration.py
     """
+    solid_sums, origin_m, cell_m = walls.solid_sums, walls.origin_m, walls.cell_m
     nx, ny, nz = solid_sums.shape[0] - 1, solid_sums.shape[1] - 1, solid_sums.shape[2] - 1
     i0, i1 = max(cell_index(x0, origin_m[0], cell_m), 0), min(cell_index(x1, origin_m[0], cell_m), nx - 1)
     j0, j1 = max(cell_index(y0, origin_m[1], cell_m), 0), min(cell_index(y1, origin_m[1], cell_m), ny - 1)
@@ -53,16 +83,13 @@ def is_box_of_air(solid_sums, origin_m, cell_m, x0, x1, y0, y1, z0, z1):
 
 
 @numba.njit(cache=True, nogil=True)
-def is_seen(occupancy, solid_sums, origin_m, cell_m, ax, ay, az, bx, by, bz):
+def is_seen(walls, ax, ay, az, bx, by, bz):
     """Tell whether no solid cell lies between two points; at once where the box around them is all air.
 
     The same answer as `environment.sight_kernels.is_line_of_sight_free`, several times faster in open rooms.
 
     Args:
-        occupancy: (nx, ny, nz) uint8, 1 is solid.
-        solid_sums: (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `sums_of_solids`).
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
+        walls: `WallCells`.
         ax: First point, world frame [m].
         ay: First point, world frame [m].
         az: First point, world frame [m].
@@ -73,29 +100,13 @@ def is_seen(occupancy, solid_sums, origin_m, cell_m, ax, ay, az, bx, by, bz):
     Held by:
         tests/unit/fields/reading/test_concentration.py (equals the plain traversal)
     """
-    if is_box_of_air(
-        solid_sums, origin_m, cell_m, min(ax, bx), max(ax, bx), min(ay, by), max(ay, by), min(az, bz), max(az, bz)
-    ):
+    if is_box_of_air(walls, min(ax, bx), max(ax, bx), min(ay, by), max(ay, by), min(az, bz), max(az, bz)):
         return True
-    return is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz)
+    return is_line_of_sight_free(walls.occupancy, walls.origin_m, walls.cell_m, ax, ay, az, bx, by, bz)
 
 
 @numba.njit(cache=True, nogil=True)
-def add_filaments_at_points_inplace(
-    points_world_m,
-    position_world_m,
-    sigma_m,
-    source_index,
-    strength_ppm_m3,
-    gas_index,
-    cutoff_sigma,
-    has_walls,
-    occupancy,
-    solid_sums,
-    origin_m,
-    cell_m,
-    mixing_ratio_ppm,
-):
+def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm):
     """Add to each point what every filament contributes to its mixing ratio.
 
     X = sum of S / ((2 pi)^(3/2) s^3) exp(-d^2 / (2 s^2))   over filaments with d <= cutoff s that are in sight
@@ -103,17 +114,9 @@ def add_filaments_at_points_inplace(
 
     Args:
         points_world_m: (m, 3) points, world frame, xyz [m].
-        position_world_m: (n, 3) filament centres, world frame, xyz [m].
-        sigma_m: (n,) standard deviations s [m], > 0.
-        source_index: (n,) int32 index into the next two tables.
-        strength_ppm_m3: (n_sources,) a filament's gas as volume of pure gas, S = 1e6 N / n_air [ppm m3].
-        gas_index: (n_sources,) int32 column of the result.
+        filaments: `FilamentTable`; its gases are columns of the result.
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        has_walls: Whether gas is hidden behind solid cells.
-        occupancy: (nx, ny, nz) uint8, 1 is solid.
-        solid_sums: (nx + 1, ny + 1, nz + 1) int32 (see `is_seen`).
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
+        walls: `WallCells`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
 
     Source:
@@ -125,6 +128,7 @@ def add_filaments_at_points_inplace(
     Held by:
         tests/unit/fields/reading/test_concentration.py, tests/analytic/test_gas_concentration.py (GSL-Bench's grids)
     """
+    position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
     for p in range(points_world_m.shape[0]):
         x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
         for f in range(sigma_m.shape[0]):
@@ -133,11 +137,11 @@ def add_filaments_at_points_inplace(
             d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
             if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
                 continue
-            if has_walls and not is_seen(occupancy, solid_sums, origin_m, cell_m, x, y, z, fx, fy, fz):
+            if walls.is_opaque and not is_seen(walls, x, y, z, fx, fy, fz):
                 continue
-            source = source_index[f]
-            share = strength_ppm_m3[source] / (NORMALISATION * s * s * s) * math.exp(-0.5 * d2 / (s * s))
-            mixing_ratio_ppm[p, gas_index[source]] += share
+            source = filaments.source_index[f]
+            share = filaments.strength_ppm_m3[source] / (NORMALISATION * s * s * s) * math.exp(-0.5 * d2 / (s * s))
+            mixing_ratio_ppm[p, filaments.gas_index[source]] += share
 
 
 @numba.njit(cache=True, nogil=True)
@@ -175,29 +179,14 @@ def _add_row(row_ppm, ppm, rest_m2, first, last, gaussian, offset2_m2):
 
 
 @numba.njit(cache=True, nogil=True)
-def add_filaments_to_grid_inplace(
-    position_world_m,
-    sigma_m,
-    source_index,
-    strength_ppm_m3,
-    gas_index,
-    gas,
-    cutoff_sigma,
-    first_point_m,
-    spacing_m,
-    mixing_ratio_ppm,
-):
+def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, spacing_m, mixing_ratio_ppm):
     """Add to a regular grid of points what every filament of one gas contributes, filament by filament.
 
     The same sum as `add_filaments_at_points_inplace` without walls. A filament's Gaussian is the product of three,
     one per axis, so its cost is that of the points within its cut-off and a product each.
 
     Args:
-        position_world_m: (n, 3) filament centres, world frame, xyz [m].
-        sigma_m: (n,) standard deviations [m], > 0.
-        source_index: (n,) int32 index into the next two tables.
-        strength_ppm_m3: (n_sources,) a filament's gas [ppm m3].
-        gas_index: (n_sources,) int32 gas of each source.
+        filaments: `FilamentTable`.
         gas: Which gas to sum.
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
         first_point_m: (3,) the point with index (0, 0, 0), world frame [m].
@@ -208,12 +197,13 @@ def add_filaments_to_grid_inplace(
         tests/unit/fields/reading/test_concentration.py (equals the sum at points, box of three side lengths),
         tests/analytic/test_gas_concentration.py (GSL-Bench's grids)
     """
+    position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
     nx, ny, nz = mixing_ratio_ppm.shape
     gx, gy, gz = np.empty(nx), np.empty(ny), np.empty(nz)
     dx2, dy2, dz2 = np.empty(nx), np.empty(ny), np.empty(nz)
     for f in range(sigma_m.shape[0]):
-        source = source_index[f]
-        if gas_index[source] != gas:
+        source = filaments.source_index[f]
+        if filaments.gas_index[source] != gas:
             continue
         s = sigma_m[f]
         reach_m = cutoff_sigma * s
@@ -226,7 +216,7 @@ def add_filaments_to_grid_inplace(
         _sample_gaussian(x, s, first_point_m[0], spacing_m, i0, i1, gx, dx2)
         _sample_gaussian(y, s, first_point_m[1], spacing_m, j0, j1, gy, dy2)
         _sample_gaussian(z, s, first_point_m[2], spacing_m, k0, k1, gz, dz2)
-        centre_ppm = strength_ppm_m3[source] / (NORMALISATION * s * s * s)
+        centre_ppm = filaments.strength_ppm_m3[source] / (NORMALISATION * s * s * s)
         reach2_m2 = reach_m * reach_m
         if nz == 1:
             plane = mixing_ratio_ppm.reshape(nx, ny)

@@ -7,12 +7,17 @@ from gslcosim.fields.filament.plume import Filaments
 from gslcosim.fields.reading.concentration import (
     CUTOFF_SIGMA,
     Walls,
-    as_kernels_take_them,
     checked_points,
+    filament_table,
     float3,
-    strength_ppm_m3,
+    wall_cells,
 )
-from gslcosim.fields.reading.index_kernels import add_indexed_filaments_at_points_inplace, sort_into_blocks_inplace
+from gslcosim.fields.reading.index_kernels import (
+    Blocks,
+    SortedFilaments,
+    add_indexed_filaments_at_points_inplace,
+    sort_into_blocks_inplace,
+)
 from gslcosim.quantities import Vec3
 
 BLOCK_M = 0.8
@@ -31,13 +36,15 @@ class FilamentIndex:
         sides_m = np.subtract(max_m, min_m)
         block_m *= max(1.0, float(np.prod(sides_m / block_m + 1.0) / MOST_BLOCKS) ** 0.5)
         n_x, n_y, n_z = (max(1, int(np.ceil(side_m / block_m - 1e-9))) for side_m in sides_m)
-        self._n_blocks = (n_x, n_y, n_z)
-        self._origin_m = float3(min_m)
-        self._block_m = float(block_m)
-        self._first = np.zeros(n_x * n_y * n_z + 1, np.int32)
-        self._largest_sigma_m = np.zeros(n_x * n_y)
+        self._blocks = Blocks(
+            origin_m=float3(min_m),
+            block_m=float(block_m),
+            n_blocks=(n_x, n_y, n_z),
+            first=np.zeros(n_x * n_y * n_z + 1, np.int32),
+            largest_sigma_m=np.zeros(n_x * n_y),
+        )
         self._n_gases = 1
-        self._reserve(1024)
+        self._rows = _rows_for(1024)
 
     def build(self, filaments: Filaments, *, air_mol_m3: float | None = None) -> None:
         """Sort the filaments of one instant.
@@ -46,26 +53,10 @@ class FilamentIndex:
             filaments: What readings sum; copied.
             air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
         """
-        if len(filaments.sigma_m) > len(self._key):
-            self._reserve(2 * len(filaments.sigma_m))
+        if len(filaments.sigma_m) > len(self._rows.key):
+            self._rows = _rows_for(2 * len(filaments.sigma_m))
         self._n_gases = filaments.n_gases
-        sort_into_blocks_inplace(
-            filaments.position_world_m,
-            filaments.sigma_m,
-            filaments.source_index,
-            strength_ppm_m3(filaments.amount_mol, air_mol_m3),
-            filaments.gas_index,
-            self._origin_m,
-            self._block_m,
-            self._n_blocks,
-            self._first,
-            self._largest_sigma_m,
-            self._key,
-            *self._centres_m,
-            self._exponent_per_m2,
-            self._centre_ppm,
-            self._gas,
-        )
+        sort_into_blocks_inplace(filament_table(filaments, air_mol_m3), self._blocks, self._rows)
 
     def mixing_ratio_ppm_at(
         self, points_world_m: NDArray[np.float64], *, walls: Walls | None = None, cutoff_sigma: float = CUTOFF_SIGMA
@@ -75,27 +66,24 @@ class FilamentIndex:
         mixing_ratio_ppm = np.zeros((len(points), self._n_gases))
         add_indexed_filaments_at_points_inplace(
             points,
-            self._origin_m,
-            self._block_m,
-            self._n_blocks,
-            self._first,
-            self._largest_sigma_m,
-            *self._centres_m,
-            self._exponent_per_m2,
-            self._centre_ppm,
-            self._gas,
-            self._shares,
-            float(self._largest_sigma_m.max()),
+            self._blocks,
+            self._rows,
+            float(self._blocks.largest_sigma_m.max()),
             float(cutoff_sigma),
-            *as_kernels_take_them(walls),
+            wall_cells(walls),
             mixing_ratio_ppm,
         )
         return mixing_ratio_ppm
 
-    def _reserve(self, capacity: int) -> None:
-        self._key = np.zeros(capacity, np.int32)
-        self._centres_m = (np.zeros(capacity), np.zeros(capacity), np.zeros(capacity))
-        self._exponent_per_m2 = np.zeros(capacity)
-        self._centre_ppm = np.zeros(capacity)
-        self._shares = np.zeros(capacity)
-        self._gas = np.zeros(capacity, np.int32)
+
+def _rows_for(capacity: int) -> SortedFilaments:
+    return SortedFilaments(
+        x=np.zeros(capacity),
+        y=np.zeros(capacity),
+        z=np.zeros(capacity),
+        exponent_per_m2=np.zeros(capacity),
+        centre_ppm=np.zeros(capacity),
+        gas=np.zeros(capacity, np.int32),
+        key=np.zeros(capacity, np.int32),
+        shares=np.zeros(capacity),
+    )

@@ -2,6 +2,7 @@
 # pyright: basic
 
 import math
+from typing import Any, NamedTuple
 
 import numba
 
@@ -10,58 +11,61 @@ from gslcosim.fields.reading.concentration_kernels import NORMALISATION, is_box_
 EXP_OF_MINUS_MIDDLE = math.exp(-6.25)
 
 
+class Blocks(NamedTuple):
+    """Cubic blocks of space and where their filaments begin.
+
+    Block (i, j, k) has the number (i n_y + j) n_z + k, so the blocks of a vertical column follow one another.
+    `origin_m` (3,) corner of block (0, 0, 0), world frame [m], what lies outside counts to the border's blocks;
+    `block_m` edge [m]; `n_blocks` (3,) number along x, y, z; `first` (n_x n_y n_z + 1,) int32 where each block's
+    filaments begin; `largest_sigma_m` (n_x n_y,) largest standard deviation in each column [m].
+    """
+
+    origin_m: Any
+    block_m: float
+    n_blocks: Any
+    first: Any
+    largest_sigma_m: Any
+
+
+class SortedFilaments(NamedTuple):
+    """Filaments by block, (>= n,) each.
+
+    `x`, `y`, `z` centres, world frame [m]; `exponent_per_m2` 1 / (2 s^2) [1/m2]; `centre_ppm` mixing ratio at the
+    centre [ppm]; `gas` int32; `key` int32 and `shares` are work space.
+    """
+
+    x: Any
+    y: Any
+    z: Any
+    exponent_per_m2: Any
+    centre_ppm: Any
+    gas: Any
+    key: Any
+    shares: Any
+
+
 @numba.njit(cache=True, nogil=True)
 def _block(coordinate_m, origin_m, block_m, n):
     return min(max(int((coordinate_m - origin_m) / block_m), 0), n - 1)
 
 
 @numba.njit(cache=True, nogil=True)
-def sort_into_blocks_inplace(
-    position_world_m,
-    sigma_m,
-    source_index,
-    strength_ppm_m3,
-    gas_index,
-    origin_m,
-    block_m,
-    n_blocks,
-    first,
-    largest_sigma_m,
-    key,
-    x,
-    y,
-    z,
-    exponent_per_m2,
-    centre_ppm,
-    gas,
-):
+def sort_into_blocks_inplace(filaments, blocks, rows):
     """Sort filaments by block (counting sort, stable) and prepare what a reading needs of each.
 
-    Block (i, j, k) has the number (i n_y + j) n_z + k, so the blocks of a vertical column follow one another.
-
     Args:
-        position_world_m: (n, 3) filament centres, world frame, xyz [m].
-        sigma_m: (n,) standard deviations s [m].
-        source_index: (n,) int32 index into the next two tables.
-        strength_ppm_m3: (n_sources,) a filament's gas [ppm m3].
-        gas_index: (n_sources,) int32 gas of each source.
-        origin_m: (3,) corner of block (0, 0, 0), world frame [m]; what lies outside counts to the border's blocks.
-        block_m: Edge of the cubic blocks [m].
-        n_blocks: (3,) number of blocks along x, y, z.
-        first: (n_x n_y n_z + 1,) int32; receives where each block's filaments begin.
-        largest_sigma_m: (n_x n_y,) receives the largest standard deviation in each column [m].
-        key: (>= n,) int32 work space.
-        x: (>= n,) receives the sorted centres [m]; y and z likewise.
-        y: See x.
-        z: See x.
-        exponent_per_m2: (>= n,) receives 1 / (2 s^2) [1/m2].
-        centre_ppm: (>= n,) receives the mixing ratio at the centre [ppm].
-        gas: (>= n,) int32; receives the gas.
+        filaments: `FilamentTable`.
+        blocks: `Blocks`; `first` and `largest_sigma_m` are filled in.
+        rows: `SortedFilaments`, filled in.
 
     Held by:
         tests/unit/fields/reading/test_index.py
     """
-    n_x, n_y, n_z = n_blocks
+    position_world_m, sigma_m, source_index = filaments.position_world_m, filaments.sigma_m, filaments.source_index
+    origin_m, block_m, first, largest_sigma_m = blocks.origin_m, blocks.block_m, blocks.first, blocks.largest_sigma_m
+    n_x, n_y, n_z = blocks.n_blocks
+    key, x, y, z, gas = rows.key, rows.x, rows.y, rows.z, rows.gas
+    exponent_per_m2, centre_ppm = rows.exponent_per_m2, rows.centre_ppm
     first[:] = 0
     largest_sigma_m[:] = 0.0
     n = sigma_m.shape[0]
@@ -83,8 +87,8 @@ def sort_into_blocks_inplace(
         source = source_index[f]
         x[at], y[at], z[at] = position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2]
         exponent_per_m2[at] = 0.5 / (s * s)
-        centre_ppm[at] = strength_ppm_m3[source] / (NORMALISATION * s * s * s)
-        gas[at] = gas_index[source]
+        centre_ppm[at] = filaments.strength_ppm_m3[source] / (NORMALISATION * s * s * s)
+        gas[at] = filaments.gas_index[source]
     for b in range(first.shape[0] - 1, 0, -1):
         first[b] = first[b - 1]
     first[0] = 0
@@ -130,9 +134,12 @@ def exponential_of_minus(e):
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_seen(px, py, pz, x, y, z, exponent_per_m2, centre_ppm, gas, largest_exponent, shares, row_ppm):
+def _add_seen(px, py, pz, rows, begin, end, largest_exponent, row_ppm):
     # Filaments that are all in sight: no branch depends on one of them and indices count from zero, which is what
     # lets the compiler treat four at once (1 ns each instead of 5 ns).
+    run = slice(begin, end)
+    x, y, z, gas, shares = rows.x[run], rows.y[run], rows.z[run], rows.gas[run], rows.shares
+    exponent_per_m2, centre_ppm = rows.exponent_per_m2[run], rows.centre_ppm[run]
     n = x.shape[0]
     for f in range(n):
         dx, dy, dz = x[f] - px, y[f] - py, z[f] - pz
@@ -155,19 +162,17 @@ def _add_seen(px, py, pz, x, y, z, exponent_per_m2, centre_ppm, gas, largest_exp
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_one_by_one(
-    px, py, pz, begin, end, x, y, z, exponent_per_m2, centre_ppm, gas, largest_exponent,
-    has_walls, occupancy, solid_sums, grid_origin_m, cell_m, row_ppm,
-):  # fmt: skip
+def _add_one_by_one(px, py, pz, rows, begin, end, largest_exponent, is_hidden, walls, row_ppm):
     # A run of filaments of which some may be hidden.
     for f in range(begin, end):
-        dx, dy, dz = x[f] - px, y[f] - py, z[f] - pz
-        exponent = (dx * dx + dy * dy + dz * dz) * exponent_per_m2[f]
+        x, y, z = rows.x[f], rows.y[f], rows.z[f]
+        dx, dy, dz = x - px, y - py, z - pz
+        exponent = (dx * dx + dy * dy + dz * dz) * rows.exponent_per_m2[f]
         if exponent > largest_exponent:
             continue
-        if has_walls and not is_seen(occupancy, solid_sums, grid_origin_m, cell_m, px, py, pz, x[f], y[f], z[f]):
+        if is_hidden and not is_seen(walls, px, py, pz, x, y, z):
             continue
-        row_ppm[gas[f]] += centre_ppm[f] * math.exp(-exponent)
+        row_ppm[rows.gas[f]] += rows.centre_ppm[f] * math.exp(-exponent)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -181,27 +186,7 @@ def _extent(i0, i1, n, origin_m, block_m, coordinate_m, reach_m):
 
 @numba.njit(cache=True, nogil=True)
 def add_indexed_filaments_at_points_inplace(
-    points_world_m,
-    origin_m,
-    block_m,
-    n_blocks,
-    first,
-    largest_sigma_m,
-    x,
-    y,
-    z,
-    exponent_per_m2,
-    centre_ppm,
-    gas,
-    shares,
-    largest_of_all_m,
-    cutoff_sigma,
-    has_walls,
-    occupancy,
-    solid_sums,
-    grid_origin_m,
-    cell_m,
-    mixing_ratio_ppm,
+    points_world_m, blocks, rows, largest_of_all_m, cutoff_sigma, walls, mixing_ratio_ppm
 ):
     """Add to each point what the filaments around it contribute; the same sum as without the index.
 
@@ -210,41 +195,27 @@ def add_indexed_filaments_at_points_inplace(
 
     Args:
         points_world_m: (m, 3) points, world frame, xyz [m].
-        origin_m: The arguments from here to `gas` are those of `sort_into_blocks_inplace`.
-        block_m: See there.
-        n_blocks: See there.
-        first: See there.
-        largest_sigma_m: See there.
-        x: See there.
-        y: See there.
-        z: See there.
-        exponent_per_m2: See there.
-        centre_ppm: See there.
-        gas: See there.
-        shares: (>= n,) work space.
+        blocks: `Blocks` of `sort_into_blocks_inplace`.
+        rows: `SortedFilaments` of it.
         largest_of_all_m: Largest standard deviation of all [m].
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        has_walls: Whether gas is hidden behind solid cells; the next four arguments say where these are.
-        occupancy: (nx, ny, nz) uint8, 1 is solid.
-        solid_sums: (nx + 1, ny + 1, nz + 1) int32 (see `is_seen`).
-        grid_origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
+        walls: `WallCells`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
 
     Held by:
         tests/unit/fields/reading/test_index.py (equals the plain sum, box of three side lengths)
     """
-    n_x, n_y, n_z = n_blocks
+    origin_m, block_m, first, largest_sigma_m = blocks.origin_m, blocks.block_m, blocks.first, blocks.largest_sigma_m
+    n_x, n_y, n_z = blocks.n_blocks
     largest_exponent = 0.5 * cutoff_sigma * cutoff_sigma
     reach_m = cutoff_sigma * largest_of_all_m
     can_use_vectors = largest_exponent <= 12.5
     for p in range(points_world_m.shape[0]):
         px, py, pz = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
         row_ppm = mixing_ratio_ppm[p]
-        is_all_seen = not has_walls or is_box_of_air(
-            solid_sums, grid_origin_m, cell_m,
-            px - reach_m, px + reach_m, py - reach_m, py + reach_m, pz - reach_m, pz + reach_m,
-        )  # fmt: skip
+        is_all_seen = not walls.is_opaque or is_box_of_air(
+            walls, px - reach_m, px + reach_m, py - reach_m, py + reach_m, pz - reach_m, pz + reach_m
+        )
         i0, i1 = _block(px - reach_m, origin_m[0], block_m, n_x), _block(px + reach_m, origin_m[0], block_m, n_x)
         j0, j1 = _block(py - reach_m, origin_m[1], block_m, n_y), _block(py + reach_m, origin_m[1], block_m, n_y)
         for i in range(i0, i1 + 1):
@@ -269,15 +240,9 @@ def add_indexed_filaments_at_points_inplace(
                     xl, xh = _extent(i, i, n_x, origin_m[0], block_m, px, reach_m)
                     yl, yh = _extent(j, j, n_y, origin_m[1], block_m, py, reach_m)
                     zl, zh = _extent(k0, k1, n_z, origin_m[2], block_m, pz, reach_m)
-                    is_column_seen = is_box_of_air(solid_sums, grid_origin_m, cell_m, xl, xh, yl, yh, zl, zh)
+                    is_column_seen = is_box_of_air(walls, xl, xh, yl, yh, zl, zh)
                 if is_column_seen and can_use_vectors:
-                    run = slice(begin, end)
-                    _add_seen(
-                        px, py, pz, x[run], y[run], z[run], exponent_per_m2[run], centre_ppm[run], gas[run],
-                        largest_exponent, shares, row_ppm,
-                    )  # fmt: skip
+                    _add_seen(px, py, pz, rows, begin, end, largest_exponent, row_ppm)
                 else:
-                    _add_one_by_one(
-                        px, py, pz, begin, end, x, y, z, exponent_per_m2, centre_ppm, gas, largest_exponent,
-                        has_walls and not is_column_seen, occupancy, solid_sums, grid_origin_m, cell_m, row_ppm,
-                    )  # fmt: skip
+                    is_hidden = walls.is_opaque and not is_column_seen
+                    _add_one_by_one(px, py, pz, rows, begin, end, largest_exponent, is_hidden, walls, row_ppm)

@@ -42,7 +42,7 @@ _HEAD, _FIRST, _FILAMENTS, _SOURCES = "head.json", "first.npy", "filaments.npy",
 # A tape depends on the scenario's gas, except for these: whether it is on tape, and the seed, which is said apart.
 _NO_MATTER = {"tape", "seed"}
 _SOURCE_FILES = (
-    "fields/filament", "fields/models", "fields/assembly.py", "fields/gases.py", "fields/timing.py",
+    "fields/filament", "fields/models", "fields/gas_setup.py", "fields/gases.py", "fields/timing.py",
     "fields/stored/tape.py", "fields/stored/tape_kernels.py",
     "environment/grid.py", "environment/model.py", "environment/wind_kernels.py", "rng.py",
 )  # fmt: skip

@@ -1,15 +1,16 @@
-"""Guests: the agents of a run behind the gateway, with their processes, their links, and what they say as events."""
+"""The agents of a run behind the gateway: their processes, and the link to each of them."""
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gslcosim.contract.messages import Briefing, Ending, Observation
 from gslcosim.gateway.framing import agent_of_payload
 from gslcosim.gateway.link import EventKind, Link
 from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents.door import door_name
+from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, CommandRefused, PutEvent
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.processes import Children, exit_text
@@ -21,17 +22,15 @@ GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
 TOKEN_VARIABLE = "GSLCOSIM_TOKEN"
 # A process's end and its stream's end are seen by two threads; what they say together is one fault.
 LAST_WORDS_S = 0.3
-READY, COMMAND, REFUSED, GONE = "guest ready", "guest command", "guest refused", "guest gone"
-Put = Callable[[str, str, bytes], None]
 
 
 @dataclass
-class _Guest:
+class _GuestProcess:
     """One process with the agents it flies; it has the name of the first."""
 
     spec: AgentSpec
     agents: tuple[str, ...]
-    put: Put
+    put: PutEvent
     link: Link = field(init=False)
     listener: Listener | None = None
     is_open: bool = False
@@ -56,7 +55,7 @@ class _Guest:
         if kind == "command":
             self._put_command(data)
         elif kind == "refused":
-            self.put(REFUSED, self.spec.name, data)
+            self.put(CommandRefused(agent=self.spec.name, text=data.decode(errors="replace")))
         elif kind == "closed":
             self._tell_gone(f"the agent was given up: {data.decode()}")
         else:
@@ -69,12 +68,13 @@ class _Guest:
     def _put_command(self, payload: bytes) -> None:
         name = agent_of_payload(payload)
         if name is None and len(self.agents) > 1:
-            self.put(REFUSED, self.spec.name, b"Command: agent: expected one of the process's agents, was missing.")
+            text = "Command: agent: expected one of the process's agents, was missing."
+            self.put(CommandRefused(agent=self.spec.name, text=text))
         elif name is None or name in self.agents:
-            self.put(COMMAND, name or self.spec.name, payload)
+            self.put(CommandCame(agent=name or self.spec.name, payload=payload))
         else:
             text = f"Command: agent: expected {' or '.join(self.agents)}, was {name[:80]!r}."
-            self.put(REFUSED, self.spec.name, text.encode(errors="replace"))
+            self.put(CommandRefused(agent=self.spec.name, text=text))
 
     def _tell_gone(self, text: str) -> None:
         with self._lock:
@@ -84,30 +84,66 @@ class _Guest:
         for addition in (self._rest, self.refused_connection):
             text = f"{text} {_sentence(addition)}".rstrip()
         for name in self.agents:
-            self.put(GONE, name, text.encode())
+            self.put(AgentGone(agent=name, reason=text))
+
+
+class GatewayLink:
+    """The link to one agent behind the gateway; agents of one process share its stream."""
+
+    may_lose = False
+
+    def __init__(self, process: _GuestProcess) -> None:
+        self._process = process
+        self._waiting: list[bytes] | None = []
+
+    def brief(self, briefing: Briefing, payload: bytes) -> None:
+        """Send the briefing, then what has waited for it; see `AgentLink`."""
+        del briefing
+        if self._waiting is None:
+            return
+        waiting, self._waiting = self._waiting, None
+        self._process.link.tell("Briefing", payload)
+        for observation in waiting:
+            self._process.link.tell("Observation", observation)
+
+    def observe(self, observation: Observation, payload: bytes) -> None:
+        """Send an observation, after the briefing; only questions where the agent wants no others; see `AgentLink`."""
+        if self._process.spec.start.observations == "asked" and not observation.awaiting_command:
+            return
+        if self._waiting is None:
+            self._process.link.tell("Observation", payload)
+        else:
+            self._waiting.append(payload)
+
+    def repeat(self) -> None:
+        """Do nothing: a stream loses nothing; see `AgentLink`."""
+
+    def handled(self, event: CommandCame | CommandRefused) -> None:
+        """Let the next frame come; see `AgentLink`."""
+        del event
+        self._process.link.handled()
+
+    def end(self, ending: Ending, payload: bytes) -> None:
+        """Tell the process the end of the run, and end its stream; see `AgentLink`."""
+        del ending
+        self._process.link.tell("Ending", payload)
+        self._process.link.end()
 
 
 class Guests:
-    """All agents of a run behind the gateway.
+    """The processes of all agents of a run behind the gateway. Their events are put from many threads."""
 
-    Their events are put from many threads, in order for each agent: `READY`; `COMMAND` with bytes for the door;
-    `REFUSED` with the reason why a frame is not one; `GONE` with the reason, once and last. Whoever handles a
-    `COMMAND` or `REFUSED` then calls `handled`.
-    """
-
-    def __init__(self, setup: Setup, directory: Path, network: Network, put: Put) -> None:
+    def __init__(self, setup: Setup, directory: Path, network: Network, put: PutEvent) -> None:
         self._setup = setup
         self._directory = directory
         self._network = network
         self._put = put
-        self._told: dict[str, list[tuple[str, bytes]] | None] = {}
-        self._by_agent: dict[str, _Guest] = {}
+        self._by_agent: dict[str, _GuestProcess] = {}
         specs = {agent.name: agent for agent in setup.scenario.agents}
         for process, agents in setup.scenario.agents_by_process().items():
             if specs[process].start.is_behind_gateway:
-                guest = _Guest(specs[process], agents, put)
+                guest = _GuestProcess(specs[process], agents, put)
                 self._by_agent |= dict.fromkeys(agents, guest)
-                self._told |= {name: [] for name in agents}
 
     def __contains__(self, agent: str) -> bool:
         return agent in self._by_agent
@@ -128,31 +164,9 @@ class Guests:
             else:
                 self._start_connecting(guest, children, socket_dir)
 
-    def brief(self, agent: str, payload: bytes) -> None:
-        """Send an agent its briefing, and what has waited for it."""
-        waiting = self._told[agent]
-        if waiting is None:
-            return
-        self._told[agent] = None
-        link = self._by_agent[agent].link
-        link.tell("Briefing", payload)
-        for name, message in waiting:
-            link.tell(name, message)
-
-    def observe(self, agent: str, payload: bytes, *, is_question: bool) -> None:
-        """Send an agent an observation, after its briefing; only questions where it wants no others."""
-        guest = self._by_agent[agent]
-        if guest.spec.start.observations == "asked" and not is_question:
-            return
-        waiting = self._told[agent]
-        if waiting is None:
-            guest.link.tell("Observation", payload)
-        else:
-            waiting.append(("Observation", payload))
-
-    def handled(self, agent: str) -> None:
-        """Take note that a command or a refusal of an agent has been handled."""
-        self._by_agent[agent].link.handled()
+    def link_of(self, agent: str) -> GatewayLink:
+        """Return a link to an agent."""
+        return GatewayLink(self._by_agent[agent])
 
     def exited(self, process: str, code: int) -> bool:
         """Take note of a process's end, on any thread; return whether it is one of these."""
@@ -163,20 +177,9 @@ class Guests:
         return False
 
     def absence_text(self, agent: str) -> str:
-        """Return what to say of an agent that has not come in time."""
+        """Return what to say of an agent, behind the gateway or not, that has not come in time."""
         note = self._by_agent[agent].refused_connection if agent in self._by_agent else ""
-        return f"expected to join within {JOIN_LIMIT_S:g} s, did not. {_sentence(note)}".rstrip()
-
-    def with_last_words(self, agent: str, text: str) -> str:
-        """Return a text about an agent with the end of its log."""
-        words = self._setup.run_dir.last_words(door_name(self._by_agent[agent].spec.name))
-        return f"{text} Its last words: {words}" if words else text
-
-    def end(self, payload: bytes) -> None:
-        """Tell all agents the end of the run, and end their streams."""
-        for guest in self._processes():
-            guest.link.tell("Ending", payload)
-        self.close()
+        return f"{absence_text()} {_sentence(note)}".rstrip()
 
     def close(self) -> None:
         """End all streams, and let nobody in any more."""
@@ -185,10 +188,10 @@ class Guests:
             if guest.listener is not None:
                 guest.listener.close()
 
-    def _processes(self) -> list[_Guest]:
+    def _processes(self) -> list[_GuestProcess]:
         return [guest for name, guest in self._by_agent.items() if guest.spec.name == name]
 
-    def _start_piped(self, guest: _Guest, children: Children) -> None:
+    def _start_piped(self, guest: _GuestProcess, children: Children) -> None:
         name = guest.spec.name
         pipes = children.start_piped(
             door_name(name),
@@ -199,7 +202,7 @@ class Guests:
         )
         self._open(guest, PipeStream(*pipes))
 
-    def _start_connecting(self, guest: _Guest, children: Children, socket_dir: Path) -> None:
+    def _start_connecting(self, guest: _GuestProcess, children: Children, socket_dir: Path) -> None:
         name = guest.spec.name
         listener = guest.listener = self._listener(guest, socket_dir)
         listener.admit(
@@ -226,21 +229,26 @@ class Guests:
             cwd=self._directory,
         )
 
-    def _listener(self, guest: _Guest, socket_dir: Path) -> Listener:
+    def _listener(self, guest: _GuestProcess, socket_dir: Path) -> Listener:
         if guest.spec.start.door == "unix":
             return Listener.open_unix(socket_dir / f"{guest.spec.name}.sock")
         if guest.spec.start.attach and (endpoint := self._network.public_endpoint):
             return Listener.open_tcp("0.0.0.0", public_name=_host_of(endpoint))
         return Listener.open_tcp()
 
-    def _variables(self, guest: _Guest) -> dict[str, str]:
+    def _variables(self, guest: _GuestProcess) -> dict[str, str]:
         return {AGENT_VARIABLE: ",".join(guest.agents)}
 
-    def _open(self, guest: _Guest, stream: Stream) -> None:
+    def _open(self, guest: _GuestProcess, stream: Stream) -> None:
         guest.is_open = True
         guest.link.open(stream)
         for name in guest.agents:
-            self._put(READY, name, b"")
+            self._put(AgentJoined(agent=name))
+
+
+def absence_text() -> str:
+    """Return what to say of a participant that has not come in time."""
+    return f"expected to join within {JOIN_LIMIT_S:g} s, did not."
 
 
 def _host_of(endpoint: str) -> str:

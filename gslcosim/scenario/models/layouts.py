@@ -61,7 +61,7 @@ class FurtherOpeningSpec(OpeningSpec):
 
 
 class RoomSpec(Spec):
-    """What all layouts have. Sizes [m]; `seed` decides all that is drawn by lot.
+    """What all layouts have. Sizes [m]; `seed` decides all that is drawn at random.
 
     `inlet` and `outlet` are rectangles anywhere on the boundary; without them the openings are where the layout has
     them, in warehouses and houses `inlet_size_m` and `outlet_size_m` (along y, and high) in the near and far corner.

@@ -1,13 +1,14 @@
 """Blocks that are one of several kinds: with a block each, to which other packages may add, or with keys of some."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self, cast
 
 from pydantic import (
     BaseModel,
     GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
@@ -15,11 +16,9 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from gslcosim.offers import OfferError, Offers
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Spec
-
-# Returns the block of a kind that another package offers, or nothing where none does.
-Offered = Callable[[str], type[Spec] | None]
 
 
 # Told apart by identity: annotations are hashed.
@@ -32,45 +31,101 @@ class OneOf:
 
     Attributes:
         tag_key: The key that names the kind, for example `model`.
+        base: What all blocks derive from; a package's narrows `tag_key` to its name as default.
         own: The block of each kind that gslcosim has; several kinds may have the same.
-        names: Returns the names of all kinds, those of other packages included.
-        offered: Returns the block of a kind that another package offers; it is asked only for such kinds. It may
-            raise a `broken_rule`.
+        offers: The kinds of other packages; gslcosim's cannot be replaced.
+        default: The kind of a block that does not say it; absent: it has to.
+        part: The attribute of the offered object that is the block, beside its `name`; absent: the object is the
+            block itself.
+        unknown: What is expected in place of an unknown kind; absent: the kinds that there are.
+        form: A kind for values of `tag_key` that are blocks, and how they are written: `("file", "{file: PATH}")`.
+        descriptions: What each of gslcosim's kinds is, where several have the same block.
     """
 
     tag_key: str
+    base: type[Spec]
     own: Mapping[str, type[Spec]]
-    names: Callable[[], tuple[str, ...]]
-    offered: Offered
+    offers: Offers
+    default: str | None = None
+    part: str | None = None
+    unknown: str | None = None
+    form: tuple[str, str] | None = None
+    descriptions: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all kinds, those of other packages last."""
+        written = [self.form[1] if self.form and name == self.form[0] else name for name in self.own]
+        return (*written, *(name for name in self.offers.names() if name not in self.own))
 
     def block_of(self, kind: object) -> type[Spec] | None:
-        """Return the block of a kind, or nothing where there is no such kind."""
+        """Return the block of a kind, or nothing where there is no such kind.
+
+        Raises:
+            OfferError: a package offers the kind, and it cannot be used.
+        """
         if not isinstance(kind, str):
             return None
-        return self.own[kind] if kind in self.own else self.offered(kind)
+        if kind in self.own:
+            return self.own[kind]
+        if kind not in self.offers.names():
+            return None
+        what = f"a class for {kind!r} that derives from {self.base.__name__}"
+        if self.part is not None:
+            what = f"an object for {kind!r} whose {self.part} derive from {self.base.__name__}"
+        return self.offers.loaded(kind, lambda offered: self._block_in(offered, kind), what)
+
+    def _block_in(self, offered: object, kind: str) -> type[Spec] | None:
+        block = getattr(offered, self.part, None) if self.part is not None else offered
+        if not (isinstance(block, type) and issubclass(block, self.base)):
+            return None
+        if self.part is not None:
+            return block if getattr(offered, "name", None) == kind else None
+        return block if block.model_fields[self.tag_key].default == kind else None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return pydantic's schema of the annotation; pydantic calls it."""
         return core_schema.with_info_wrap_validator_function(self._validated, handler(source))
 
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON schema of any of gslcosim's kinds; pydantic calls it."""
+        blocks = list(dict.fromkeys(self.own.values()))
+        if not blocks:
+            return handler(schema)
+        return {"anyOf": [handler(block.__pydantic_core_schema__) for block in blocks]}
+
     def _validated(self, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
         if not isinstance(value, dict):
             return handler(value)
         values = cast("dict[str, Any]", value)
-        if self.tag_key not in values:
+        kind = values.get(self.tag_key, self.default)
+        if kind is None and self.tag_key not in values:
             raise _refused([InitErrorDetails(type="missing", loc=(self.tag_key,), input=values)])
-        kind = values[self.tag_key]
+        if self.form is not None and isinstance(kind, dict):
+            kind = self.form[0]
         try:
             block = self.block_of(kind)
-        except PydanticCustomError as error:
-            raise _refused([InitErrorDetails(type=error, loc=(), input=values)]) from error
+        except OfferError as error:
+            rule = broken_rule(key=self.tag_key, expected=error.expected, found=error.found, remedy=error.remedy)
+            raise _refused([InitErrorDetails(type=rule, loc=(), input=values)]) from error
         if block is None:
-            context = {"discriminator": self.tag_key, "tag": str(kind), "expected_tags": ", ".join(self.names())}
-            raise _refused([InitErrorDetails(type="union_tag_invalid", loc=(), input=values, ctx=context)])
+            raise _refused([self._unknown_kind(kind, values)])
         try:
             return _read(block, values, is_json=info.mode == "json")
         except ValidationError as error:
-            raise _refused([_inside(kind, details) for details in error.errors(include_url=False)]) from error
+            raise _refused([_inside(str(kind), details) for details in error.errors(include_url=False)]) from error
+
+    def _unknown_kind(self, kind: object, values: dict[str, Any]) -> InitErrorDetails:
+        if self.unknown is not None and isinstance(kind, str):
+            names = ", ".join(self.names()) or "there is none"
+            rule = broken_rule(
+                key=self.tag_key,
+                expected=f"{self.unknown} ({names})",
+                found=f"'{kind}'",
+                remedy="Install the package, or correct the name.",
+            )
+            return InitErrorDetails(type=rule, loc=(), input=values)
+        context = {"discriminator": self.tag_key, "tag": str(kind), "expected_tags": ", ".join(self.names())}
+        return InitErrorDetails(type="union_tag_invalid", loc=(), input=values, ctx=context)
 
 
 # Strict as scenario files are; JSON, because strict models take its lists as tuples.

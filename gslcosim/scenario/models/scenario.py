@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import VehicleError
 from gslcosim.quantities import Vec3
+from gslcosim.scenario.models.gas import Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
@@ -22,6 +23,8 @@ from gslcosim.scenario.models.services import Service
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive
 from gslcosim.scenario.models.spec import Spec as Spec
 from gslcosim.scenario.models.success import SourceSuccess, Success
+from gslcosim.scenario.models.wind import SolverSpec as SolverSpec
+from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.vehicles import Vehicle, is_vehicle, vehicle_names, vehicle_of
@@ -325,18 +328,42 @@ class Scenario(Spec):
     seed: Annotated[int, Field(ge=0, le=2**31)] = 0
     tick_ms: Annotated[int, Field(ge=1, le=1000)] = 100
     environment: EnvironmentSpec
-    wind: WindSpec = WindSpec()
-    gas: GasSpec
+    wind: Wind = WindSpec()
+    gas: Gas
     agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)]
     referee: RefereeSpec = RefereeSpec()
     recording: RecordingSpec = RecordingSpec()
     channels: tuple[ChannelSpec, ...] = ()
     services: tuple[Service, ...] = ()
 
+    @model_validator(mode="after")
+    def _check_driven_wind(self) -> Self:
+        drivers = [service.name for service in self.services if service.drives_wind]
+        if len(drivers) > 1:
+            raise broken_rule(
+                key="services",
+                expected="at most one that changes the wind",
+                found=" and ".join(drivers),
+                remedy="Leave all but one of them out.",
+            )
+        if drivers and (self.gas.tape or not self.gas.can_be_driven):
+            raise broken_rule(
+                key="services",
+                expected=f"none that changes the wind, as {drivers[0]} does, with gas that does not follow it",
+                found="gas.tape: true" if self.gas.tape else f"gas.model: {self.gas.model}",
+                remedy="Take gas.model: filament without a tape.",
+            )
+        return self
+
     @property
     def tick_ns(self) -> int:
         """Length of a tick [ns]."""
         return self.tick_ms * 1_000_000
+
+    @property
+    def has_driven_wind(self) -> bool:
+        """Whether a service scales the wind during the run."""
+        return any(service.drives_wind for service in self.services)
 
     @property
     def cameras(self) -> tuple[tuple[AgentSpec, CameraSensorSpec], ...]:

@@ -1,15 +1,14 @@
 """The sensors of a scenario: which models there are, and the block of settings of each."""
 
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Annotated, Any
 
 from pydantic import SerializeAsAny, TypeAdapter
 
+from gslcosim.offers import Offers
 from gslcosim.scenario.models import gas_sensors as gas
 from gslcosim.scenario.models import onboard
 from gslcosim.scenario.models.one_of import OneOf
-from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
 from gslcosim.scenario.models.sensor_base import SensorSpec as SensorSpec
 
@@ -51,29 +50,14 @@ CAMERA_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubcla
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
 
+SENSOR_OFFERS = Offers(group=SENSOR_ENTRY_POINTS, what="sensor")
+_ONE_OF = OneOf(tag_key="model", base=SensorSpec, own=SENSOR_BLOCKS, offers=SENSOR_OFFERS, part="settings")
+
+
 @cache
 def sensor_names() -> tuple[str, ...]:
     """Return the names of all sensor models: gslcosim's and those of installed packages."""
-    return (*SENSORS, *sorted(point.name for point in entry_points(group=SENSOR_ENTRY_POINTS)))
-
-
-# The package is imported here, when a scenario names its sensor, and not before.
-def _offered(model: str) -> type[SensorSpec] | None:
-    points = entry_points(group=SENSOR_ENTRY_POINTS)
-    if model not in points.names:
-        return None
-    point = points[model]
-    try:
-        kind = point.load()
-    # A package of somebody else may raise anything when it is imported.
-    except Exception as error:
-        raise broken_rule(
-            key="model", expected=f"{point.value} to be imported for {model!r}", found=repr(error)
-        ) from error
-    block = getattr(kind, "settings", None)
-    if not (isinstance(block, type) and issubclass(block, SensorSpec)):
-        raise broken_rule(key="model", expected=f"{point.value} to be the SensorKind {model!r}", found=repr(kind))
-    return block
+    return _ONE_OF.names()
 
 
 def has_estimates(model: str) -> bool:
@@ -82,10 +66,7 @@ def has_estimates(model: str) -> bool:
 
 
 # Chosen by `model`.
-Sensor = Annotated[
-    SerializeAsAny[SensorSpec],
-    OneOf(tag_key="model", own=SENSOR_BLOCKS, names=sensor_names, offered=_offered),
-]
+Sensor = Annotated[SerializeAsAny[SensorSpec], _ONE_OF]
 _SENSOR: TypeAdapter[SensorSpec] = TypeAdapter(Sensor)
 
 

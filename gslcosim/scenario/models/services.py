@@ -1,12 +1,12 @@
 """Services of other packages that take part in a run, with their settings."""
 
-from typing import Annotated, Any, cast
+from typing import Annotated, ClassVar
 
-from pydantic import SerializeAsAny, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import SerializeAsAny
 
-from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.offers import Offers
+from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.spec import Name, Spec
-from gslcosim.scenario.offers import Offers
 
 # Third parties add theirs under this name; each entry point is a class that derives from `ServiceSpec`.
 SERVICE_ENTRY_POINTS = "gslcosim.services"
@@ -17,28 +17,24 @@ class ServiceSpec(Spec):
 
     The package derives from this class, narrows `name`, adds its settings, and registers how its core is built with
     `gslcosim.runtime.participants.service_of`.
+
+    `drives_wind` says that it writes `truth/wind`, which scales the wind of the room. Numbers and truth values of the
+    messages on `recorded_ports` are recorded as curves; each port is one that it writes every tick.
     """
+
+    drives_wind: ClassVar[bool] = False
+    recorded_ports: ClassVar[tuple[str, ...]] = ()
 
     name: Name
 
 
-_OFFERS = Offers(group=SERVICE_ENTRY_POINTS, base=ServiceSpec, key="name", what="service")
-
-
-def _block_of_another_package(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> ServiceSpec:
-    values = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
-    name = values.get("name")
-    if not isinstance(name, str):
-        return handler(value)
-    if name not in _OFFERS.names():
-        names = ", ".join(_OFFERS.names()) or "there is none"
-        raise broken_rule(
-            key="name",
-            expected=f"the name of a service that an installed package offers ({names})",
-            found=f"'{name}'",
-            remedy="Install the package, or correct the name.",
-        )
-    return _OFFERS.validated(values, info)
-
-
-Service = Annotated[SerializeAsAny[ServiceSpec], WrapValidator(_block_of_another_package)]
+Service = Annotated[
+    SerializeAsAny[ServiceSpec],
+    OneOf(
+        tag_key="name",
+        base=ServiceSpec,
+        own={},
+        offers=Offers(group=SERVICE_ENTRY_POINTS, what="service"),
+        unknown="the name of a service that an installed package offers",
+    ),
+]

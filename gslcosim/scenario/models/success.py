@@ -4,20 +4,13 @@ The blocks hold settings and words. `gslcosim.referee.success` judges by them an
 """
 
 from abc import abstractmethod
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Literal
 
-from pydantic import (
-    Discriminator,
-    Field,
-    SerializeAsAny,
-    Tag,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-)
+from pydantic import Field, SerializeAsAny
 
+from gslcosim.offers import Offers
+from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.spec import Positive, Spec
-from gslcosim.scenario.offers import Offers
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
 SUCCESS_ENTRY_POINTS = "gslcosim.success"
@@ -176,38 +169,21 @@ class MapSuccess(SuccessSpec):
         return f"belief with at least {self.mass_at_least:g} within {self.within_m:g} m of a source"
 
 
-_OWN = (SourceSuccess, DeclarationSuccess, AllSourcesSuccess, MapSuccess)
-CRITERIA = tuple(str(block.model_fields["of"].default) for block in _OWN)
+_OWN = {
+    str(block.model_fields["of"].default): block
+    for block in (SourceSuccess, DeclarationSuccess, AllSourcesSuccess, MapSuccess)
+}
+CRITERIA = tuple(_OWN)
 """The names of gslcosim's own criteria."""
-_OFFERS = Offers(group=SUCCESS_ENTRY_POINTS, base=SuccessSpec, key="of", what="criterion")
-
-
-def _kind_of(value: Any) -> str | None:
-    if isinstance(value, SuccessSpec):
-        name = value.of
-    else:
-        name = cast("dict[str, Any]", value).get("of", DEFAULT_CRITERION) if isinstance(value, dict) else None
-    if not isinstance(name, str) or name in CRITERIA:
-        return name if isinstance(name, str) else None
-    return SUCCESS_ENTRY_POINTS if name in _OFFERS.names() else name
-
-
-def _block_of_another_package(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> SuccessSpec:
-    del handler
-    return value if isinstance(value, SuccessSpec) else _OFFERS.validated(value, info)
-
 
 # Chosen by `of`; a block that does not say it judges by the vehicle's distance to a source.
 Success = Annotated[
-    Annotated[SourceSuccess, Tag("source")]
-    | Annotated[DeclarationSuccess, Tag("declaration")]
-    | Annotated[AllSourcesSuccess, Tag("all_sources")]
-    | Annotated[MapSuccess, Tag("map")]
-    | Annotated[
-        SerializeAsAny[SuccessSpec],
-        WrapValidator(_block_of_another_package),
-        _OFFERS,
-        Tag(SUCCESS_ENTRY_POINTS),
-    ],
-    Discriminator(_kind_of),
+    SerializeAsAny[SuccessSpec],
+    OneOf(
+        tag_key="of",
+        base=SuccessSpec,
+        own=_OWN,
+        offers=Offers(group=SUCCESS_ENTRY_POINTS, what="criterion"),
+        default=DEFAULT_CRITERION,
+    ),
 ]

@@ -6,15 +6,18 @@ cells of the mesh, `end_time_s` its end time, `save_every_s` writeInterval, `sav
 """
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializeAsAny, model_validator
 
+from gslcosim.offers import Offers
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.one_of import KindedSpec
+from gslcosim.scenario.models.one_of import KindedSpec, OneOf
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
 
+# Third parties add theirs under this name; each entry point is a class that derives from `SolverSpec`.
+WIND_ENTRY_POINTS = "gslcosim.wind_solvers"
 Solver = Literal["auto", "built_in", "openfoam", "uniform", "stored"]
 # Solvers that compute a flow, as against those that have their wind from elsewhere.
 SOLVING = ("auto", "built_in", "openfoam")
@@ -28,9 +31,11 @@ class InletScheduleSpec(Spec):
     With `repeats` it starts again after the last time, whose share should be that of the first; otherwise it stays.
     """
 
-    times_s: Annotated[tuple[NonNegative, ...], Field(min_length=2)]
-    shares: Annotated[tuple[float, ...], Field(min_length=2)]
-    repeats: bool = False
+    times_s: Annotated[tuple[NonNegative, ...], Field(min_length=2)] = Field(description="times of the solve")
+    shares: Annotated[tuple[float, ...], Field(min_length=2)] = Field(
+        description="share of `inlet_velocity_m_s` at each time"
+    )
+    repeats: bool = Field(default=False, description="starts again after the last time")
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
@@ -51,7 +56,35 @@ class InletScheduleSpec(Spec):
         return self
 
 
-class WindSpec(KindedSpec):
+class SolverSpec(KindedSpec):
+    """What every wind solver has; the block of a solver adds what only this solver has.
+
+    A package's block derives from this class, and narrows `solver` to its name.
+    """
+
+    tag_key: ClassVar[str] = "solver"
+
+    solver: Any = Field(description="where the wind comes from")
+    inlet_velocity_m_s: Vec3 = Field(default=(1.0, 0.0, 0.0), description="wind through the inlets")
+    cell_m: Positive = Field(default=0.2, description="edge of the cells of room and wind")
+
+    @property
+    def kind_name(self) -> str:
+        """The name of the solver."""
+        return str(self.solver)
+
+    @property
+    def solves(self) -> bool:
+        """Whether a flow is computed that has to enter through the inlets and leave through the outlets."""
+        return False
+
+    @property
+    def file(self) -> str | None:
+        """The file or folder that the wind comes from, if it does."""
+        return None
+
+
+class WindSpec(SolverSpec):
     """The air's motion.
 
     `built_in` and `openfoam` solve the flow, `uniform` is `inlet_velocity_m_s` everywhere, `stored` is the wind that
@@ -68,7 +101,6 @@ class WindSpec(KindedSpec):
     `period_s` is the time between the frames of stored wind, by default what its files say, else 1 s.
     """
 
-    tag_key: ClassVar[str] = "solver"
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
         **dict.fromkeys(("inlet_profile", "inlet_schedule", "turbulence", "courant", "end_time_s"), SOLVING),
         **dict.fromkeys(("average_from_s", "save_every_s"), SOLVING),
@@ -77,21 +109,33 @@ class WindSpec(KindedSpec):
         "period_s": ("auto", "stored", "file"),
     }
 
-    solver: Solver | dict[Literal["file"], str] = "auto"
-    inlet_velocity_m_s: Vec3 = (1.0, 0.0, 0.0)
-    inlet_profile: Literal["uniform", "parabolic"] = "uniform"
-    inlet_schedule: InletScheduleSpec | None = None
-    cell_m: Positive = 0.2
-    turbulence: Literal["k_epsilon", "smagorinsky", "laminar"] = "k_epsilon"
-    courant: Annotated[float, Field(gt=0, le=1)] = 0.9
-    max_step_s: Positive | None = None
-    end_time_s: Positive | None = None
-    average_from_s: NonNegative | None = None
-    max_time_s: Positive = 120.0
-    save_every_s: Positive | None = None
-    save_from_s: NonNegative = 0.0
-    loops: bool = True
-    period_s: Positive | None = None
+    solver: Solver | dict[Literal["file"], str] = Field(default="auto", description="where the wind comes from")
+    inlet_profile: Literal["uniform", "parabolic"] = Field(
+        default="uniform", description="profile of the wind over an inlet"
+    )
+    inlet_schedule: InletScheduleSpec | None = Field(
+        default=None, description="how the wind at all inlets changes (absent: not at all)"
+    )
+    turbulence: Literal["k_epsilon", "smagorinsky", "laminar"] = Field(
+        default="k_epsilon", description="turbulence model"
+    )
+    courant: Annotated[float, Field(gt=0, le=1)] = Field(default=0.9, description="Courant number of a step")
+    max_step_s: Positive | None = Field(default=None, description="longest step (absent: what `courant` allows)")
+    end_time_s: Positive | None = Field(
+        default=None, description="end of the solve (absent: when the statistics have settled)"
+    )
+    average_from_s: NonNegative | None = Field(
+        default=None, description="start of the mean (absent, with `end_time_s`: the last instant)"
+    )
+    max_time_s: Positive = Field(default=120.0, description="latest end of a solve without `end_time_s`")
+    save_every_s: Positive | None = Field(
+        default=None, description="time between frames of a wind that changes (absent: one steady wind)"
+    )
+    save_from_s: NonNegative = Field(default=0.0, description="time of the first frame")
+    loops: bool = Field(default=True, description="frames start again after the last one")
+    period_s: Positive | None = Field(
+        default=None, description="time between stored frames (absent: what the files say, else 1 s)"
+    )
 
     @property
     def kind_name(self) -> str:
@@ -181,3 +225,27 @@ class WindSpec(KindedSpec):
                 remedy="Give the time at which the solve ends.",
             )
         return self
+
+
+_OFFERS = Offers(group=WIND_ENTRY_POINTS, what="wind solver")
+WIND_SOLVERS: dict[str, type[SolverSpec]] = dict.fromkeys((*get_args(Solver), "file"), WindSpec)
+"""The block of gslcosim's own wind solvers; they share one, since `auto` is one or the other of them."""
+
+WIND_KINDS = OneOf(
+    tag_key="solver",
+    base=SolverSpec,
+    own=WIND_SOLVERS,
+    offers=_OFFERS,
+    default="auto",
+    form=("file", "{file: PATH}"),
+    descriptions={
+        "auto": "The wind that an imported environment brings, otherwise built_in.",
+        "built_in": "gslcosim's own flow solver.",
+        "openfoam": "OpenFOAM, where it is installed.",
+        "uniform": "`inlet_velocity_m_s` everywhere.",
+        "stored": "The wind that an imported environment brings.",
+        "file": "Wind from a file or folder of another program: `solver: {file: PATH}`.",
+    },
+)
+# Chosen by `solver`.
+Wind = Annotated[SerializeAsAny[SolverSpec], WIND_KINDS]

@@ -2,11 +2,10 @@
 
 import sys
 from functools import lru_cache
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from gslcosim.errors import ScenarioError
-from gslcosim.scenario.models.sensors import SENSOR_ENTRY_POINTS
+from gslcosim.scenario.models.sensors import SENSOR_OFFERS
 from gslcosim.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
 from gslcosim.sensing.models.base import SensorKind, SensorModel
 from gslcosim.sensing.models.bump import BUMP
@@ -39,19 +38,13 @@ def sensor_kind(name: str) -> SensorKind:
     """
     if name in SENSOR_MODELS:
         return SENSOR_MODELS[name]
-    points = entry_points(group=SENSOR_ENTRY_POINTS)
-    if name not in points.names:
+    if name not in SENSOR_OFFERS.names():
         raise ScenarioError(f"model: expected one of {', '.join(sensor_names())}, was {name!r}.")
-    try:
-        kind = points[name].load()
-    # A package of somebody else may raise anything when it is imported.
-    except Exception as error:
-        raise ScenarioError(
-            f"model: expected {points[name].value} to be imported for {name!r}, was {error!r}."
-        ) from error
-    if not isinstance(kind, SensorKind) or kind.name != name:
-        raise ScenarioError(f"model: expected {points[name].value} to be the SensorKind {name!r}, was {kind!r}.")
-    return kind
+    return SENSOR_OFFERS.loaded(
+        name,
+        lambda offered: offered if isinstance(offered, SensorKind) and offered.name == name else None,
+        f"the SensorKind {name!r}",
+    )
 
 
 def sensor_names() -> tuple[str, ...]:
@@ -64,7 +57,7 @@ def sensor_names() -> tuple[str, ...]:
 @lru_cache(maxsize=8)
 def _offered(places: tuple[str, ...], changed_ns: tuple[int, ...]) -> frozenset[str]:
     del places, changed_ns
-    return frozenset(entry_points(group=SENSOR_ENTRY_POINTS).names - SENSOR_MODELS.keys())
+    return frozenset({*SENSOR_OFFERS.names()} - SENSOR_MODELS.keys())
 
 
 def _changed_ns(place: str) -> int:

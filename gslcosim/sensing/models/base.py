@@ -9,7 +9,7 @@ import numpy as np
 
 from gslcosim.contract.messages import Reading
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.gas_sources import GasDefinition
 from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, OnBoardSensorSpec, SensorSpec
 
 

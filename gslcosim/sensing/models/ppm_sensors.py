@@ -10,7 +10,6 @@ import numpy as np
 
 from gslcosim.contract.messages import MountSample, Reading
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.gas_sensors import (
     AveragingSensorSpec,
     HitCounterSpec,
@@ -18,6 +17,7 @@ from gslcosim.scenario.models.gas_sensors import (
     SecondOrderSensorSpec,
     ThresholdSensorSpec,
 )
+from gslcosim.scenario.models.gas_sources import GasDefinition
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.sensing.models.base import SensorKind, SensorModel
 

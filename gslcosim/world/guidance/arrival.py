@@ -66,10 +66,6 @@ class OverturnWatch:
 
     def __init__(self, tick_ns: int) -> None:
         self._patience_ticks = ticks_from_seconds(OVERTURNED_FOR_S, tick_ns)
-        self.start()
-
-    def start(self) -> None:
-        """Begin with a vehicle that stands."""
         self.is_overturned = False
         self._since_tick: int | None = None
 

@@ -1,10 +1,8 @@
 """The phases of a vehicle: taking off, under way, holding, landing; and what takes it from one to the next."""
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Literal
 
-from gslcosim.contract.messages import Command
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.ticks import ticks_from_seconds
@@ -15,8 +13,9 @@ from gslcosim.world.guidance.course import Course
 from gslcosim.world.guidance.edges import Edges
 from gslcosim.world.guidance.evasion import GIVES_WAY_FOR_S, Evasion
 from gslcosim.world.guidance.separation import Neighbours
+from gslcosim.world.guidance.tasks import Task
 from gslcosim.world.paths.columns import free_height_m
-from gslcosim.world.paths.legs import AT_REST, Leg
+from gslcosim.world.paths.legs import Leg
 from gslcosim.world.paths.space import FlightSpace
 from gslcosim.world.paths.trajectory import AS_BEFORE, Heading
 from gslcosim.world.physics.records import Setpoint
@@ -33,7 +32,7 @@ Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landi
 class Conduct:
     """What one vehicle does, phase by phase. Methods return a notice for the agent where something goes wrong.
 
-    State: phase, course, the command that it obeys (none once it stops), the tick until which it holds, whether its
+    State: phase, course, the task under way (none once it stops), the tick until which it holds, whether its
     rotors or wheels turn, whether it has left the ground, and whether it lies overturned.
     """
 
@@ -43,30 +42,25 @@ class Conduct:
         space: FlightSpace,
         abilities: Abilities,
         tick_ns: int,
+        position_world_m: Vec3,
         *,
         avoidance: Avoidance | None,
     ) -> None:
+        """Rest on the ground at a place, world frame [m], at tick 0."""
         self._vehicle = vehicle
         self._space = space
         self._abilities = abilities
         self._avoidance = avoidance
         self._tick_ns = tick_ns
-        self.course = Course(abilities, tick_ns)
+        self.course = Course(abilities, tick_ns, position_world_m)
         self.edges = Edges(space=space, abilities=abilities, tick_ns=tick_ns, avoidance=avoidance)
         self._evasion = Evasion(self.course, space, abilities.limits, tick_ns, avoidance=avoidance)
         self._overturn = OverturnWatch(tick_ns)
         self.under_way: Phase = "driving" if abilities.has_wheels else "flying"
-        self.start(AT_REST)
-
-    def start(self, position_world_m: Vec3) -> None:
-        """Return to the state at rest on the ground at tick 0."""
-        self.course.start(position_world_m)
-        self._evasion.start()
-        self._overturn.start()
         self.phase: Phase = "on_ground"
-        self.goal: Command | None = None
+        self.goal: Task | None = None
         self.is_armed = False
-        self.has_taken_off = self._abilities.has_wheels
+        self.has_taken_off = abilities.has_wheels
         self.hold_until_tick = 0
 
     @property
@@ -80,6 +74,10 @@ class Conduct:
         return self._vehicle.separation_m > 0 and self.phase == "flying" and self.course.setpoint is None
 
     # ------------------------------------------------------------ what it is told to do
+
+    def aim_at(self, goal: Task | None) -> None:
+        """Take note of the task that what follows is for."""
+        self.goal = goal
 
     def leave_start(self) -> str | None:
         """Take off at the first tick; on wheels only turn them on."""
@@ -114,14 +112,20 @@ class Conduct:
         self._begin(tick, [self._change_of_height("land", (x_m, y_m, height_m))])
         self.phase = "landing"
 
-    def set_out(self, tick: int, legs: Sequence[Leg]) -> str | None:
-        """Go along legs, around what is in the way; where there is no way the vehicle holds."""
+    def set_out(self, tick: int, legs: Sequence[Leg], *, is_return: bool = False) -> str | None:
+        """Go along legs, around what is in the way; where there is no path the vehicle holds.
+
+        Args:
+            tick: The tick that ended.
+            legs: The legs, one after the other.
+            is_return: Whether these are the legs that it was on before it went out of the way of others.
+        """
         notice = None
         if self._avoidance is not None:
             plan = self._avoidance.plan(legs, self.course.motion(tick).state)
             notice, legs = plan.notice, plan.legs
         if legs:
-            self._begin(tick, legs)
+            self._begin(tick, legs, is_new=not is_return)
         else:
             self.hold(tick, self._vehicle.hold_s)
         return notice
@@ -193,12 +197,12 @@ class Conduct:
             self._begin_leg(tick)
         return notice
 
-    def _begin(self, tick: int, legs: Sequence[Leg]) -> None:
-        self.course.ahead = deque(legs)
-        self._begin_leg(tick)
+    def _begin(self, tick: int, legs: Sequence[Leg], *, is_new: bool = True) -> None:
+        self.course.plan(legs)
+        self._begin_leg(tick, is_new=is_new)
 
-    def _begin_leg(self, tick: int) -> None:
-        self._evasion.begin_leg(tick)
+    def _begin_leg(self, tick: int, *, is_new: bool = True) -> None:
+        self._evasion.begin_leg(tick, is_new=is_new)
         self.course.begin_leg(tick)
         self.phase = self.under_way
 
@@ -214,10 +218,8 @@ class Conduct:
         if self._avoidance is None or self.course.kept_velocity_m_s is not None or self.course.leg is None:
             self.course.take_again(tick)
             return None
-        until_tick = self._evasion.until_tick
-        notice = self.set_out(tick, [leg for leg in (self.course.leg, *self.course.ahead) if not leg.is_bend])
-        self._evasion.until_tick = until_tick
-        return notice
+        legs = [leg for leg in (self.course.leg, *self.course.ahead) if not leg.is_bend]
+        return self.set_out(tick, legs, is_return=True)
 
     def _notice_fall(self, tick: int, uprightness: float) -> str | None:
         if self.phase == "failed" or not self._overturn.sees_fall(tick, uprightness, self.course.velocity_m_s):
@@ -262,12 +264,11 @@ class Conduct:
         if self.course.ahead:
             self._begin_leg(tick)
         elif leg is not None:
-            self.course.forget_legs()
-            self.course.kept_velocity_m_s = leg.velocity_world_m_s
+            self.course.pass_on(leg.velocity_world_m_s)
             self.hold_until_tick = tick
 
     def _arrive(self, tick: int) -> None:
-        leg, self.course.leg = self.course.leg, None
+        leg = self.course.end_leg()
         self.phase = "holding"
         self.hold_for(tick, leg.hold_s if leg else 0.0)
         if leg is not None and self._abilities.has_wheels and leg.heading.yaw_rad is not None:

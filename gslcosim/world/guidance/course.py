@@ -1,6 +1,7 @@
 """What a vehicle follows: a path along legs, a path at a velocity, or a setpoint of its agent; and the legs ahead."""
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -15,14 +16,15 @@ from gslcosim.world.physics.records import Setpoint
 
 
 class Course:
-    """The course of one vehicle. It knows nothing of commands, phases and obstacles; see `mission`.
+    """The course of one vehicle. It knows nothing of tasks, phases and obstacles; see `conduct`.
 
     State: the trajectory and the setpoint that counts instead of it; the leg under way, those ahead and the place they
     lead to, or else the velocity that is kept; whether the path only prepares for it, and since which tick; and the
     true position, velocity and heading at the end of the last tick.
     """
 
-    def __init__(self, abilities: Abilities, tick_ns: int) -> None:
+    def __init__(self, abilities: Abilities, tick_ns: int, position_world_m: Vec3) -> None:
+        """Rest at a place, world frame [m], at tick 0."""
         self._abilities = abilities
         self._tick_ns = tick_ns
         self.planner: Planner = (
@@ -30,10 +32,6 @@ class Course:
             if abilities.has_wheels
             else FlightPlanner(limits=abilities.limits, tick_ns=tick_ns)
         )
-        self.start(AT_REST)
-
-    def start(self, position_world_m: Vec3) -> None:
-        """Return to rest at a place, world frame [m], at tick 0."""
         self.trajectory: Trajectory = stay_at(position_world_m, 0)
         self.setpoint: Setpoint | None = None
         self.leg: Leg | None = None
@@ -42,7 +40,7 @@ class Course:
         self.kept_velocity_m_s: Vec3 | None = None
         self.is_preparing = False
         self.prepares_since_tick = 0
-        self.saw(position_world_m, AT_REST, 0.0)
+        self.position_m, self.velocity_m_s, self.yaw_rad = position_world_m, AT_REST, 0.0
 
     def saw(self, position_world_m: Vec3, velocity_world_m_s: Vec3, yaw_rad: float) -> None:
         """Take note of where the vehicle truly is, world frame [m], how it moves [m/s] and looks [rad]."""
@@ -80,6 +78,25 @@ class Course:
     def prepares_for_s(self, tick: int) -> float:
         """Return since when paths only prepare for what is wanted [s]."""
         return seconds_from_ticks(tick - self.prepares_since_tick, self._tick_ns)
+
+    def plan(self, legs: Iterable[Leg]) -> None:
+        """Have legs ahead, in place of those that were."""
+        self.ahead = deque(legs)
+
+    def end_leg(self) -> Leg | None:
+        """Have no leg under way any more; return the one that was."""
+        leg, self.leg = self.leg, None
+        return leg
+
+    def pass_on(self, velocity_m_s: Vec3) -> None:
+        """Go on with the velocity [m/s] at which the last place was passed."""
+        self.forget_legs()
+        self.kept_velocity_m_s = velocity_m_s
+
+    def go_aside(self, path: Trajectory) -> None:
+        """Take a path out of the way of others; leg or velocity are still wanted."""
+        self.trajectory = path
+        self.is_preparing = False
 
     def begin_leg(self, tick: int) -> None:
         """Follow the next of the legs ahead."""

@@ -23,7 +23,7 @@ _SIDES = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 
 class Evasion:
     """Lets one vehicle go out of the way of others.
 
-    State: the path on which it last did so, and `until_tick`, from which on it no longer does so on this leg.
+    State: the path on which it last did so, and the tick from which on it no longer does so on this leg.
     """
 
     def __init__(
@@ -34,16 +34,14 @@ class Evasion:
         self._limits = limits
         self._tick_ns = tick_ns
         self._avoidance = avoidance
-        self.start()
-
-    def start(self) -> None:
-        """Forget everything."""
         self._path: Trajectory | None = None
-        self.until_tick = 0
+        self._until_tick = 0
 
-    def begin_leg(self, tick: int) -> None:
-        """Count the time from now: a leg begins that was not begun before."""
-        self.until_tick = tick + ticks_from_seconds(GIVES_WAY_FOR_S, self._tick_ns)
+    def begin_leg(self, tick: int, *, is_new: bool) -> None:
+        """Count the time from now where a leg begins that was not begun before."""
+        if not is_new:
+            return
+        self._until_tick = tick + ticks_from_seconds(GIVES_WAY_FOR_S, self._tick_ns)
 
     @property
     def is_under_way(self) -> bool:
@@ -52,7 +50,7 @@ class Evasion:
 
     def is_too_long(self, tick: int) -> bool:
         """Return whether the vehicle has gone out of the way for too long on this leg."""
-        return self._course.leg is not None and self.is_under_way and tick >= self.until_tick
+        return self._course.leg is not None and self.is_under_way and tick >= self._until_tick
 
     def needed_m_s(self, tick: int, neighbours: Neighbours) -> Vec3 | None:
         """Return the velocity wanted that would bring the vehicle too near to another one; nothing when none would."""
@@ -63,8 +61,7 @@ class Evasion:
         """Take a velocity that passes the others, as near as possible to the one wanted."""
         velocity_m_s = passing_velocity(wanted_m_s, neighbours, self._is_open)
         self._path = fly_at(self._course.motion(tick).state, velocity_m_s, self._limits, tick)
-        self._course.trajectory = self._path
-        self._course.is_preparing = False
+        self._course.go_aside(self._path)
 
     # The velocity straight to where it is going, slower on the last metre, and how far ahead that counts.
     def _wanted(self, tick: int) -> tuple[Vec3, float]:

@@ -1,70 +1,75 @@
-"""Why a vehicle does not obey a command; every refusal says what was expected and what was found."""
+"""Why a vehicle does not do a task; every refusal says what was expected and what was found."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from gslcosim.contract.messages import Command, DriveSetpoint
+from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
 from gslcosim.quantities import Vec3
 from gslcosim.world.guidance.abilities import Abilities
 from gslcosim.world.guidance.course import Course
 from gslcosim.world.guidance.edges import Edges
+from gslcosim.world.guidance.tasks import Cruise, GoTo, HandOver, Land, TakeOff, Task
 from gslcosim.world.paths.columns import is_way_down_free
-from gslcosim.world.paths.legs import AT_REST, legs_of, refusal_of_curves, refusal_of_motion
+from gslcosim.world.paths.legs import AT_REST, Leg, refusal_of_curves, refusal_of_motion
 from gslcosim.world.paths.space import FlightSpace
 
 
-def refusal_of(command: Command, abilities: Abilities, space: FlightSpace, *, is_on_ground: bool) -> str | None:
-    """Return why a vehicle cannot obey a command, or nothing when it can.
+def refusal_of(task: Task, abilities: Abilities, space: FlightSpace, *, is_on_ground: bool) -> str | None:
+    """Return why a vehicle cannot do a task, or nothing when it can.
 
     Args:
-        command: The agent's command.
+        task: What the agent wants.
         abilities: What the vehicle can do.
         space: Where it may be sent.
         is_on_ground: Whether it stands with its rotors off.
     """
-    match command.kind:
-        case "waypoint" | "mission":
-            return _refusal_of_places(command, abilities, space)
-        case "velocity":
-            return _refusal_of_speed("velocity", command.velocity_world_m_s or (0.0,), abilities)
-        case "take_off" | "land":
-            return _refusal_of_change(command.kind, abilities, is_on_ground=is_on_ground)
-        case "attitude" | "rates":
-            return _refusal_of_setpoint(command, abilities)
-        case "drive":
-            return _refusal_of_drive(command.drive, abilities)
+    match task:
+        case GoTo(legs=legs):
+            return _refusal_of_places(legs, abilities, space)
+        case Cruise(velocity_world_m_s=velocity_m_s):
+            return _refusal_of_speed("velocity", velocity_m_s, abilities)
+        case TakeOff():
+            return _refusal_of_change("take_off", abilities, is_on_ground=is_on_ground)
+        case Land():
+            return _refusal_of_change("land", abilities, is_on_ground=is_on_ground)
+        case HandOver(setpoint=AttitudeSetpoint() as setpoint):
+            return _refusal_of_setpoint("attitude", setpoint, abilities)
+        case HandOver(setpoint=RateSetpoint() as setpoint):
+            return _refusal_of_setpoint("rates", setpoint, abilities)
+        case HandOver(setpoint=DriveSetpoint() as setpoint):
+            return _refusal_of_drive(setpoint, abilities)
         case _:
             return None
 
 
 def refusal_from_here(
-    tick: int, command: Command, course: Course, edges: Edges, *, rises_to_m: float | None, avoids: bool
+    tick: int, task: Task, course: Course, edges: Edges, *, rises_to_m: float | None, avoids: bool
 ) -> str | None:
-    """Return why a vehicle cannot obey a command from where it is and as it moves, or nothing.
+    """Return why a vehicle cannot do a task from where it is and as it moves, or nothing.
 
     Args:
         tick: The tick that ended.
-        command: A command that the vehicle could obey somewhere.
+        task: A task that the vehicle could do somewhere.
         course: What it follows now.
         edges: The space around it.
-        rises_to_m: The height at which the command takes effect, after a take-off [m]; nothing in the air.
-        avoids: Whether ways are planned, so that they need not be free as they are said.
+        rises_to_m: The height at which the task begins, after a take-off [m]; nothing in the air.
+        avoids: Whether paths are planned, so that legs need not be free as they are said.
     """
-    match command.kind:
-        case "land":
+    match task:
+        case Land():
             return _refusal_of_ground(course.position_m, edges.space, avoids=avoids)
-        case "mission" if not avoids:
+        case GoTo(legs=legs, is_mission=True) if not avoids:
             state = course.motion(tick).state
             if rises_to_m is not None:
                 state = np.array([(*course.position_m[:2], rises_to_m), AT_REST, AT_REST])
-            return refusal_of_curves(legs_of(command, 0.0), state, edges.abilities.limits, edges.space, edges.tick_ns)
-        case "velocity" if rises_to_m is None and command.velocity_world_m_s != course.kept_velocity_m_s:
-            wanted_m_s = command.velocity_world_m_s or AT_REST
+            return refusal_of_curves(legs, state, edges.abilities.limits, edges.space, edges.tick_ns)
+        case Cruise(velocity_world_m_s=wanted_m_s) if rises_to_m is None and wanted_m_s != course.kept_velocity_m_s:
             path, is_preparing = course.planner.at_velocity(wanted_m_s, course.motion(tick), tick)
             return None if is_preparing else edges.ahead_on(tick, path)
-        case "drive" if command.drive is not None:
-            return edges.ahead_of_drive(tick, course, command.drive.speed_m_s)
+        case HandOver(setpoint=DriveSetpoint(speed_m_s=speed_m_s)):
+            return edges.ahead_of_drive(tick, course, speed_m_s)
         case _:
             return None
 
@@ -84,8 +89,8 @@ def _refusal_of_ground(position_world_m: Vec3, space: FlightSpace, *, avoids: bo
     )
 
 
-def _refusal_of_places(command: Command, abilities: Abilities, space: FlightSpace) -> str | None:
-    for leg in legs_of(command, 0.0):
+def _refusal_of_places(legs: Sequence[Leg], abilities: Abilities, space: FlightSpace) -> str | None:
+    for leg in legs:
         refusal = space.waypoint_refusal(leg.name, leg.place_world_m) or refusal_of_motion(leg, abilities.limits)
         if refusal is not None:
             return refusal
@@ -109,22 +114,17 @@ def _refusal_of_change(kind: str, abilities: Abilities, *, is_on_ground: bool) -
     return None
 
 
-def _refusal_of_setpoint(command: Command, abilities: Abilities) -> str | None:
+def _refusal_of_setpoint(name: str, setpoint: AttitudeSetpoint | RateSetpoint, abilities: Abilities) -> str | None:
     if not abilities.has_rotors:
-        return f"{command.kind}: expected a vehicle with rotors, was a {abilities.name}."
-    setpoint = command.attitude if command.kind == "attitude" else command.rates
-    if setpoint is None:
-        return None
+        return f"{name}: expected a vehicle with rotors, was a {abilities.name}."
     if setpoint.thrust_n is not None and setpoint.thrust_n > abilities.max_thrust_n:
-        return f"{command.kind}.thrust_n: expected at most {abilities.max_thrust_n:.4g} N, was {setpoint.thrust_n:g} N."
-    return _refusal_of_speed(f"{command.kind}.climb_m_s", (setpoint.climb_m_s,), abilities)
+        return f"{name}.thrust_n: expected at most {abilities.max_thrust_n:.4g} N, was {setpoint.thrust_n:g} N."
+    return _refusal_of_speed(f"{name}.climb_m_s", (setpoint.climb_m_s,), abilities)
 
 
-def _refusal_of_drive(setpoint: DriveSetpoint | None, abilities: Abilities) -> str | None:
+def _refusal_of_drive(setpoint: DriveSetpoint, abilities: Abilities) -> str | None:
     if not abilities.has_wheels:
         return f"drive: expected a vehicle on wheels, was a {abilities.name}."
-    if setpoint is None:
-        return None
     most_rad_s = abilities.max_yaw_rate_rad_s
     if abs(setpoint.yaw_rate_rad_s) > most_rad_s:
         return f"drive.yaw_rate_rad_s: expected at most {most_rad_s:g} rad/s, was {setpoint.yaw_rate_rad_s:g} rad/s."

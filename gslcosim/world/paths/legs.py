@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Command
 from gslcosim.quantities import Vec3
 from gslcosim.ticks import NS_PER_S
 from gslcosim.world.paths.space import FlightSpace
@@ -48,37 +47,6 @@ class Leg:
     def end(self) -> NDArray[np.float64]:
         """(3, 3) rows position [m], velocity [m/s], acceleration [m/s^2] at its end; world frame."""
         return np.array([self.place_world_m, self.velocity_world_m_s, self.acceleration_world_m_s2])
-
-
-def legs_of(command: Command, hold_s: float) -> tuple[Leg, ...]:
-    """Return the legs of a waypoint or a mission.
-
-    Args:
-        command: The agent's command.
-        hold_s: How long to hold at a waypoint [s]; a mission says that itself.
-    """
-    heading = heading_of(command)
-    if command.kind == "waypoint" and command.position_world_m is not None:
-        return (Leg(name="waypoint", place_world_m=command.position_world_m, hold_s=hold_s, heading=heading),)
-    return tuple(
-        Leg(
-            name=f"waypoints[{i}]",
-            place_world_m=point.position_world_m,
-            velocity_world_m_s=point.velocity_world_m_s,
-            acceleration_world_m_s2=point.acceleration_world_m_s2,
-            hold_s=point.hold_s,
-            after_s=point.after_s,
-            heading=heading if point.yaw_rad is None else Heading(yaw_rad=point.yaw_rad),
-        )
-        for i, point in enumerate(command.waypoints or ())
-    )
-
-
-def heading_of(command: Command) -> Heading:
-    """Return where a command lets the vehicle look; along its path wins over an angle."""
-    if command.faces_path:
-        return Heading(is_along_path=True)
-    return Heading(yaw_rad=command.yaw_rad)
 
 
 def refusal_of_motion(leg: Leg, limits: Limits) -> str | None:

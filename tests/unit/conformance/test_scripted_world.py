@@ -2,7 +2,6 @@
 
 import msgpack
 
-from gslcosim.conformance.flight import REPEAT_AFTER_S
 from gslcosim.conformance.scripted_world import (
     REFUSED_QUESTION,
     ROOM_M,
@@ -13,7 +12,6 @@ from gslcosim.conformance.scripted_world import (
 )
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.runtime import supervisor
 
 
 def fly(seed):
@@ -74,7 +72,3 @@ def test_messages_without_optional_fields_are_the_same_to_who_takes_the_defaults
     fields = observation.model_dump(exclude_defaults=True)
     assert "notice" not in fields
     assert codec.decode(Observation, msgpack.packb(fields)) == observation
-
-
-def test_questions_are_repeated_as_a_run_does():
-    assert supervisor.REPEAT_AFTER_S == REPEAT_AFTER_S

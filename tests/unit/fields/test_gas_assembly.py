@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gslcosim.fields.assembly import gas_model_of
+from gslcosim.fields.models.filament_gas import gas_model_of
 from gslcosim.scenario.dumping import plain_values
-from gslcosim.scenario.models.gas import ReleaseSpec, ShapeSpec
+from gslcosim.scenario.models.gas_sources import ReleaseSpec, ShapeSpec
 from gslcosim.scenario.models.scenario import Scenario
 
 PLACE = (5.0, 5.0, 2.0)

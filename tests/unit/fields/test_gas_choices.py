@@ -6,9 +6,10 @@ import pytest
 
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ScenarioError
-from gslcosim.fields.assembly import gas_field_of, release_m3_s
+from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.core import FieldsCore
 from gslcosim.fields.gas_field import PointGrid
+from gslcosim.fields.gas_setup import release_m3_s
 from gslcosim.fields.gases import air_density_mol_m3
 from gslcosim.fields.models.gaussian_plume import GaussianPlume
 from gslcosim.scenario.dumping import plain_values

@@ -9,9 +9,9 @@ from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
 from gslcosim.bus.in_memory import InMemoryHub
 from gslcosim.contract import keys
 from gslcosim.contract.participant import Episode
-from gslcosim.runtime import control
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.host import ParticipantHost
+from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.over_bus.host import ParticipantHost
 
 FINAL_TICK = 100
 

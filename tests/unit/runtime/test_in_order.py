@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gslcosim.runtime.in_order import InOrder
+from gslcosim.runtime.over_bus.in_order import InOrder
 
 
 @given(st.permutations(range(12)), st.lists(st.integers(0, 11), max_size=12))

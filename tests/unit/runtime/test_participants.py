@@ -7,8 +7,8 @@ import pytest
 
 from gslcosim.errors import UsageError
 from gslcosim.runtime.assembly import dataflow_of, service_names
+from gslcosim.runtime.over_bus.service import main
 from gslcosim.runtime.participants import SERVICES, service_kind, service_of, upstream_rank
-from gslcosim.runtime.service import main
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.services import ServiceSpec
 

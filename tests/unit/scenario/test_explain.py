@@ -43,9 +43,8 @@ VEHICLE_KEYS = ", ".join(keys_of(VehicleSpec))
         ("name: hall", "name: hall\nwind: {cell_m: }",
          "hall.yaml:3: wind.cell_m: expected a number greater than 0 in metres, was nothing."),
         ("name: hall", "name: hall\nwind: built_in",
-         "hall.yaml:3: wind: expected a block with the keys solver, inlet_velocity_m_s, inlet_profile, inlet_schedule, "
-         "cell_m, turbulence, courant, max_step_s, end_time_s, average_from_s, max_time_s, save_every_s, save_from_s, "
-         "loops and period_s, was 'built_in'."),
+         "hall.yaml:3: wind: expected a block with the key solver, one of auto, built_in, openfoam, uniform, stored or "
+         "{file: PATH}, was 'built_in'."),
         ("name: hall", "name: hall\nrecording: {enabled: yes}",
          "hall.yaml:3: recording.enabled: expected true or false, was 'yes'. Write true or false."),
         ("[5, 1, 2]", "[5, 1, 2 m]",

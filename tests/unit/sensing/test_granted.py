@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import KnownMap
+from gslcosim.scenario.models.gas import GaussianPlumeGasSpec
 from gslcosim.sensing.briefings import briefing_of
 from gslcosim.sensing.granted import map_for, nominal_plume
 
@@ -55,6 +56,12 @@ def test_the_nominal_plume_holds_the_amount_of_its_filaments(scenario_with):
     one_axis = np.exp(-(x_m**2) / (2 * 0.1**2)).sum() * (x_m[1] - x_m[0])
     assert plume.release_ppm_m3_s == pytest.approx(10 * 10 * one_axis**3, rel=1e-6)
     assert plume.wind_speed_m_s == pytest.approx(math.hypot(0.3, 0.4))
+
+
+def test_a_plume_without_filaments_is_told_with_the_spread_of_usual_ones(scenario_with):
+    scenario = scenario_with({"plume": True})
+    gas = GaussianPlumeGasSpec(sources=scenario.gas.sources)
+    assert nominal_plume(scenario.model_copy(update={"gas": gas})) == nominal_plume(scenario)
 
 
 def test_sources_and_parameters_come_as_the_scenario_has_them(make_room, scenario_with):

@@ -68,5 +68,5 @@ def test_a_package_that_offers_something_else_is_refused(package):
 
 def test_a_package_that_cannot_be_imported_is_named(package):
     package(sniffer=OWN)
-    with pytest.raises(ScenarioError, match="somebodys_missing_module:broken to be imported for 'broken'"):
+    with pytest.raises(ScenarioError, match="somebodys_missing_module:broken to be imported for the sensor 'broken'"):
         sensor_kind("broken")

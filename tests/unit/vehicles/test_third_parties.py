@@ -93,12 +93,12 @@ def test_a_package_that_cannot_be_imported_is_named(package, folder, monkeypatch
     package(tern=folder)
     monkeypatch.delitem(sys.modules, "somebodys_vehicles")
     forget()
-    with pytest.raises(VehicleError, match="vehicle tern: expected somebodys_vehicles:tern to be imported, was "):
+    with pytest.raises(VehicleError, match="vehicle tern: expected somebodys_vehicles:tern to be imported for "):
         vehicle_of("tern")
 
 
 def test_a_name_that_two_packages_offer_is_refused(package, folder):
     package(tern=folder)
     package("others_vehicles", tern=folder)
-    with pytest.raises(VehicleError, match="one package that offers it, was others_vehicles:tern and somebodys_"):
+    with pytest.raises(VehicleError, match="'tern', was others_vehicles:tern and somebodys_vehicles:tern"):
         vehicle_of("tern")

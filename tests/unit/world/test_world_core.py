@@ -136,11 +136,14 @@ def test_equal_runs_give_equal_bytes_also_after_a_reset(make_scenario, make_room
 
 
 def test_wind_frames_change_with_time(make_scenario, make_room):
-    """Steady at first, then a gust: the flight differs from the tick after the frame begins, not earlier."""
-    calm = WorldCore(make_scenario(), make_room(wind_m_s=((0.0, 0.0, 0.0),)))
-    gusty = WorldCore(
-        make_scenario(), make_room(wind_m_s=((0.0,) * 3, (3.0, 0.0, 0.0)), period_s=2.0, is_looping=False)
-    )
+    """Steady at first, then a gust: the flight differs from the tick after the frame begins, not earlier.
+
+    Frames count from when the sources open, `warm_up_s` before the flight, for vehicles as for gas.
+    """
+    scenario = make_scenario()
+    period_s = scenario.gas.warm_up_s + 2.0
+    calm = WorldCore(scenario, make_room(wind_m_s=((0.0, 0.0, 0.0),)))
+    gusty = WorldCore(scenario, make_room(wind_m_s=((0.0,) * 3, (3.0, 0.0, 0.0)), period_s=period_s, is_looping=False))
     for core in (calm, gusty):
         core.reset(Episode(seed=0))
     for tick in range(25):
@@ -217,7 +220,7 @@ def test_only_the_last_of_many_commands_counts(make_pilot):
     for i in range(1000):
         place = (5.0 + i % 7, 4.0 + i % 3, 2.0 + i % 2)
         command = Command(tick=pilot.tick, kind="waypoint", position_world_m=place)
-        pilot.core._missions[0].begin_tick(pilot.tick + 1, command)
+        pilot.core._crafts[0].obey(pilot.tick + 1, command)
     pilot.step(agent_0={"kind": "waypoint", "position_world_m": (4.0, 6.0, 3.0)})
     body = pilot.run_until(lambda body: body.phase == "holding")
     assert body.position_world_m == pytest.approx((4.0, 6.0, 3.0), abs=0.05)
@@ -239,5 +242,5 @@ def test_the_tracking_error_is_the_way_to_the_reference(make_pilot):
     pilot = make_pilot()
     assert pilot.body().tracking_error_m is None
     pilot.run(20)
-    reference_m = pilot.core._missions[0].trajectory.state_at(20, 100_000_000)[0]
+    reference_m = pilot.core._crafts[0]._reference.trajectory.state_at(20, 100_000_000)[0]
     assert pilot.body().tracking_error_m == pytest.approx(math.dist(pilot.body().position_world_m, reference_m))

@@ -12,14 +12,17 @@ from gslcosim.cli.main import main
     ("kind", "name"),
     [
         ("scenarios", "warehouse_empty"), ("agents", "dung_beetle"), ("sensors", "anemometer"), ("vehicles", "iris"),
+        ("gas_models", "farrell"), ("wind_solvers", "uniform"),
         ("gases", "ethanol"), ("layouts", "warehouse_empty"),
     ],
 )  # fmt: skip
 def test_each_kind_is_listed_with_what_describes_it(capsys, kind, name):
     assert main(["list", kind]) == 0
-    headings, *rows = capsys.readouterr().out.splitlines()
+    listed, *settings = capsys.readouterr().out.split("\n\n")
+    headings, *rows = listed.splitlines()
     assert headings.startswith("name ")
     assert name in [row.split()[0] for row in rows]
+    assert len(settings) == (len(rows) if kind in ("sensors", "gas_models", "wind_solvers") else 0)
     assert all(len(row.split()) > 1 for row in rows), "each has a description"
 
 

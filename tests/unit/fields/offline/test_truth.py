@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.participant import Episode
-from gslcosim.fields.assembly import release_m3_s
 from gslcosim.fields.core import FieldsCore
+from gslcosim.fields.gas_setup import release_m3_s
 from gslcosim.fields.offline.truth import ground_truth, ground_truth_of, sources_of
 from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario

@@ -8,7 +8,7 @@ from gslcosim.environment.sight_kernels import is_line_of_sight_free
 from gslcosim.errors import ShapeError
 from gslcosim.fields.filament.plume import Filaments, amount_of_filament_mol
 from gslcosim.fields.reading.concentration import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid, sums_of_solids
-from gslcosim.fields.reading.concentration_kernels import is_seen
+from gslcosim.fields.reading.concentration_kernels import WallCells, is_seen
 
 
 def cloud(positions_m, sigmas_m, *, source_index=None, ppm=(10.0,), gas_index=(0,)):
@@ -86,10 +86,10 @@ def test_the_summed_table_changes_no_line_of_sight(air):
     rng = np.random.default_rng(5)
     cells = (rng.random((11, 7, 5)) < 0.05).astype(np.uint8)
     origin_m, cell_m = (-1.0, 0.5, 2.0), 0.4
-    sums = sums_of_solids(cells)
+    walls = WallCells(True, cells, sums_of_solids(cells), origin_m, cell_m)
     ends = origin_m + rng.uniform(-0.3, 1.3, (2000, 2, 3)) * np.array(cells.shape) * cell_m
     plain = [is_line_of_sight_free(cells, origin_m, cell_m, *a, *b) for a, b in ends]
-    assert [is_seen(cells, sums, origin_m, cell_m, *a, *b) for a, b in ends] == plain
+    assert [is_seen(walls, *a, *b) for a, b in ends] == plain
     assert 0.2 < np.mean(plain) < 0.8
 
 

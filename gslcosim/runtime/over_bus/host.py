@@ -18,12 +18,16 @@ from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import Closes, Core, Episode
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import ContractError, GslCosimError, RunTimeoutError
-from gslcosim.runtime import control
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
+from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.stepper import Sent, Stepper
 
+# And far less than the window of credit, so that nobody ever waits for a note that is not sent yet.
 PROGRESS_EVERY_TICKS = 16
+_PROGRESS_WINDOW_SHARE = 4
+# A slow run shows that it moves.
+PROGRESS_EVERY_S = 1.0
 BUNDLE_TICKS = 16
 KEPT_TICKS = 1024
 RESENT_AT_ONCE = 32
@@ -85,7 +89,10 @@ class ParticipantHost:
         self._ports_read = {read.port for read in self._stepper.spec.reads}
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._kept = Kept()
-        self._told_tick = -1
+        window_ticks = self._stepper.spec.window_ticks
+        self._progress_every_ticks = max(1, min(PROGRESS_EVERY_TICKS, window_ticks // _PROGRESS_WINDOW_SHARE))
+        self._told_tick, self._told_at_s = -1, time.monotonic()
+        self._once: list[Sent] = []
         self._bundle: list[Sent] = []
         self._bundled_from = 0
         self._handlers: dict[str, Callable[[bytes], object]] = {
@@ -139,11 +146,10 @@ class ParticipantHost:
             self._drain()
             if self._gate.may_step():
                 self._publish(self._step())
-                if self._gate.next_tick - 1 - self._told_tick >= PROGRESS_EVERY_TICKS:
+                if self._is_progress_due():
                     self._tell_progress()
             else:
                 self._flush()
-                self._tell_progress()
                 self._wait_for_input()
 
     # The verdict ends the run for the one who writes it too, whether or not the supervisor has it yet.
@@ -170,6 +176,7 @@ class ParticipantHost:
             try:
                 self._handle(self._events.get(timeout=patience_s))
             except queue.Empty:
+                self._tell_progress()
                 self._ask_again(self._gate.missing())
                 self._tell_waiting()
                 patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
@@ -209,10 +216,14 @@ class ParticipantHost:
         self._bundle.clear()
         self._bundled_from = self._gate.next_tick
 
+    def _is_progress_due(self) -> bool:
+        n_ticks = self._gate.next_tick - 1 - self._told_tick
+        return n_ticks >= self._progress_every_ticks or time.monotonic() - self._told_at_s > PROGRESS_EVERY_S
+
     def _tell_progress(self) -> None:
         tick = self._gate.next_tick - 1
         if tick > self._told_tick:
-            self._told_tick = tick
+            self._told_tick, self._told_at_s = tick, time.monotonic()
             self._bus.publish(control.progress(self._name), control.TickNote(tick=tick).to_bytes())
 
     def _tell_waiting(self) -> None:

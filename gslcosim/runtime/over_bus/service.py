@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import ExitCode, GslCosimError, UsageError
-from gslcosim.runtime.host import ParticipantHost
+from gslcosim.runtime.over_bus.host import ParticipantHost
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
 

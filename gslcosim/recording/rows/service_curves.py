@@ -1,0 +1,31 @@
+"""What services of other packages write, as curves: each number and truth value of their messages."""
+
+from collections.abc import Sequence
+
+from gslcosim.contract.participant import Inbox
+from gslcosim.contract.ventilation import WIND
+from gslcosim.recording import entities
+from gslcosim.recording.rows.columns import ScalarRows
+from gslcosim.scenario import Scenario
+
+
+class ServiceRows:
+    """Curves of a run's services, `plots/services/<port>/<field>`; a field is known when it first comes."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        wind = (WIND,) if scenario.has_driven_wind else ()
+        self._ports = (*wind, *(port for service in scenario.services for port in service.recorded_ports))
+        self._rows: dict[str, ScalarRows] = {}
+
+    def add(self, tick: int, inbox: Inbox) -> None:
+        """Take note of the messages of a tick."""
+        for port in self._ports:
+            message = inbox.get(port)
+            for name, value in message if message is not None else ():
+                if name != "tick" and isinstance(value, bool | int | float):
+                    entity = f"{entities.SERVICE_PLOTS}/{port}/{name}"
+                    self._rows.setdefault(entity, ScalarRows(entity)).add(tick, float(value))
+
+    def all(self) -> Sequence[ScalarRows]:
+        """Return all rows."""
+        return tuple(self._rows.values())

@@ -1,0 +1,74 @@
+"""An agent's desk as a participant on the bus: observations in, commands out, losses repaired."""
+
+from collections.abc import Callable, Iterable
+
+from gslcosim.bus.port import Bus
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.runtime.agents.desk import Desk
+from gslcosim.runtime.agents.door import door_name
+from gslcosim.runtime.agents.events import AgentEvent
+from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.over_bus.host import PROGRESS_EVERY_TICKS, Kept
+from gslcosim.runtime.over_bus.in_order import InOrder
+from gslcosim.runtime.stepper import Sent
+
+
+class DoorHost:
+    """Hosts one agent's desk.
+
+    Args:
+        desk: The desk.
+        bus: The supervisor's connection.
+        on_resent: Is told, on any thread, an observation that was asked for again.
+    """
+
+    def __init__(self, desk: Desk, bus: Bus, on_resent: Callable[[bytes], None]) -> None:
+        self.desk = desk
+        self._name = door_name(desk.agent)
+        self._bus = bus
+        self._on_resent = on_resent
+        self._in_order = InOrder()
+        self._kept = Kept()
+        self._told_tick = -1
+
+    def listen(self) -> None:
+        """Answer who missed a command."""
+        self._bus.answer(control.resend(self._name), self._kept.answer)
+
+    def brief(self, payload: bytes) -> None:
+        """Take the agent's briefing."""
+        self.desk.brief(codec.decode(Briefing, payload), payload)
+
+    def observe(self, payload: bytes) -> None:
+        """Take an observation, in any order; ask for one that seems to be lost."""
+        for message in self._in_order.take(codec.peek_tick(payload), payload):
+            self._observe(message)
+        if (tick := self._in_order.lost()) is not None:
+            question = control.ResendRequest(port=keys.observation(self.desk.agent), tick=tick).to_bytes()
+            self._bus.ask(control.resend("sensing"), question, lambda _, resent: self._on_resent(resent))
+
+    def handle(self, event: AgentEvent) -> None:
+        """Take what the agent did."""
+        self._publish(self.desk.handle(event))
+
+    def lose(self, reason: str) -> None:
+        """Take note that the agent is gone."""
+        self._publish(self.desk.lose(reason))
+
+    def check_time(self) -> None:
+        """Give the agent up where it has owed an answer for too long."""
+        self._publish(self.desk.check_time())
+
+    def _observe(self, payload: bytes) -> None:
+        observation = codec.decode(Observation, payload)
+        passed = self.desk.observe(observation, payload)
+        if observation.tick - self._told_tick >= PROGRESS_EVERY_TICKS:
+            self._told_tick = observation.tick
+            self._bus.publish(control.progress(self._name), control.TickNote(tick=observation.tick).to_bytes())
+        self._publish(passed)
+
+    def _publish(self, passed: Iterable[Sent]) -> None:
+        for sent in passed:
+            self._kept.keep(sent)
+            self._bus.publish(sent.port, sent.payload, encoding=codec.encoding_of(Command), urgent=True)

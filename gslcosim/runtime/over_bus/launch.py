@@ -1,0 +1,90 @@
+"""One flight over the bus: opens the router, starts every process, and leaves none behind."""
+
+import queue
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from gslcosim.runtime.agents.door import door_name
+from gslcosim.runtime.agents.guests import Guests
+from gslcosim.runtime.agents.starting import start_command
+from gslcosim.runtime.assembly import service_names
+from gslcosim.runtime.interruption import Interruption
+from gslcosim.runtime.joining import Network
+from gslcosim.runtime.outcome import Outcome
+from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded
+from gslcosim.runtime.over_bus.router import RunRouter
+from gslcosim.runtime.over_bus.supervisor import RunEndedError, Supervisor
+from gslcosim.runtime.privacy import keep_memory_private
+from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, python_command
+from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.status import FlightStatus
+
+
+def fly_over_bus(setup: Setup, directory: Path, network: Network, report: Callable[[FlightStatus], None]) -> Outcome:
+    """Fly a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards.
+
+    Args:
+        setup: The run.
+        directory: The scenario's folder, where relative paths of agents start.
+        network: How processes reach the run's router.
+        report: Is told how the flight goes.
+    """
+    keep_memory_private()
+    outcome = Outcome()
+    began = time.perf_counter()
+    notices: queue.SimpleQueue[Notice] = queue.SimpleQueue()
+    guests = Guests(setup, directory, network, notices.put)
+
+    # On the thread that waits for the process.
+    def on_exit(name: str, exit_code: int) -> None:
+        if not guests.exited(name, exit_code):
+            notices.put(ProcessEnded(name, exit_code))
+
+    crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in guests}
+    with ExitStack() as stack:
+        socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
+        stack.callback(shutil.rmtree, socket_dir, ignore_errors=True)
+        stack.callback(guests.close)
+        interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
+        children = stack.enter_context(Children(on_exit))
+        router = RunRouter(setup.run_dir, network, socket_dir, crews)
+        bus = stack.enter_context(router.open())
+        supervisor = Supervisor(setup, bus, guests, notices, report)
+        try:
+            supervisor.listen()
+            _start(setup, directory, network, router, children, tuple(crews))
+            guests.start(children, socket_dir)
+            supervisor.await_all_ready(interruption)
+            outcome.start_up_s = time.perf_counter() - began
+            supervisor.fly(interruption)
+        except RunEndedError as ended:
+            outcome.fault = ended.fault
+        outcome.is_interrupted = interruption.is_set() and outcome.fault is None
+        supervisor.dismiss()
+        children.wait(EXIT_LIMIT_S)
+        supervisor.complete(outcome)
+    return outcome
+
+
+def _start(
+    setup: Setup, directory: Path, network: Network, router: RunRouter, children: Children, processes: tuple[str, ...]
+) -> None:
+    run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
+    for name in service_names(setup.scenario):
+        join = router.join_of_service(name)
+        if network.starts_services:
+            command = python_command("-m", "gslcosim_services", name)
+            children.start(name, command, join=join, log=run_dir.log(name))
+        else:
+            network.write_join("services", join, run_dir.path)
+    for process in processes:
+        join, command = router.join_of_process(process), start_command(specs[process], directory)
+        if command is None:
+            network.write_join("agents", join, run_dir.path)
+        else:
+            log = run_dir.log(door_name(process))
+            children.start(door_name(process), command, join=join, log=log, cwd=directory)

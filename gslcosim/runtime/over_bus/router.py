@@ -1,0 +1,71 @@
+"""The router of a run, and the accounts with which services and agents join it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from gslcosim.bus.port import Join
+from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, ZenohBus, new_password
+from gslcosim.runtime.joining import Network
+from gslcosim.runtime.run_dir import RunDir
+
+
+class RunRouter:
+    """Opens the router on a private unix socket, and on what the network adds; passwords are in no file.
+
+    Args:
+        run_dir: The run; its id is the namespace.
+        network: Where else the router listens.
+        socket_dir: A private folder for the socket.
+        crews: The agents of each process that joins the bus, by the process's name.
+    """
+
+    def __init__(
+        self, run_dir: RunDir, network: Network, socket_dir: Path, crews: Mapping[str, tuple[str, ...]]
+    ) -> None:
+        self._run_dir = run_dir
+        self._network = network
+        self._socket_dir = socket_dir
+        self._crews = crews
+        self._endpoint = f"unixsock-stream/{socket_dir}/router.sock"
+        self._namespace = f"gsl/{run_dir.run_id}"
+        self._service_password = new_password()
+        self._accounts = {
+            process: AgentUser(
+                agent=process, password=new_password(), others=tuple(name for name in agents if name != process)
+            )
+            for process, agents in crews.items()
+        }
+
+    def open(self) -> ZenohBus:
+        """Open the router and return the supervisor's own connection."""
+        return ZenohBus.open_router(
+            endpoints=[self._endpoint, *self._network.listen],
+            namespace=self._namespace,
+            service_password=self._service_password,
+            agents=self._accounts.values(),
+            secrets_dir=self._socket_dir,
+            tls=self._network.tls,
+        )
+
+    def join_of_service(self, name: str) -> Join:
+        """Return how a service joins."""
+        return Join(
+            name=name,
+            endpoint=self._endpoint,
+            namespace=self._namespace,
+            user=SERVICE_USER,
+            password=self._service_password,
+            run_dir=str(self._run_dir.path.resolve()),
+        )
+
+    def join_of_process(self, process: str) -> Join:
+        """Return how a process of agents joins."""
+        account, agents = self._accounts[process], self._crews[process]
+        return Join(
+            name=process,
+            endpoint=self._endpoint,
+            namespace=self._namespace,
+            user=account.user,
+            password=account.password,
+            agents=agents if len(agents) > 1 else None,
+        )

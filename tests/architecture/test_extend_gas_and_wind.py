@@ -1,0 +1,67 @@
+"""docs/extend/gas_model.md and wind_solver.md: every step is carried out, on a copy."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import yaml
+
+EXTEND = Path(__file__).parents[2] / "docs" / "extend"
+PAGES = {"gas": (EXTEND / "gas_model.md").read_text(), "wind": (EXTEND / "wind_solver.md").read_text()}
+SHORT = ["--set", "referee.stop.time_limit_s=5", "--set", "recording.enabled=false"]
+
+
+@pytest.fixture(scope="module")
+def packages(lay_out_package, tmp_path_factory):
+    return {name: lay_out_package(page, tmp_path_factory.mktemp(name)) for name, page in PAGES.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("part", "resolved"),
+    [("gas", {"model": "mixed", "air_changes_per_s": 0.01}), ("wind", {"solver": "swirl", "turn_rad_s": 0.2})],
+)
+def test_what_a_package_brings_flies_with_its_settings(packages, gslcosim_with, tmp_path, part, resolved):
+    (command,) = re.findall(r"```sh\n(.*?)```", PAGES[part], re.DOTALL)
+    program, *words = shlex.split(command)
+    assert program == "gslcosim"
+    done = gslcosim_with(packages[part], [*words, *SHORT], tmp_path)
+    assert done.returncode in (0, 1, 4), done.stdout + done.stderr
+    (file,) = tmp_path.glob("runs/*/scenario.yaml")
+    assert resolved.items() <= yaml.safe_load(file.read_text())[part].items()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("part", "kind", "name", "setting"),
+    [("gas", "gas_models", "mixed", "air_changes_per_s"), ("wind", "wind_solvers", "swirl", "turn_rad_s")],
+)
+def test_it_is_listed_with_its_settings(packages, gslcosim_with, tmp_path, part, kind, name, setting):
+    rows = json.loads(gslcosim_with(packages[part], ["list", kind, "--json"], tmp_path).stdout)[kind]
+    (row,) = [row for row in rows if row["name"] == name]
+    (listed,) = [each for each in row["settings"] if each["key"] == setting]
+    assert listed["meaning"]
+    assert listed["default"] in ("0.001", "0.1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("part", "override", "told"),
+    [
+        ("gas", "gas.model=mixd", "gas.model: expected one of filament, gaussian_plume, meandering_plume, farrell, "
+         "playback or mixed, was 'mixd'. Did you mean mixed?"),
+        ("gas", "gas={model: mixed, sources: [{position_m: [1.5, 2, 1]}], air_changes_per_s: 0}",
+         "gas.air_changes_per_s: expected a number greater than 0"),
+        ("gas", "gas={model: mixed, sources: [{position_m: [1.5, 2, 1]}], growth_m2_s: 0.1}",
+         "gas.growth_m2_s: expected one of the keys"),
+        ("wind", "wind.solver=swril", "wind.solver: expected one of auto, built_in, openfoam, uniform, stored, "
+         "{file: PATH} or swirl, was 'swril'. Did you mean swirl?"),
+        ("wind", "wind={solver: swirl, courant: 0.5}", "wind.courant: expected one of the keys"),
+    ],
+)  # fmt: skip
+def test_what_it_does_not_have_is_refused_with_its_place(packages, gslcosim_with, tmp_path, part, override, told):
+    done = gslcosim_with(packages[part], ["validate", "tiny_room", "--set", override], tmp_path)
+    assert done.returncode == 2
+    assert told in done.stdout + done.stderr

@@ -1,0 +1,187 @@
+"""Print today's speed beside that of another commit, as ratios within one run, interleaved.
+
+Run with `make bench-against`, or `python tests/benchmarks/bench_against.py --base COMMIT [--n 5] [--json]`.
+The other commit is checked out into a temporary folder and flies with the same packages, so that both meet the same
+machine at the same time. The processor's time counts all processes of a run; what starting costs is left out of figures
+"a tick", which come from the difference of a long and a short flight.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import site
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import venv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENARIO = "warehouse_empty"
+SHORT_S, LONG_S = 20, 200
+# An agent that never finds the source, so that flights last as long as they are told.
+BLIND = ["--set", "referee.success.within_m=0.001"]
+LOCKSTEP = [*BLIND, "--set", "agents[0].mode=lockstep"]
+ONE = ["--in-process"]
+QUIET = ["--set", "recording.enabled=false"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Code:
+    """A version of gslcosim that can be flown."""
+
+    name: str
+    python: Path
+    folder: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """What one flight took: processor's time of all its processes, and what `result.json` says."""
+
+    cpu_s: float
+    result: dict[str, Any]
+
+    @property
+    def speed(self) -> float:
+        """Simulated time over wall time, start left out."""
+        return self.result["sim_time_s"] / self.result["flight_wall_s"]
+
+
+@contextlib.contextmanager
+def base_code(commit: str) -> Iterator[Code]:
+    """Check a commit out and install it beside the packages that are installed here."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "code"
+        subprocess.run(
+            ["git", "-C", ROOT, "worktree", "add", "--detach", folder, commit], check=True, capture_output=True
+        )
+        try:
+            home = Path(temporary) / "venv"
+            venv.create(home, with_pip=False)
+            python = home / "bin" / "python"
+            packages = next((home / "lib").glob("python*/site-packages"))
+            (packages / "base.pth").write_text("\n".join(site.getsitepackages()))
+            install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "-e", str(folder)]
+            subprocess.run([python, *install], check=True)
+            yield Code(name=commit, python=python, folder=folder)
+        finally:
+            subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", folder], check=True)
+
+
+def fly(code: Code, runs_dir: str, arguments: list[str]) -> Flown:
+    """Fly the quickstart once."""
+    call = [code.python, "-m", "gslcosim", "up", SCENARIO, "--json", "--runs-dir", runs_dir, *arguments]
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
+        process = subprocess.Popen(call, stdout=output, stderr=errors, cwd=runs_dir, env=environment)
+        _, _, usage = os.wait4(process.pid, 0)
+        output.seek(0)
+        errors.seek(0)
+        text = output.read()
+        if not text.startswith("{"):
+            sys.exit(f"{code.name}: expected a flight with {arguments}, got:\n{errors.read()}")
+    return Flown(cpu_s=usage.ru_utime + usage.ru_stime, result=json.loads(text))
+
+
+def until(limit_s: int) -> list[str]:
+    """Return the option for a flight of that length."""
+    return ["--set", f"referee.stop.time_limit_s={limit_s}"]
+
+
+def cpu_us_a_tick(code: Code, runs_dir: str, arguments: list[str]) -> tuple[float, Flown]:
+    """Return what a tick costs, and the long flight."""
+    short, long = (fly(code, runs_dir, [*arguments, *until(limit_s)]) for limit_s in (SHORT_S, LONG_S))
+    n_ticks = long.result["ticks"] - short.result["ticks"]
+    return 1e6 * (long.cpu_s - short.cpu_s) / n_ticks, long
+
+
+def loop_s() -> float:
+    """Return what a plain loop takes: how fast the machine is today."""
+    started = time.process_time()
+    total = 0
+    for i in range(5_000_000):
+        total += i & 7
+    return time.process_time() - started
+
+
+def measure(code: Code, runs_dir: str, *, has_tape: bool) -> dict[str, float]:
+    """Return one round of figures of a version."""
+    separate_us, separate = cpu_us_a_tick(code, runs_dir, BLIND)
+    one_us, one = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE])
+    live_us, _ = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE, *QUIET])
+    tape = [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true"]
+    lockstep = fly(code, runs_dir, [*LOCKSTEP, *until(SHORT_S)])
+    return {
+        "speed_separate": separate.speed,
+        "speed_one": one.speed,
+        "cpu_separate_us": separate_us,
+        "cpu_one_us": one_us,
+        "cpu_one_unrecorded_us": live_us,
+        "cpu_one_tape_us": cpu_us_a_tick(code, runs_dir, tape)[0] if has_tape else float("nan"),
+        "first_tick_s": separate.result["start_up_s"],
+        "speed_lockstep": lockstep.speed,
+        "loop_s": loop_s(),
+    }
+
+
+ROWS = (
+    ("separate / one process, speed", lambda own, base: own["speed_separate"] / own["speed_one"]),
+    ("separate / one process, CPU a tick", lambda own, base: own["cpu_separate_us"] / own["cpu_one_us"]),
+    ("one process, CPU a tick / the base's", lambda own, base: own["cpu_one_us"] / base["cpu_one_us"]),
+    ("  the same, recorder off", lambda own, base: own["cpu_one_unrecorded_us"] / base["cpu_one_us"]),
+    ("  the same, recorder off, gas from tape", lambda own, base: own["cpu_one_tape_us"] / base["cpu_one_us"]),
+    ("separate, speed / the base's", lambda own, base: own["speed_separate"] / base["speed_separate"]),
+    ("one process, speed / the base's", lambda own, base: own["speed_one"] / base["speed_one"]),
+    ("lockstep agent, separate, x real time", lambda own, base: own["speed_lockstep"]),
+    ("first tick, warm caches [s]", lambda own, base: own["first_tick_s"]),
+    ("separate, x real time", lambda own, base: own["speed_separate"]),
+    ("one process, x real time", lambda own, base: own["speed_one"]),
+    ("one process, CPU a tick [us]", lambda own, base: own["cpu_one_us"]),
+    ("a plain loop [s]", lambda own, base: own["loop_s"]),
+)
+
+
+def medians(rounds: list[dict[str, float]]) -> dict[str, float]:
+    """Return the median of each figure."""
+    return {key: statistics.median(figures[key] for figures in rounds) for key in rounds[0]}
+
+
+def main() -> None:
+    """Fly both in turns and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--base", required=True, help="the commit to compare with")
+    parser.add_argument("--n", type=int, default=5, help="how many rounds")
+    parser.add_argument("--json", action="store_true", help="print all figures as JSON")
+    options = parser.parse_args()
+    today = Code(name="today", python=Path(sys.executable), folder=ROOT)
+    own: list[dict[str, float]] = []
+    base: list[dict[str, float]] = []
+    with base_code(options.base) as other, tempfile.TemporaryDirectory() as runs_dir:
+        has_tape = (other.folder / "gslcosim" / "fields" / "stored" / "tape.py").exists()
+        for code in (today, other):
+            for arguments in ([], ONE):
+                fly(code, runs_dir, [*arguments, *until(SHORT_S)])  # fills the caches
+        fly(today, runs_dir, [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true", *until(LONG_S)])
+        for _ in range(options.n):
+            own.append(measure(today, runs_dir, has_tape=True))
+            base.append(measure(other, runs_dir, has_tape=has_tape))
+    if options.json:
+        print(json.dumps({"today": own, options.base: base}, indent=2))  # noqa: T201
+        return
+    print(f"{SCENARIO}, {os.cpu_count()} cores, medians of {options.n} rounds in turns")  # noqa: T201
+    print(f"{'':44}{options.base[:10]:>12}{'today':>12}")  # noqa: T201
+    own_medians, base_medians = medians(own), medians(base)
+    for title, figure in ROWS:
+        before, now = figure(base_medians, base_medians), figure(own_medians, base_medians)
+        print(f"{title:44}{before:12.2f}{now:12.2f}")  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

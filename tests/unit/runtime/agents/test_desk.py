@@ -1,0 +1,171 @@
+"""A desk lets commands pass, keeps what they leave, and gives up whoever owes an answer for too long."""
+
+import pytest
+
+from gslcosim.agent_kit import Agent
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Command, Observation
+from gslcosim.runtime.agents import desk as desk_module
+from gslcosim.runtime.agents.desk import REPEAT_AFTER_S, Desk
+from gslcosim.runtime.agents.door import Door
+from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame
+from gslcosim.runtime.agents.links import ObjectLink
+
+
+class Line:
+    """A link that notes what it carries."""
+
+    def __init__(self, *, may_lose):
+        self.may_lose = may_lose
+        self.carried = []
+        self.n_repeats = 0
+        self.n_handled = 0
+
+    def brief(self, briefing, payload):
+        self.carried.append((briefing, payload))
+
+    def observe(self, observation, payload):
+        self.carried.append((observation, payload))
+
+    def repeat(self):
+        self.n_repeats += 1
+
+    def handled(self, event):
+        self.n_handled += 1
+
+    def end(self, ending, payload):
+        self.carried.append((ending, payload))
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(desk_module.time, "monotonic", lambda: now[0])
+    return now
+
+
+def seen(tick, *, is_asked):
+    observation = Observation(
+        tick=tick,
+        agent="beetle",
+        time_s=0.1 * tick,
+        position_world_m=(0.0, 0.0, 0.0),
+        yaw_rad=0.0,
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        status="holding",
+        awaiting_command=is_asked,
+        readings=(),
+    )
+    return observation, codec.encode(observation)
+
+
+def question(tick):
+    return seen(tick, is_asked=True)
+
+
+def desk_with(*, may_lose=False):
+    journal = []
+    line = Line(may_lose=may_lose)
+    desk = Desk("beetle", Door("beetle"), line, 10.0, journal=journal.append, last_words=lambda: "it hurts")
+    return desk, line, journal
+
+
+def hold(tick):
+    return CommandCame(agent="beetle", payload=codec.encode(Command(tick=tick, kind="hold")))
+
+
+def test_an_answer_passes_with_its_bytes_and_leaves_a_trail(clock):
+    desk, line, journal = desk_with()
+    assert desk.observe(*question(3)) == []
+    assert desk.owes_answer
+    (sent,) = desk.handle(hold(3))
+    assert (sent.port, sent.message.kind) == ("command/beetle", "hold")
+    assert codec.decode(Command, sent.payload) == sent.message
+    assert desk.trail.ticks == [3]
+    assert journal == [sent.message]
+    assert not desk.owes_answer
+    assert line.n_handled == 1
+
+
+def test_whoever_owes_an_answer_for_too_long_fails_with_its_last_words(clock):
+    desk, _, _ = desk_with()
+    desk.observe(*question(3))
+    clock[0] += 9.9
+    assert desk.check_time() == []
+    clock[0] += 0.2
+    (sent,) = desk.check_time()
+    assert sent.message.kind == "failed"
+    assert desk.door.faults[0].text == "the agent did not answer within 10 s. The end of its log: it hurts"
+
+
+@pytest.mark.parametrize(("may_lose", "n_repeats"), [(True, 2), (False, 0)])
+def test_a_question_is_repeated_only_where_it_may_have_got_lost(clock, may_lose, n_repeats):
+    desk, line, _ = desk_with(may_lose=may_lose)
+    desk.observe(*question(3))
+    for _ in range(2):
+        clock[0] += 1.01 * REPEAT_AFTER_S
+        desk.check_time()
+        desk.check_time()
+    assert line.n_repeats == n_repeats
+
+
+def test_a_gone_agent_is_not_waited_for(clock):
+    desk, _, _ = desk_with()
+    assert desk.is_awaited
+    desk.handle(AgentGone(agent="beetle", reason="it flew away."))
+    assert not desk.is_awaited
+
+
+def test_an_agent_that_has_joined_is_ready(clock):
+    desk, _, _ = desk_with()
+    desk.handle(AgentJoined(agent="beetle"))
+    assert not desk.is_awaited
+
+
+class Late(Agent):
+    """Answers to an observation that nobody asked about."""
+
+    def __init__(self, briefing):
+        pass
+
+    def decide(self, observation):
+        return Command(tick=observation.tick - 1, kind="hold")
+
+
+class Broken(Agent):
+    """Fails at its first look."""
+
+    def __init__(self, briefing):
+        pass
+
+    def observe(self, observation):
+        raise RuntimeError("no nose")
+
+    def decide(self, observation):
+        return Command(tick=observation.tick, kind="hold")
+
+
+def object_desk(agent_type):
+    events = []
+    desk = Desk("beetle", Door("beetle"), ObjectLink("beetle", agent_type, events.append), 10.0)
+    desk.brief(None, b"")
+    return desk, events
+
+
+def test_an_object_answers_at_once_or_never():
+    desk, events = object_desk(Late)
+    desk.observe(*question(3))
+    kinds = [sent.message.kind for event in events for sent in desk.handle(event)]
+    assert kinds == ["failed"]
+    expected = "expected an answer to the observation of tick 3, was one to tick 2."
+    assert [fault.text for fault in desk.door.faults] == [expected]
+
+
+def test_an_object_that_raises_is_gone():
+    desk, events = object_desk(Broken)
+    desk.observe(*seen(2, is_asked=False))
+    for event in events:
+        desk.handle(event)
+    assert "RuntimeError: no nose" in desk.door.faults[0].text
+    (sent,) = desk.observe(*question(3))
+    assert sent.message.kind == "failed"

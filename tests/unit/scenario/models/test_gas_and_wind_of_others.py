@@ -1,0 +1,82 @@
+"""Gas models and wind solvers of installed packages: refused when they are something else, hashed with their code."""
+
+import importlib
+import sys
+
+import pytest
+
+from gslcosim.errors import ScenarioError
+from gslcosim.fields.gas_setup import GasSetup, gas_field_of_block
+from gslcosim.generation.recipe_hash import recipe_hash
+from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.models.gas import GasSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec
+
+MODULE = """
+from typing import Literal
+from gslcosim.scenario.models.wind import SolverSpec
+
+class BreezeSpec(SolverSpec):
+    solver: Literal["breeze"] = "breeze"
+    speed_m_s: float = 1.0
+
+number = 42
+"""
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install a package that offers a solver, things that are no gas models, and one that cannot be imported."""
+    monkeypatch.delitem(sys.modules, "somebodys_air", raising=False)
+    (tmp_path / "somebodys_air.py").write_text(MODULE)
+    folder = tmp_path / "somebodys_air-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-air\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text(
+        "[gslcosim.gas_models]\nnumber = somebodys_air:number\nbroken = somebodys_missing:x\n"
+        "[gslcosim.wind_solvers]\nbreeze = somebodys_air:BreezeSpec\nmisnamed = somebodys_air:BreezeSpec\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    importlib.invalidate_caches()
+    yield tmp_path / "somebodys_air.py"
+    monkeypatch.undo()
+    sys.modules.pop("somebodys_air", None)
+    importlib.invalidate_caches()
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("gas.model=number", "gas.model: expected somebodys_air:number to be a class for 'number' that derives from "
+         "GasSpec, was 42. Correct the entry point of the package."),
+        ("gas.model=broken", "gas.model: expected somebodys_missing:x to be imported for the gas model 'broken', was "),
+        ("wind.solver=misnamed", "wind.solver: expected somebodys_air:BreezeSpec to be a class for 'misnamed' that "),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_has_place_expected_found_and_remedy(package, override, told):
+    with pytest.raises(ScenarioError) as refusal:
+        load_scenario("tiny_room", overrides=[override])
+    assert told in str(refusal.value)
+
+
+def test_a_block_without_a_builder_is_refused():
+    class Nobody(GasSpec):
+        model: str = "nobody"
+
+    scenario = load_scenario("tiny_room").scenario
+    with pytest.raises(ScenarioError, match="expected a builder for Nobody, was none"):
+        gas_field_of_block(Nobody(sources=scenario.gas.sources), GasSetup(scenario=scenario, environment=None))
+
+
+def test_settings_and_code_of_the_package_decide_its_environments(package):
+    room = EnvironmentSpec(layout=LayoutSpec())
+
+    def hash_of(speed_m_s: float) -> str:
+        override = f"wind={{solver: breeze, speed_m_s: {speed_m_s}}}"
+        return recipe_hash(room, load_scenario("tiny_room", overrides=[override]).scenario.wind)
+
+    before = hash_of(1.0)
+    assert hash_of(1.0) == before
+    assert hash_of(2.0) != before
+    package.write_text(MODULE + "\nanother = 1\n")
+    assert hash_of(1.0) != before

@@ -1,0 +1,32 @@
+"""Each kind's settings come from its block, with key, unit, default and meaning."""
+
+import pytest
+
+from gslcosim.scenario.models.gas import GAS_MODELS
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
+from gslcosim.scenario.models.wind import WIND_SOLVERS
+from gslcosim.scenario.settings import SettingRow, settings_of
+
+BLOCKS = {**SENSOR_BLOCKS, **GAS_MODELS, **WIND_SOLVERS}
+
+
+def keys(kind):
+    return {each.key for each in settings_of(BLOCKS[kind], kind=kind)}
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_every_setting_has_a_meaning(kind):
+    assert [each.key for each in settings_of(BLOCKS[kind], kind=kind) if each.meaning.partition("(")[0] == ""] == []
+
+
+def test_unit_and_default_are_those_of_the_block():
+    settings = settings_of(GAS_MODELS["farrell"], kind="farrell")
+    assert SettingRow(
+        key="farrell.gust_period_s", unit="seconds", default="30", meaning="period of the gusts"
+    ) in settings  # fmt: skip
+
+
+def test_settings_of_other_kinds_with_the_same_block_are_left_out():
+    assert "plume.meander_s" in keys("meandering_plume") - keys("gaussian_plume")
+    assert {"courant", "inlet_schedule.shares"} <= keys("built_in") - keys("uniform")
+    assert "loops" in keys("file") - keys("openfoam")
