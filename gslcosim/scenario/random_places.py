@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec, VehicleSpec
+from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.problems import Problem, ProblemLike
 
 RANDOM = "random"
+_WIND = TypeAdapter[SolverSpec](Wind)
 # What a place that cannot be drawn yet is refused with; told only where nothing else is wrong.
 _AFTER_THE_OTHERS = "a random place once the other problems are solved"
 
@@ -50,7 +52,7 @@ def put_random_places(values: dict[str, Any], directory: Path, placer: Placer | 
         return [_refusal(path, "three numbers: the room is not known here") for path, _, _ in spots]
     try:
         environment = EnvironmentSpec.model_validate_json(json.dumps(values.get("environment")), strict=True)
-        wind = SolverSpec.model_validate_json(json.dumps(values.get("wind", {})), strict=True)
+        wind = _WIND.validate_json(json.dumps(values.get("wind", {})), strict=True)
         wanted = [Wanted(path=path, vehicle=_vehicle_in(block, key)) for path, block, key in spots]
     except ValidationError:
         for _, block, key in spots:

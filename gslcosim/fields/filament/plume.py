@@ -95,6 +95,35 @@ def open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(is_free[1:-1, 1:-1, 1:-1]).astype(np.uint8)
 
 
+# Room for a number of filaments, a row each.
+class _Table:
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.position_m = np.zeros((capacity, 3))
+        self.sigma_m = np.zeros(capacity)
+        self.birth_steps = np.zeros(capacity)
+        self.filament_id = np.zeros(capacity, np.int64)
+        self.source_index = np.zeros(capacity, np.int32)
+
+    # A table with more room, and the same first n filaments.
+    def grown(self, capacity: int, n: int) -> "_Table":
+        table = _Table(capacity)
+        table.position_m[:n] = self.position_m[:n]
+        table.sigma_m[:n] = self.sigma_m[:n]
+        table.birth_steps[:n] = self.birth_steps[:n]
+        table.filament_id[:n] = self.filament_id[:n]
+        table.source_index[:n] = self.source_index[:n]
+        return table
+
+
+# All that a run draws: the keys of the movements and of the places of birth, and the births of each source.
+class _Draws:
+    def __init__(self, sources: tuple[GasSource, ...], seed: int) -> None:
+        self.key = stream(seed, "fields.disperse").integers(2**64, dtype=np.uint64)
+        self.place_key = stream(seed, "fields.place").integers(2**64, dtype=np.uint64)
+        self.births = [source.release.start(stream(seed, f"fields.release.{i}")) for i, source in enumerate(sources)]
+
+
 class FilamentPlume:
     """All filaments of a run; advances them step by step, births and outflow included.
 
@@ -147,16 +176,15 @@ class FilamentPlume:
         self._sigma0_m = np.array([source.sigma_m for source in sources])
         self._buoyancy = np.array([source.buoyancy.coefficient for source in sources])
         self._buoyancy_power = _common_power(sources)
-        self._allocate(FIRST_CAPACITY)
-        self.reset(seed)
+        self._table = _Table(FIRST_CAPACITY)
+        self._draws = _Draws(sources, seed)
+        self._n_born = [0] * len(sources)
+        self._n = 0
+        self._step = 0
 
     def reset(self, seed: int) -> None:
         """Return to a room without gas at time 0."""
-        self._key = stream(seed, "fields.disperse").integers(2**64, dtype=np.uint64)
-        self._place_key = stream(seed, "fields.place").integers(2**64, dtype=np.uint64)
-        self._births = [
-            source.release.start(stream(seed, f"fields.release.{i}")) for i, source in enumerate(self._sources)
-        ]
+        self._draws = _Draws(self._sources, seed)
         self._n_born = [0] * len(self._sources)
         self._n = 0
         self._step = 0
@@ -185,9 +213,9 @@ class FilamentPlume:
     def filaments(self) -> Filaments:
         """The filaments now; views that the next step overwrites."""
         return Filaments(
-            position_world_m=self._position_m[: self._n],
-            sigma_m=self._sigma_m[: self._n],
-            source_index=self._source_index[: self._n],
+            position_world_m=self._table.position_m[: self._n],
+            sigma_m=self._table.sigma_m[: self._n],
+            source_index=self._table.source_index[: self._n],
             amount_mol=self._amount_mol,
             gas_index=self._gas_index,
         )
@@ -205,7 +233,7 @@ class FilamentPlume:
         """Carry filaments down in the jets of vehicles for one step."""
         grid = self._environment.grid
         blow_filaments_inplace(
-            self._position_m,
+            self._table.position_m,
             self._n,
             jets.centre_world_m,
             jets.motor_distance_m,
@@ -221,13 +249,13 @@ class FilamentPlume:
         self._step += 1
         for i in range(len(self._sources)):
             self._release(i, start_s)
-        grid = self._environment.grid
+        grid, table = self._environment.grid, self._table
         n_left = move_filaments_inplace(
-            self._position_m,
-            self._sigma_m,
-            self._birth_steps,
-            self._filament_id,
-            self._source_index,
+            table.position_m,
+            table.sigma_m,
+            table.birth_steps,
+            table.filament_id,
+            table.source_index,
             self._n,
             self._sigma0_m,
             self._buoyancy,
@@ -241,7 +269,7 @@ class FilamentPlume:
             self._step_s,
             self._noise_std_m,
             self._growth_m2_s,
-            self._key,
+            self._draws.key,
         )
         if n_left == NOT_FINITE:
             raise ModelError(f"fields: a filament's movement is not finite in gas step {self._step}.")
@@ -252,19 +280,21 @@ class FilamentPlume:
 
     def _release(self, i_source: int, start_s: float) -> None:
         source = self._sources[i_source]
-        births_s = self._births[i_source].births_s(start_s, self._step * self._step_s)
+        births_s = self._draws.births[i_source].births_s(start_s, self._step * self._step_s)
         n_new = len(births_s)
         if n_new == 0:
             return
-        self._reserve(self._n + n_new)
+        if self._n + n_new > self._table.capacity:
+            self._table = self._table.grown(max(self._n + n_new, 2 * self._table.capacity), self._n)
+        table = self._table
         new = slice(self._n, self._n + n_new)
         first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
-        self._position_m[new] = self._places_of_birth(source, first_id, n_new)
-        self._sigma_m[new] = source.sigma_m
+        table.position_m[new] = self._places_of_birth(source, first_id, n_new)
+        table.sigma_m[new] = source.sigma_m
         # The quotient may round to just after the step's end; an age below zero has no square root.
-        self._birth_steps[new] = np.minimum(births_s / self._step_s, self._step)
-        self._filament_id[new] = np.arange(first_id, first_id + n_new)
-        self._source_index[new] = i_source
+        table.birth_steps[new] = np.minimum(births_s / self._step_s, self._step)
+        table.filament_id[new] = np.arange(first_id, first_id + n_new)
+        table.source_index[new] = i_source
         self._n_born[i_source] += n_new
         self._n += n_new
 
@@ -273,7 +303,7 @@ class FilamentPlume:
         places_m = np.tile(np.array(source.position_world_m, np.float64), (n, 1))
         if source.shape.kind == "point":
             return places_m
-        offsets_m = source.shape.offsets_m(uniforms(self._place_key, 3 * first_id, 3 * n).reshape(n, 3))
+        offsets_m = source.shape.offsets_m(uniforms(self._draws.place_key, 3 * first_id, 3 * n).reshape(n, 3))
         grid = self._environment.grid
         for i, (place_m, offset_m) in enumerate(zip(places_m.tolist(), offsets_m.tolist(), strict=True)):
             x, y, z, has_left = trace_displacement(
@@ -282,22 +312,6 @@ class FilamentPlume:
             if not has_left:
                 places_m[i] = x, y, z
         return places_m
-
-    def _allocate(self, capacity: int) -> None:
-        self._position_m = np.zeros((capacity, 3))
-        self._sigma_m = np.zeros(capacity)
-        self._birth_steps = np.zeros(capacity)
-        self._filament_id = np.zeros(capacity, np.int64)
-        self._source_index = np.zeros(capacity, np.int32)
-
-    def _reserve(self, n_needed: int) -> None:
-        if n_needed <= len(self._sigma_m):
-            return
-        old = (self._position_m, self._sigma_m, self._birth_steps, self._filament_id, self._source_index)
-        self._allocate(max(n_needed, 2 * len(self._sigma_m)))
-        new = (self._position_m, self._sigma_m, self._birth_steps, self._filament_id, self._source_index)
-        for source, target in zip(old, new, strict=True):
-            target[: self._n] = source[: self._n]
 
 
 def _common_power(sources: tuple[GasSource, ...]) -> int:

@@ -68,6 +68,19 @@ def stable_step_s(speed_m_s: float, viscosity_m2_s: float, dx_m: float, dy_m: fl
     return 1.0 / rate_per_s if rate_per_s > 0.0 else math.inf
 
 
+# The wind between two instants: gusts (2, 4) and their rates at the corners, wind at nodes and in cells, time on the
+# wind's own clock.
+@dataclass(kw_only=True)
+class _Stirred:
+    rng: np.random.Generator
+    gust_m_s: NDArray[np.float64]
+    rate_m_s2: NDArray[np.float64]
+    wind_m_s: NDArray[np.float64]
+    spare_m_s: NDArray[np.float64]
+    in_cells: NDArray[np.float32]
+    n_clock: int = 0
+
+
 class FarrellWind:
     """The wind of an open field, horizontal and the same at all heights.
 
@@ -91,43 +104,53 @@ class FarrellWind:
         stable_s = stable_step_s(strongest_m_s, viscosity_m2_s, self._dx_m, self._dy_m)
         self._n_substeps = max(1, math.ceil(CLOCK_S / stable_s))
         self._transition, self._spread = exact_step(gusts, CLOCK_S)
-        self.reset(0)
+        self._state = self._start(0)
 
     def reset(self, seed: int) -> None:
         """Return to time 0."""
-        self._rng = stream(seed, "fields.farrell")
-        self._gust_m_s = self._gusts.std_m_s * self._rng.standard_normal((2, 4))
-        rate_std_m_s2 = self._gusts.std_m_s * 2.0 * math.pi / self._gusts.period_s
-        self._rate_m_s2 = rate_std_m_s2 * self._rng.standard_normal((2, 4))
-        self._wind_m_s = np.empty(self._shape)
-        self._wind_m_s[:] = self._mean_m_s
-        self._spare_m_s = self._wind_m_s.copy()
-        set_edges_inplace(self._wind_m_s, self._gust_m_s + self._mean_m_s[:, None])
-        self._n_clock = 0
-        self._in_cells = wind_in_cells(self._wind_m_s, *self._cells)
+        self._state = self._start(seed)
 
     def at(self, time_s: float) -> NDArray[np.float32]:
         """Return the (nx, ny, 1, 3) wind at cell centres [m/s] at a time [s], which never goes back."""
-        n_due = int(time_s / CLOCK_S + 1e-6) - self._n_clock
+        state = self._state
+        n_due = int(time_s / CLOCK_S + 1e-6) - state.n_clock
         if n_due > 0:
             blow_inplace(
-                self._wind_m_s,
-                self._spare_m_s,
-                self._gust_m_s,
-                self._rate_m_s2,
+                state.wind_m_s,
+                state.spare_m_s,
+                state.gust_m_s,
+                state.rate_m_s2,
                 self._mean_m_s,
                 self._transition,
                 self._spread,
-                self._rng.standard_normal((n_due, 2, 4, 2)),
+                state.rng.standard_normal((n_due, 2, 4, 2)),
                 self._dx_m,
                 self._dy_m,
                 self._viscosity_m2_s,
                 CLOCK_S / self._n_substeps,
                 self._n_substeps,
             )
-            self._n_clock += n_due
-            self._in_cells = wind_in_cells(self._wind_m_s, *self._cells)
-        return self._in_cells
+            state.n_clock += n_due
+            state.in_cells = wind_in_cells(state.wind_m_s, *self._cells)
+        return state.in_cells
+
+    def _start(self, seed: int) -> "_Stirred":
+        rng = stream(seed, "fields.farrell")
+        gust_m_s = self._gusts.std_m_s * rng.standard_normal((2, 4))
+        rate_std_m_s2 = self._gusts.std_m_s * 2.0 * math.pi / self._gusts.period_s
+        rate_m_s2 = rate_std_m_s2 * rng.standard_normal((2, 4))
+        wind_m_s = np.empty(self._shape)
+        wind_m_s[:] = self._mean_m_s
+        spare_m_s = wind_m_s.copy()
+        set_edges_inplace(wind_m_s, gust_m_s + self._mean_m_s[:, None])
+        return _Stirred(
+            rng=rng,
+            gust_m_s=gust_m_s,
+            rate_m_s2=rate_m_s2,
+            wind_m_s=wind_m_s,
+            spare_m_s=spare_m_s,
+            in_cells=wind_in_cells(wind_m_s, *self._cells),
+        )
 
 
 class OpenFieldPlume:

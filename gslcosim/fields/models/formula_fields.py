@@ -51,6 +51,9 @@ class _TimedField:
         """Go on by steps."""
         self._step += n_steps
 
+    def _restart(self) -> None:
+        self._step = 0
+
     def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return nothing: the room's wind holds."""
         del points_world_m
@@ -73,7 +76,7 @@ class FormulaField(_TimedField):
         """
         super().__init__(gases, step_s)
         self._plumes_of = plumes_of
-        self.reset(seed)
+        self._plumes = plumes_of(seed)
 
     @property
     def filaments(self) -> Filaments:
@@ -83,7 +86,7 @@ class FormulaField(_TimedField):
     def reset(self, seed: int) -> None:
         """Return to time 0."""
         self._plumes = self._plumes_of(seed)
-        self._step = 0
+        self._restart()
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""
@@ -132,7 +135,7 @@ class PlaybackField(_TimedField):
     def reset(self, seed: int) -> None:
         """Return to time 0."""
         del seed
-        self._step = 0
+        self._restart()
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""

@@ -178,7 +178,9 @@ class TapedPlume:
         self._tapes_dir = tapes_dir or cache_root() / "tapes"
         live = plume_of(scenario.seed).filaments
         self._amount_mol, self._gas_index = live.amount_mol, live.gas_index
+        # The tape of a seed; none before the first reset.
         self._seed: int | None = None
+        self._tape: GasTape | None = None
         self._step = 0
 
     @property
@@ -198,6 +200,7 @@ class TapedPlume:
         Raises:
             ModelError: no run looks at the gas at this step, so it is not on tape.
         """
+        assert self._tape is not None, "reset comes first"
         rows, sources = self._tape.frame(self._schedule.frame_at(self._step))
         position_m, sigma_m = places_and_sizes(rows)
         return Filaments(

@@ -63,6 +63,19 @@ def test_places_follow_the_seed_and_nothing_else(load):
     assert places(alone)[:3] == places(load())[:3]
 
 
+@pytest.mark.parametrize(
+    "wind",
+    [
+        {"solver": "built_in", "end_time_s": 4.0, "save_every_s": 1.0},
+        {"inlet_profile": "parabolic"},
+        {"solver": "openfoam", "end_time_s": 50},
+    ],
+    ids=lambda wind: "_".join(wind),
+)
+def test_settings_of_the_wind_do_not_keep_places_from_being_drawn(load, wind):
+    assert problems_of_places(load(wind=wind)) == []
+
+
 def test_a_room_with_problems_is_told_and_its_random_places_with_it(load):
     with pytest.raises(InvalidScenarioError) as caught:
         load(environment={"layout": {"kind": "warehouse_simple", "size_m": [15.03, 15, 8]}})

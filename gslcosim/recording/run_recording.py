@@ -1,0 +1,203 @@
+"""One run on its way into a Rerun file: what it holds so far, and the rows that wait to be sent."""
+
+from typing import cast
+
+import rerun as rr
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    BodyPoses,
+    Command,
+    FieldSamples,
+    FilamentCloud,
+    Observation,
+    RadioTraffic,
+    RadioTransmission,
+    Score,
+    Verdict,
+)
+from gslcosim.contract.participant import Inbox
+from gslcosim.environment.model import Environment
+from gslcosim.recording import entities
+from gslcosim.recording.colors import GasScale
+from gslcosim.recording.entities import entities_of, gases_in
+from gslcosim.recording.layout.blueprint import default_blueprint
+from gslcosim.recording.rows.agents import AgentRows
+from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
+from gslcosim.recording.rows.contacts import ContactNotes
+from gslcosim.recording.rows.service_curves import ServiceRows
+from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
+from gslcosim.recording.run_file import RunFile
+from gslcosim.recording.scene import draw_map, draw_room, draw_sources
+from gslcosim.recording.summary import summary_text
+from gslcosim.scenario import Scenario
+from gslcosim.ticks import seconds_from_ticks
+
+# What of the referee's events is marked in the room where it happened; all of them are in its log.
+MARKED_EVENTS = {"take_off": "start", "gas_contact": "first gas"}
+WARNING_EVENTS = frozenset({"contact", "refused", "collision", "agent_failed", "out_of_bounds"})
+
+
+class RunRecording:
+    """What stands still is drawn at once; what moves is noted tick by tick and goes to the file with `send`."""
+
+    def __init__(self, file: RunFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer) -> None:
+        """Draw what stands still.
+
+        Args:
+            file: An empty file; it belongs to this object from now on.
+            scenario: What is flown.
+            environment: Where.
+            wind_layer: The environment's wind at the slice's height.
+        """
+        self._file = file
+        self._scenario = scenario
+        self._environment = environment
+        self._wind_layer = wind_layer
+        self._is_over = False
+        gases, tick_ns = gases_in(scenario), scenario.tick_ns
+        self._agents = {names.agent.name: AgentRows(names, gases, tick_ns) for names in entities_of(scenario)}
+        self._filaments = FilamentRows(entities.FILAMENTS, scenario)
+        self._slices: dict[str, SliceRows] = {}
+        self._wind = WindRows(entities.WIND, wind_layer)
+        self._events = TextRows(entities.EVENTS)
+        self._contact_log = TextRows(entities.CONTACTS)
+        self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
+        self._radio = TextRows(entities.RADIO)
+        self._services = ServiceRows(scenario)
+        self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
+        self._commands = [(agent, keys.command(name)) for name, agent in self._agents.items()]
+        self._draw_scene()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the verdict has come; what comes after it is not recorded."""
+        return self._is_over
+
+    def note(self, tick: int, inbox: Inbox) -> None:
+        """Take note of everything of a tick but the verdict."""
+        self._wind.add(tick, self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns))
+        self._note_truth(tick, inbox)
+        self._note_agents(tick, inbox)
+        self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
+        self._services.add(tick, inbox)
+        self._note_score(tick, cast(Score | None, inbox.get(keys.SCORE)))
+
+    def end(self, verdict: Verdict) -> None:
+        """Send what waits and write how the run ended."""
+        self._is_over = True
+        time_s = seconds_from_ticks(verdict.tick, self._scenario.tick_ns)
+        self._events.add(
+            verdict.tick, f"the run ends after {time_s:g} s: {verdict.end_reason.replace('_', ' ')}", "INFO"
+        )
+        self._send_with_last_strips()
+        self._write_summary(tick=verdict.tick, verdict=verdict)
+        self._file.flush()
+
+    def send(self) -> None:
+        """Send the rows that wait."""
+        logs = (self._events, self._contact_log, self._radio)
+        rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
+        rows += self._services.all()
+        for agent in self._agents.values():
+            rows += agent.all()
+        for item in rows:
+            item.send(self._file)
+
+    def close(self) -> None:
+        """Send what waits, write the file's footer and release it."""
+        try:
+            self._send_with_last_strips()
+        finally:
+            self._file.close()
+
+    def _send_with_last_strips(self) -> None:
+        for agent in self._agents.values():
+            agent.track.end_strip()
+        self.send()
+
+    # Rows overtake what stands still, which waits some time in Rerun: a file cut off early would lack the room.
+    def _draw_scene(self) -> None:
+        draw_room(self._file, self._environment)
+        draw_sources(self._file, self._scenario)
+        draw_map(self._file, self._environment, GasScale.of(self._scenario), self._scenario.slice_height_m)
+        self._wind_layer.draw(self._file, entities.WIND)
+        for name, agent in self._agents.items():
+            agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
+        self._write_summary(tick=0, verdict=None)
+        self._file.flush()
+
+    def _note_truth(self, tick: int, inbox: Inbox) -> None:
+        bodies = cast(BodyPoses | None, inbox.get(keys.BODIES))
+        for body in bodies.bodies if bodies else ():
+            self._agents[body.agent].note_body(tick, body)
+            self._contacts[body.agent].add(tick, body)
+        samples = cast(FieldSamples | None, inbox.get(keys.SAMPLES))
+        for sample in samples.samples if samples else ():
+            self._agents[sample.agent].note_sample(tick, sample)
+        cloud = cast(FilamentCloud | None, inbox.get(keys.FILAMENTS))
+        if cloud is not None:
+            self._filaments.add(tick, cloud)
+            for item in cloud.slices:
+                self._slice_rows(item.gas).add(tick, item)
+
+    def _note_agents(self, tick: int, inbox: Inbox) -> None:
+        for agent, port in self._observations:
+            observation = cast(Observation | None, inbox.get(port))
+            if observation is not None:
+                agent.note_observation(tick, observation)
+        for agent, port in self._commands:
+            command = cast(Command | None, inbox.get(port))
+            if command is not None:
+                believed_before = agent.belief.has_any
+                agent.note_command(tick, command)
+                if agent.belief.has_any and not believed_before:
+                    self._show_beliefs(agent)
+
+    # Nobody knows before the run who will publish beliefs, and an empty view would be in the way of the others.
+    def _show_beliefs(self, agent: AgentRows) -> None:
+        believers = tuple(name for name, rows in self._agents.items() if rows.belief.has_any)
+        agent.belief.draw(self._file, label="" if len(self._agents) == 1 else f"{agent.names.agent.name} ")
+        self._file.lay_out(default_blueprint(self._scenario, self._environment, believers=believers))
+
+    def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
+        for sent in traffic.transmissions if traffic else ():
+            self._radio.add(tick, radio_text(sent), "WARN" if sent.refusal else "INFO")
+
+    def _note_score(self, tick: int, score: Score | None) -> None:
+        if score is None:
+            return
+        for standing in score.agents:
+            self._agents[standing.agent].distance.add(tick, standing.distance_to_source_m)
+            self._agents[standing.agent].belief.note_score(tick, standing.belief)
+        for event in score.events:
+            level = "WARN" if event.kind in WARNING_EVENTS else "INFO"
+            agent = self._agents.get(event.agent) if event.agent is not None else None
+            self._events.add(tick, f"{event.agent}: {event.text}" if agent else event.text, level)
+            label = MARKED_EVENTS.get(event.kind)
+            if agent is not None and label is not None:
+                agent.markers.add(tick, agent.position_m, label, agent.names.color)
+
+    def _contact_notes(self, name: str, agent: AgentRows) -> ContactNotes:
+        floors = [box.name for box in self._environment.boxes if box.kind == "floor"]
+        return ContactNotes(name, agent.markers, self._contact_log, tick_ns=self._scenario.tick_ns, floors=floors)
+
+    def _slice_rows(self, gas: str) -> SliceRows:
+        if gas not in self._slices:
+            self._slices[gas] = SliceRows(f"{entities.SLICES}/{gas}", GasScale.of(self._scenario))
+        return self._slices[gas]
+
+    def _write_summary(self, *, tick: int, verdict: Verdict | None) -> None:
+        text = summary_text(self._scenario, self._environment, verdict)
+        columns = rr.TextDocument.columns(text=[text], media_type=[rr.components.MediaType.MARKDOWN])
+        self._file.send(entities.SUMMARY, [tick], columns)
+
+
+def radio_text(sent: RadioTransmission) -> str:
+    """Return in one line what was sent and what became of it."""
+    head = f"{sent.sender} on {sent.message.channel} to {sent.message.to}: {sent.message.text}"
+    if sent.refusal is not None:
+        return f"{head}   [refused: {sent.refusal}]"
+    fates = {"heard by": sent.reached, "lost for": sent.lost, "out of range of": sent.out_of_range}
+    told = "; ".join(f"{words} {', '.join(names)}" for words, names in fates.items() if names)
+    return f"{head}   [{told}]"
