@@ -61,9 +61,12 @@ def fly(
     )
     actions: dict[str, Callable[[bytes], None]] = {}
     endings = {keys.ending(name) for name in names}
+    # An agent that does not override `observe` has no use for observations that ask nothing.
+    is_asked_only = getattr(agent_type, "observe", None) is Agent.observe
+    key_of_observation = keys.question if is_asked_only else keys.observation
     for name in names:
         actions[keys.briefing(name)] = lambda got, name=name: crew.brief(name, codec.decode(Briefing, got))
-        actions[keys.observation(name)] = lambda got, name=name: crew.observe(name, codec.decode(Observation, got))
+        actions[key_of_observation(name)] = lambda got, name=name: crew.observe(name, codec.decode(Observation, got))
     for key in (*actions, *endings):
         bus.subscribe(key, lambda at, payload: inbox.put((at, payload)))
     for name in names:

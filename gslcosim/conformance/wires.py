@@ -17,11 +17,14 @@ from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, CommandRefused
 from gslcosim.runtime.agents.guests import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.agents.links import Seen
 from gslcosim.runtime.processes import Children
 
 N_LAST_LINES = 6
 _NAMESPACE = "gsl/check"
 _KEY_OF_MESSAGE = {Briefing: keys.briefing, Observation: keys.observation, Ending: keys.ending}
+# An agent listens to the first or to the second.
+_OBSERVATION, _QUESTION = keys.observation(AGENT), keys.question(AGENT)
 # What there is in a run that an agent must not see.
 _FORBIDDEN_KEYS = (
     keys.BODIES,
@@ -75,11 +78,12 @@ class ZenohWire(_Started):
         self._router: ZenohWitness | None = None
         self._unheard: tuple[str, ...] = ()
         self._told: dict[str, bytes] = {}
+        self._question: bytes | None = None
 
     def start(self) -> None:
         """Open the router and start the agent; see `Wire`."""
         router = self._router = ZenohWitness.open(endpoint=self._endpoint, agent=self._user, secrets_dir=self.folder)
-        for key in (*(key(AGENT) for key in _KEY_OF_MESSAGE.values()), *_FORBIDDEN_KEYS):
+        for key in (*(key(AGENT) for key in _KEY_OF_MESSAGE.values()), _QUESTION, *_FORBIDDEN_KEYS):
             router.offer(_whole(key))
         router.watch(
             on_put=self._on_put,
@@ -99,14 +103,17 @@ class ZenohWire(_Started):
         """Publish the briefing; see `AgentLink`."""
         self._publish(type(briefing), payload)
 
-    def observe(self, observation: Observation, payload: bytes) -> None:
+    def observe(self, observation: Seen, payload: bytes) -> None:
         """Publish an observation; see `AgentLink`."""
-        self._publish(type(observation), payload)
+        self._publish(Observation, payload)
+        self._question = payload if observation.awaiting_command else None
+        self._ask_again()
 
     def repeat(self) -> None:
         """Publish briefing and last observation again; see `Wire`."""
         for message_type in (Briefing, Observation):
             self._publish(message_type, self._told[message_type.__name__])
+        self._ask_again()
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Publish the end; see `AgentLink`."""
@@ -139,6 +146,10 @@ class ZenohWire(_Started):
         key = _whole(_KEY_OF_MESSAGE[message_type](AGENT))
         self._opened().publish(key, payload, encoding=codec.encoding_of(message_type))
 
+    def _ask_again(self) -> None:
+        if self._question is not None:
+            self._opened().publish(_whole(_QUESTION), self._question, encoding=codec.encoding_of(Observation))
+
     def _opened(self) -> ZenohWitness:
         if self._router is None:
             raise RuntimeError("expected a wire that has been started")
@@ -154,12 +165,16 @@ class ZenohWire(_Started):
         if key == _whole(f"agents/{AGENT}/alive"):
             if is_alive:
                 own = (key(AGENT) for key in _KEY_OF_MESSAGE.values())
-                self._unheard = tuple(key for key in own if not self._opened().is_read(_whole(key)))
+                unheard = tuple(key for key in own if not self._is_heard(key))
+                self._unheard = tuple(key for key in unheard if key != _OBSERVATION or not self._is_heard(_QUESTION))
                 self.events.put(AgentJoined(agent=AGENT))
             else:
                 self.events.put(AgentGone(agent=AGENT, reason="its liveliness token vanished"))
         elif is_alive:
             self.events.put(StrayCame(f"liveliness token {_relative(key)}"))
+
+    def _is_heard(self, key: str) -> bool:
+        return self._opened().is_read(_whole(key))
 
 
 class GatewayWire(_Started):
@@ -192,10 +207,10 @@ class GatewayWire(_Started):
         """Tell the agent its briefing; see `AgentLink`."""
         self._tell(type(briefing), payload)
 
-    def observe(self, observation: Observation, payload: bytes) -> None:
+    def observe(self, observation: Seen, payload: bytes) -> None:
         """Tell the agent an observation, if it wants that kind; see `AgentLink`."""
         if self.wiring.observations == "all" or observation.awaiting_command:
-            self._tell(type(observation), payload)
+            self._tell(Observation, payload)
 
     def repeat(self) -> None:
         """Tell briefing and last observation again; see `Wire`."""

@@ -84,6 +84,16 @@ CHANNELS = (
         travels="alone",
     ),
     Channel(
+        key=keys.question(AGENT),
+        message="Observation",
+        writer="sensing",
+        readers="that agent, in place of all observations, if it only looks when it is asked",
+        when="where an observation awaits a command; again after 1 s without it",
+        direction="to agent",
+        express="always",
+        travels="alone",
+    ),
+    Channel(
         key=keys.raw_command(AGENT),
         message="Command",
         writer="that agent",

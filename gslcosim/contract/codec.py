@@ -3,7 +3,7 @@
 import base64
 import json
 from functools import cache
-from typing import Any, TypeVar, cast, get_args
+from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import BaseModel, ValidationError
@@ -121,6 +121,26 @@ def peek_tick(payload: bytes) -> int:
     if type(tick) is not int:
         raise ContractError(f"message: tick: expected an integer, was {_short(tick)}.")
     return tick
+
+
+class ObservationHead(NamedTuple):
+    """What a run itself needs to know of an observation: its tick, and whether it awaits a command."""
+
+    tick: int
+    awaiting_command: bool
+
+
+def peek_observation(payload: bytes) -> ObservationHead:
+    """Return the head of an observation of one of our own services, without judging the rest.
+
+    Raises:
+        ContractError: not a msgpack map with both.
+    """
+    fields = _unpack_map("Observation", payload)
+    try:
+        return ObservationHead(fields["tick"], fields["awaiting_command"])
+    except KeyError as error:
+        raise ContractError(f"Observation: {error.args[0]}: expected a value, found none.") from error
 
 
 def peek_contract(payload: bytes) -> str | None:

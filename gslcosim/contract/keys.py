@@ -19,6 +19,11 @@ def observation(agent: str) -> str:
     return f"agents/{agent}/observation"
 
 
+def question(agent: str) -> str:
+    """Return the key of those of an agent's observations that await a command."""
+    return f"agents/{agent}/question"
+
+
 def raw_command(agent: str) -> str:
     """Return the key an agent writes its commands to; only the door reads it."""
     return f"agents/{agent}/command"

@@ -303,7 +303,8 @@ class Reading(Record):
 
 
 class Observation(Message):
-    """All that an agent gets in a tick. Written by sensing on `agents/<id>/observation` every tick.
+    """All that an agent gets in a tick. Written by sensing on `agents/<id>/observation` every tick, and again on
+    `agents/<id>/question` (since 1.2) where it awaits a command: an agent subscribes to one of the two.
 
     The pose is the vehicle's own estimate. When `awaiting_command` is true, exactly one `Command` with this
     tick is expected in return, and simulated time waits for it. `notice` says why the last command was refused,

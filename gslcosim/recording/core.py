@@ -17,7 +17,7 @@ from gslcosim.recording.summary import title
 from gslcosim.scenario import Scenario
 
 # Rows are sent together: a call costs some 100 us, whether it carries one row or many.
-FLUSH_TICKS = 128
+FLUSH_TICKS = 512
 
 
 class RecorderCore:

@@ -160,7 +160,7 @@ def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
                 state["asked"].add(state["tick"])
             take(door.observed(world.observe(state["tick"], is_asked=is_asked)))
         if rng.random() < 0.3 and door.pending:
-            data = codec.encode(Command(tick=door.pending[0].tick, kind="hold"))
+            data = codec.encode(Command(tick=door.pending[0], kind="hold"))
         take(door.received(data))
         assert len(door.faults) <= MAX_FAULTS
         assert len(door._early) <= MAX_EARLY

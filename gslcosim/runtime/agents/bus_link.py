@@ -2,9 +2,10 @@
 
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Briefing, Ending, Observation
+from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES
 from gslcosim.runtime.agents.events import CommandCame, CommandRefused, PutEvent
+from gslcosim.runtime.agents.links import Seen
 
 MAX_WAITING_BYTES = 32 * 1024 * 1024
 _EVENT_BYTES = 256  # what even an empty message costs while it waits
@@ -40,7 +41,7 @@ class BusLink:
         del briefing
         self._briefing = payload
 
-    def observe(self, observation: Observation, payload: bytes) -> None:
+    def observe(self, observation: Seen, payload: bytes) -> None:
         """Keep a question for a repetition; see `AgentLink`."""
         if observation.awaiting_command:
             self._question = payload
@@ -50,7 +51,8 @@ class BusLink:
         if self._briefing is not None:
             self._bus.publish(keys.briefing(self._agent), self._briefing)
         if self._question is not None:
-            self._bus.publish(keys.observation(self._agent), self._question, urgent=True)
+            for key in (keys.observation(self._agent), keys.question(self._agent)):
+                self._bus.publish(key, self._question, urgent=True)
 
     def handled(self, event: CommandCame | CommandRefused) -> None:
         """Take note that a command has been judged; see `AgentLink`."""

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Briefing, Command, Ending, Observation
+from gslcosim.contract.messages import Briefing, Command, Ending
 from gslcosim.runtime.agents.door import Door, door_name, door_of
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, AgentJoined, AnswerMissed, CommandCame, CommandRefused
-from gslcosim.runtime.agents.links import AgentLink
+from gslcosim.runtime.agents.links import AgentLink, Seen
 from gslcosim.runtime.digest import Trail
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.stepper import Sent
@@ -51,7 +51,7 @@ class Desk:
         """Send the agent its briefing."""
         self.link.brief(briefing, payload)
 
-    def observe(self, observation: Observation, payload: bytes) -> list[Sent]:
+    def observe(self, observation: Seen, payload: bytes) -> list[Sent]:
         """Send the agent an observation."""
         commands = self.door.observed(observation)
         if self.door.pending and self._asked_at_s is None:

@@ -68,7 +68,7 @@ class Door:
     n_faults: int = 0
     latest_tick: int = -1
     is_closed: bool = False
-    _pending: dict[int, Observation] = field(default_factory=dict[int, Observation])
+    _pending: dict[int, None] = field(default_factory=dict[int, None])
     _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
     _gone: str | None = None
     _refused_early: tuple[int, str] | None = None
@@ -76,17 +76,17 @@ class Door:
     _belief_tick: int | None = None
 
     @property
-    def pending(self) -> tuple[Observation, ...]:
-        """The observations that await an answer, oldest first."""
-        return tuple(self._pending.values())
+    def pending(self) -> tuple[int, ...]:
+        """The ticks of the observations that await an answer, oldest first."""
+        return tuple(self._pending)
 
-    def observed(self, observation: Observation) -> list[Command]:
+    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
         """Take note of an observation on its way to the agent; return the commands that can pass now."""
         if observation.tick <= self.latest_tick or self.is_closed:
             return []
         self.latest_tick = observation.tick
         if observation.awaiting_command:
-            self._pending[observation.tick] = observation
+            self._pending[observation.tick] = None
         if self._gone is not None:
             return self._fail()
         if observation.awaiting_command and (refused := self._take_refused_early(observation.tick)):

@@ -4,13 +4,14 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gslcosim.contract.messages import Briefing, Ending, Observation
+from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.gateway.framing import agent_of_payload
 from gslcosim.gateway.link import EventKind, Link
 from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, CommandRefused, PutEvent
+from gslcosim.runtime.agents.links import Seen
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.processes import Children, exit_text
@@ -106,7 +107,7 @@ class GatewayLink:
         for observation in waiting:
             self._process.link.tell("Observation", observation)
 
-    def observe(self, observation: Observation, payload: bytes) -> None:
+    def observe(self, observation: Seen, payload: bytes) -> None:
         """Send an observation, after the briefing; only questions where the agent wants no others; see `AgentLink`."""
         if self._process.spec.start.observations == "asked" and not observation.awaiting_command:
             return

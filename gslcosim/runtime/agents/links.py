@@ -9,6 +9,9 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Ending, Observation
 from gslcosim.runtime.agents.events import AgentGone, AnswerMissed, CommandCame, CommandRefused, PutEvent
 
+# An observation, or where its bytes alone are at hand, its head.
+Seen = Observation | codec.ObservationHead
+
 
 class AgentLink(Protocol):
     """Carries messages to one agent; what the agent does comes back as events, on any thread.
@@ -23,7 +26,7 @@ class AgentLink(Protocol):
         """Send the agent its briefing."""
         ...
 
-    def observe(self, observation: Observation, payload: bytes) -> None:
+    def observe(self, observation: Seen, payload: bytes) -> None:
         """Send the agent an observation."""
         ...
 
@@ -59,10 +62,11 @@ class ObjectLink:
         except (Exception, SystemExit):  # whatever an agent does is a result of the run
             self._fail("the agent failed at its briefing")
 
-    def observe(self, observation: Observation, payload: bytes) -> None:
+    def observe(self, observation: Seen, payload: bytes) -> None:
         """Let the agent look, and decide where it is asked; see `AgentLink`."""
-        del payload
         agent = self._agent
+        if not isinstance(observation, Observation):
+            observation = codec.decode(Observation, payload)
         if agent is None:
             return
         try:

@@ -5,6 +5,7 @@ from typing import Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from gslcosim.contract import keys
 from gslcosim.errors import ContractError
 from gslcosim.runtime.stepper import Sent
 
@@ -51,6 +52,11 @@ def is_for_agents(port: str) -> bool:
 def fits_in_bundle(sent: Sent) -> bool:
     """Return whether a message travels in a bundle; a large one would only burden those who do not read it."""
     return len(sent.payload) <= LARGE_BYTES or is_for_agents(sent.port)
+
+
+def question_key(port: str) -> str:
+    """Return the key on which a question to the agent of this port is asked beside the port's own."""
+    return keys.question(port.split("/")[1])
 
 
 def travels_alone(sent: Sent) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.contract.messages import Briefing, Command
 from gslcosim.runtime.agents.desk import Desk
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.events import AgentEvent
@@ -28,7 +28,7 @@ class DoorHost:
         self._name = door_name(desk.agent)
         self._bus = bus
         self._on_resent = on_resent
-        self._in_order = InOrder()
+        self._in_order: InOrder[tuple[codec.ObservationHead, bytes]] = InOrder()
         self._kept = Kept()
         self._told_tick = -1
 
@@ -42,8 +42,9 @@ class DoorHost:
 
     def observe(self, payload: bytes) -> None:
         """Take an observation, in any order; ask for one that seems to be lost."""
-        for message in self._in_order.take(codec.peek_tick(payload), payload):
-            self._observe(message)
+        head = codec.peek_observation(payload)
+        for next_head, message in self._in_order.take(head.tick, (head, payload)):
+            self._observe(next_head, message)
         if (tick := self._in_order.lost()) is not None:
             question = control.ResendRequest(port=keys.observation(self.desk.agent), tick=tick).to_bytes()
             self._bus.ask(control.resend("sensing"), question, lambda _, resent: self._on_resent(resent))
@@ -60,12 +61,12 @@ class DoorHost:
         """Give the agent up where it has owed an answer for too long."""
         self._publish(self.desk.check_time())
 
-    def _observe(self, payload: bytes) -> None:
-        observation = codec.decode(Observation, payload)
-        passed = self.desk.observe(observation, payload)
-        if observation.tick - self._told_tick >= PROGRESS_EVERY_TICKS:
-            self._told_tick = observation.tick
-            self._bus.publish(control.progress(self._name), control.TickNote(tick=observation.tick).to_bytes())
+    # The agent is sent the bytes as they are, so nobody has to look at the rest.
+    def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
+        passed = self.desk.observe(head, payload)
+        if head.tick - self._told_tick >= PROGRESS_EVERY_TICKS:
+            self._told_tick = head.tick
+            self._bus.publish(control.progress(self._name), control.TickNote(tick=head.tick).to_bytes())
         self._publish(passed)
 
     def _publish(self, passed: Iterable[Sent]) -> None:

@@ -207,14 +207,16 @@ class ParticipantHost:
             self._bus.publish(control.bundle(self._name), control.pack_bundle(bundled))
         for sent in self._bundle:
             if control.travels_alone(sent):
-                self._bus.publish(
-                    sent.port,
-                    sent.payload,
-                    encoding=codec.encoding_of(type(sent.message)),
-                    urgent=sent.message.is_question,
-                )
+                self._publish_alone(sent)
         self._bundle.clear()
         self._bundled_from = self._gate.next_tick
+
+    # To nobody where nobody listens: Zenoh sends nothing that has no reader.
+    def _publish_alone(self, sent: Sent) -> None:
+        encoding, is_question = codec.encoding_of(type(sent.message)), sent.message.is_question
+        self._bus.publish(sent.port, sent.payload, encoding=encoding, urgent=is_question)
+        if is_question:
+            self._bus.publish(control.question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
 
     def _is_progress_due(self) -> bool:
         n_ticks = self._gate.next_tick - 1 - self._told_tick

@@ -1,22 +1,25 @@
 """Messages of one port in the order of their ticks, whatever order they arrive in."""
 
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
 
 ASK_EVERY = 16
 
 
 @dataclass
-class InOrder:
+class InOrder(Generic[Item]):
     """Holds messages back until all before them have come."""
 
     next_tick: int = 0
-    _held: dict[int, bytes] = field(default_factory=dict[int, bytes])
+    _held: dict[int, Item] = field(default_factory=dict[int, Item])
 
-    def take(self, tick: int, payload: bytes) -> list[bytes]:
+    def take(self, tick: int, item: Item) -> list[Item]:
         """Take a message of a tick; return those that are next, in order. One that came before is ignored."""
         if tick >= self.next_tick:
-            self._held[tick] = payload
-        ready: list[bytes] = []
+            self._held[tick] = item
+        ready: list[Item] = []
         while (held := self._held.pop(self.next_tick, None)) is not None:
             ready.append(held)
             self.next_tick += 1
