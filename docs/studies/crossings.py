@@ -99,7 +99,7 @@ def _cross_from(
 ) -> Crossing:
     crossed = scenario(environment, start_m, avoidance)
     loaded = LoadedScenario(scenario=crossed, path=Path(__file__), directory=HERE, text="")
-    result = fly(loaded, runs_dir=runs_dir, in_process=True).result
+    result = fly(loaded, runs_dir=runs_dir, processes="one").result
     if not result["valid"]:
         raise RuntimeError(f"expected a valid run, was {result}")
     [agent] = result["agents"]

@@ -137,7 +137,7 @@ def flown(scenario: Scenario) -> tuple[dict[str, Track], dict[str, Any]]:
     TRACKS.clear()
     loaded = LoadedScenario(scenario=scenario, path=Path(__file__), directory=HERE, text="")
     with tempfile.TemporaryDirectory() as runs_dir:
-        result = fly(loaded, runs_dir=Path(runs_dir), in_process=True).result
+        result = fly(loaded, runs_dir=Path(runs_dir), processes="one").result
     if not result["valid"]:
         raise RuntimeError(f"expected a valid run, was {result}")
     return dict(TRACKS), result

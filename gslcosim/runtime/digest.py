@@ -78,7 +78,8 @@ class RunDigest:
     def save(self, path: Path) -> None:
         """Write `digest.json`."""
         ports = {
-            port: {"participant": self.writer_of[port], **trail.as_fields()} for port, trail in self.trails.items()
+            port: {"participant": self.writer_of[port], **trail.as_fields()}
+            for port, trail in sorted(self.trails.items())
         }
         content = {"schema": SCHEMA, "digest": self.hex, "final_tick": self.final_tick, "ports": ports}
         path.write_text(json.dumps(content) + "\n")

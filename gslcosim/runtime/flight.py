@@ -1,14 +1,15 @@
 """One flight from a loaded scenario to a run directory: the runtime's front door."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError, RecordingError
 from gslcosim.generation import prepare_environment
-from gslcosim.runtime.assembly import dataflow_of
+from gslcosim.runtime.assembly import dataflow_of, service_names
+from gslcosim.runtime.grouping import Group, groups_of
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.launch import fly_over_bus
@@ -16,13 +17,14 @@ from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
+from gslcosim.scenario.models.scenario import Processes
 
 
 def fly(
     loaded: LoadedScenario,
     *,
     runs_dir: Path,
-    in_process: bool = False,
+    processes: Processes | None = None,
     network: Network | None = None,
     report: Callable[[FlightStatus], None] = lambda _: None,
 ) -> FlightResult:
@@ -31,7 +33,7 @@ def fly(
     Args:
         loaded: The scenario and where it came from.
         runs_dir: Where the run directory is made.
-        in_process: Whether all cores run in this process instead of one process each.
+        processes: How the run is spread over processes; absent: as the scenario says.
         network: How processes reach the run's router; ignored in one process.
         report: Is told how preparation and flight go.
 
@@ -43,6 +45,8 @@ def fly(
     network = network or Network()
     network.check()
     dataflow_of(scenario)
+    processes = scenario.processes if processes is None else processes
+    groups = groups_of(processes, service_names(scenario))
     environment_dir = prepare_environment(
         scenario,
         scenario_dir=loaded.directory,
@@ -57,9 +61,9 @@ def fly(
         environment=load_environment(environment_dir),
     )
     setup.save()
-    run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, in_process=in_process)
+    run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, processes=processes)
     report(FlightStatus(state="starting"))
-    outcome = _outcome(setup, loaded.directory, network, report, in_process=in_process)
+    outcome = _outcome(setup, loaded.directory, network, report, None if processes == "one" else groups)
     _repair(run_dir, outcome)
     if outcome.digest is not None:
         outcome.digest.save(run_dir.digest)
@@ -74,15 +78,14 @@ def _outcome(
     directory: Path,
     network: Network,
     report: Callable[[FlightStatus], None],
-    *,
-    in_process: bool,
+    groups: Sequence[Group] | None,
 ) -> Outcome:
     try:
-        if in_process:
+        if groups is None:
             from gslcosim.runtime.in_process import fly_in_process
 
             return fly_in_process(setup, directory, network, report)
-        return fly_over_bus(setup, directory, network, report)
+        return fly_over_bus(setup, directory, network, report, groups)
     except GslCosimError as error:
         return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
 

@@ -17,6 +17,7 @@ import gslcosim
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
+from gslcosim.scenario.models.scenario import Processes
 
 PACKAGES = ("eclipse-zenoh", "numpy", "numba", "mujoco", "rerun-sdk", "msgpack", "pyyaml", "pydantic")
 
@@ -77,12 +78,12 @@ class RunDir:
             return ""
         return "\n".join(line[:300] for line in lines[-n_lines:])
 
-    def save_manifest(self, *, seed: int, environment_hash: str, in_process: bool) -> None:
+    def save_manifest(self, *, seed: int, environment_hash: str, processes: Processes) -> None:
         """Write `manifest.json`: all that the determinism contract depends on."""
         manifest = {
             "run_id": self.run_id,
             "seed": seed,
-            "in_process": in_process,
+            "processes": processes,
             "environment_hash": environment_hash,
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
             "contract_hash": contract_hash(),

@@ -74,7 +74,7 @@ def times_real_time(name: str, kinds: Sequence[str]) -> dict[str, float]:
         for _ in range(ROUNDS[name]):
             for kind, loaded in scenarios.items():
                 noted = Ticks()
-                if fly(loaded, runs_dir=Path(runs_dir), in_process=True, report=noted).result["valid"]:
+                if fly(loaded, runs_dir=Path(runs_dir), processes="one", report=noted).result["valid"]:
                     rounds[kind].append(noted.lengths_s)
     best = {kind: np.min(lengths_s, axis=0).sum(axis=0) for kind, lengths_s in rounds.items() if lengths_s}
     return {kind: float(simulated_s / needed_s) for kind, (simulated_s, needed_s) in best.items()}

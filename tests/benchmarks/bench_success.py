@@ -27,7 +27,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as runs_dir:
         for seed in seeds:
             loaded = load_scenario(scenario, seed=seed, overrides=["recording.enabled=false"])
-            result = fly(loaded, runs_dir=Path(runs_dir), in_process=True).result
+            result = fly(loaded, runs_dir=Path(runs_dir), processes="one").result
             agent = result["agents"][0]
             if agent["success"]:
                 times_s.append(agent["time_to_source_s"])

@@ -1,5 +1,6 @@
 """One scenario and seed have one digest: in many processes, on one loaded core, in one process."""
 
+import random
 import subprocess
 import sys
 
@@ -31,6 +32,32 @@ def test_the_digest_does_not_depend_on_how_a_run_is_executed(tmp_path, busy_proc
     assert digest_of(multi) == digest_of(pinned) == digest_of(single)
     assert digest_of(other) != digest_of(multi)
     assert (multi.result["agents"], multi.result["ticks"]) == (single.result["agents"], single.result["ticks"])
+
+
+@pytest.mark.tour
+def test_services_that_share_a_process_give_the_same_digest(tmp_path):
+    """All services in one process, and some of them in two, agree with one process; agents stay apart."""
+    grouped = fly(TINY_ROOM, tmp_path / "grouped", "--processes", "grouped", is_recorded=True)
+    lists = "processes=[[referee, world], [recorder, sensing]]"
+    listed = fly(TINY_ROOM, tmp_path / "listed", "--set", lists, is_recorded=True)
+    single = fly_here(TINY_ROOM, tmp_path / "single")
+    assert digest_of(grouped) == digest_of(listed) == digest_of(single)
+    logs = {log.stem for log in (listed.run_dir / "logs").iterdir()}
+    assert {"world+referee", "fields", "sensing+recorder"} <= logs
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_groups_of_services_give_the_same_digest(tmp_path, seed):
+    """In lockstep, where each tick waits for the agent, any grouping is the same run."""
+    rng = random.Random(seed)
+    names = ["world", "fields", "sensing", "referee"]
+    rng.shuffle(names)
+    cut = rng.randrange(1, len(names))
+    change = ("--set", "agents[0].mode=lockstep", "--set", "referee.stop.time_limit_s=6")
+    lists = f"processes=[[{', '.join(names[:cut])}], [{', '.join(names[cut:])}]]"
+    grouped = fly(TINY_ROOM, tmp_path / "grouped", *change, "--set", lists)
+    single = fly_here(TINY_ROOM, tmp_path / "single", *change)
+    assert digest_of(grouped) == digest_of(single)
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "{latency: 3}"])

@@ -27,7 +27,7 @@ def hostile_run(tmp_path, *, model, avoidance, ends_on_collision):
     values["recording"]["enabled"] = False
     values["referee"]["stop"].update(time_limit_s=16.0, on_collision=ends_on_collision)
     scenario = Scenario.model_validate(values)
-    result = fly(dataclasses.replace(loaded, scenario=scenario, directory=HERE), runs_dir=tmp_path, in_process=True)
+    result = fly(dataclasses.replace(loaded, scenario=scenario, directory=HERE), runs_dir=tmp_path, processes="one")
     [agent_type] = [
         value for value in vars(sys.modules["gslcosim_agent_agents_hostile"]).values()
         if isinstance(value, type) and value.__name__ == "Hostile"

@@ -14,7 +14,7 @@ def test_the_agent_that_sees_finds_the_machine_that_leaks(start_m, tmp_path):
     overrides = ["recording.enabled=false", f"agents[0].vehicle.start_m={start_m}"]
     loaded = load_scenario("vision_room", overrides=overrides)
     try:
-        flight = fly(loaded, runs_dir=tmp_path, in_process=True)
+        flight = fly(loaded, runs_dir=tmp_path, processes="one")
     except ModelError as error:
         if "expected EGL or OSMesa" not in str(error):
             raise

@@ -98,7 +98,7 @@ def record_trial(trial: Trial, runs_dir: Path) -> FlightResult:
     scenario = trial.resolved
     scenario = scenario.model_copy(update={"recording": scenario.recording.model_copy(update={"enabled": True})})
     loaded = LoadedScenario(scenario=scenario, path=trial.directory / "suite", directory=trial.directory, text="")
-    return fly(loaded, runs_dir=runs_dir, in_process=True)
+    return fly(loaded, runs_dir=runs_dir, processes="one")
 
 
 def _outcome(setup: Setup, directory: Path, watch: Watch) -> Outcome:

@@ -15,13 +15,20 @@ if TYPE_CHECKING:
 
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
+  gslcosim up warehouse_empty --processes grouped
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument(
-        "--in-process", action="store_true", help="run everything in this process instead of one process each"
+        "--processes",
+        choices=("separate", "grouped", "one"),
+        help="a process for each service and agent, one for all services, or one for everything; the results are the "
+        "same (default: what the scenario says, else separate)",
+    )
+    parser.add_argument(
+        "--in-process", action="store_const", const="one", dest="processes", help="the same as --processes one"
     )
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.add_argument(
@@ -66,9 +73,7 @@ def _run(arguments: argparse.Namespace) -> int:
     with watched_flight(
         f"{loaded.name}, seed {loaded.scenario.seed}", is_quiet=arguments.quiet or arguments.json
     ) as report:
-        flight = fly(
-            loaded, runs_dir=arguments.runs_dir, in_process=arguments.in_process, network=network, report=report
-        )
+        flight = fly(loaded, runs_dir=arguments.runs_dir, processes=arguments.processes, network=network, report=report)
     if arguments.json:
         write_json(flight.result)
     elif not arguments.quiet:

@@ -49,6 +49,11 @@ def is_for_agents(port: str) -> bool:
     return port.startswith("agents/")
 
 
+def is_for_all(port: str) -> bool:
+    """Return whether a port is sent whoever shares the writer's process: agents read it, or the supervisor."""
+    return is_for_agents(port) or port == keys.VERDICT
+
+
 def fits_in_bundle(sent: Sent) -> bool:
     """Return whether a message travels in a bundle; a large one would only burden those who do not read it."""
     return len(sent.payload) <= LARGE_BYTES or is_for_agents(sent.port)

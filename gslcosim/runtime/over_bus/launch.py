@@ -4,14 +4,15 @@ import queue
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from gslcosim.errors import UsageError
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
-from gslcosim.runtime.assembly import service_names
+from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome
@@ -24,7 +25,13 @@ from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 
 
-def fly_over_bus(setup: Setup, directory: Path, network: Network, report: Callable[[FlightStatus], None]) -> Outcome:
+def fly_over_bus(
+    setup: Setup,
+    directory: Path,
+    network: Network,
+    report: Callable[[FlightStatus], None],
+    groups: Sequence[Group],
+) -> Outcome:
     """Fly a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards.
 
     Args:
@@ -32,7 +39,13 @@ def fly_over_bus(setup: Setup, directory: Path, network: Network, report: Callab
         directory: The scenario's folder, where relative paths of agents start.
         network: How processes reach the run's router.
         report: Is told how the flight goes.
+        groups: The services of each process.
+
+    Raises:
+        UsageError: services that are started elsewhere are to share processes.
     """
+    if not network.starts_services and any(len(group) > 1 for group in groups):
+        raise UsageError("--no-services: expected --processes separate with it; each service is started elsewhere.")
     keep_memory_private()
     outcome = Outcome()
     began = time.perf_counter()
@@ -53,10 +66,10 @@ def fly_over_bus(setup: Setup, directory: Path, network: Network, report: Callab
         children = stack.enter_context(Children(on_exit))
         router = RunRouter(setup.run_dir, network, socket_dir, crews)
         bus = stack.enter_context(router.open())
-        supervisor = Supervisor(setup, bus, guests, notices, report)
+        supervisor = Supervisor(setup, bus, guests, notices, report, groups)
         try:
             supervisor.listen()
-            _start(setup, directory, network, router, children, tuple(crews))
+            _start(setup, directory, network, router, children, tuple(crews), groups)
             guests.start(children, socket_dir)
             supervisor.await_all_ready(interruption)
             outcome.start_up_s = time.perf_counter() - began
@@ -71,13 +84,20 @@ def fly_over_bus(setup: Setup, directory: Path, network: Network, report: Callab
 
 
 def _start(
-    setup: Setup, directory: Path, network: Network, router: RunRouter, children: Children, processes: tuple[str, ...]
+    setup: Setup,
+    directory: Path,
+    network: Network,
+    router: RunRouter,
+    children: Children,
+    processes: tuple[str, ...],
+    groups: Sequence[Group],
 ) -> None:
     run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
-    for name in service_names(setup.scenario):
+    for group in groups:
+        name = process_name(group)
         join = router.join_of_service(name)
         if network.starts_services:
-            command = python_command("-m", "gslcosim_services", name)
+            command = python_command("-m", "gslcosim_services", *group)
             children.start(name, command, join=join, log=run_dir.log(name))
         else:
             network.write_join("services", join, run_dir.path)

@@ -9,26 +9,26 @@ from pathlib import Path
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import ExitCode, GslCosimError, UsageError
-from gslcosim.runtime.over_bus.host import ParticipantHost
+from gslcosim.runtime.over_bus.host import Host
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
 
 
 def main(words: Sequence[str]) -> None:
-    """Serve the service that the command line names.
+    """Serve the services that the command line names, in this one process.
 
     Args:
-        words: The command line after the program; exactly one name is expected.
+        words: The command line after the program; at least one name is expected.
     """
-    if len(words) != 1:
+    if not words:
         names = ", ".join(kind.name for kind in SERVICES)
-        sys.stderr.write(f"usage: python -m gslcosim_services NAME, with the name of a service: {names}\n")
+        sys.stderr.write(f"usage: python -m gslcosim_services NAME…, with names of services: {names}\n")
         sys.exit(ExitCode.USAGE)
-    serve(words[0])
+    serve(words)
 
 
-def serve(name: str) -> None:
-    """Build the core of a service, take part in the run named by `GSLCOSIM_JOIN`, and return when it is dismissed.
+def serve(names: Sequence[str]) -> None:
+    """Build the cores of services, take part in the run named by `GSLCOSIM_JOIN`, and return when they are dismissed.
 
     Exits with code 3 after a fault; the log says why.
     """
@@ -38,24 +38,24 @@ def serve(name: str) -> None:
     # Ctrl-C is the supervisor's to handle; it dismisses the services in order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        _serve(name)
+        _serve(names)
     except GslCosimError as error:
-        logging.getLogger(name).error("%s", error)
+        logging.getLogger("+".join(names)).error("%s", error)
         sys.exit(ExitCode.FAULT)
 
 
-def _serve(name: str) -> None:
+def _serve(names: Sequence[str]) -> None:
     from gslcosim.bus.zenoh_bus import ZenohBus
     from gslcosim.runtime.assembly import build_core, dataflow_of
     from gslcosim.runtime.setup import Setup
 
     join = Join.from_environment()
     if join.run_dir is None:
-        raise UsageError(f"{name}: expected run_dir in the join data of a service, found none.")
+        raise UsageError(f"{names[0]}: expected run_dir in the join data of a service, found none.")
     setup = Setup.load(Path(join.run_dir))
-    core = build_core(name, setup)
+    cores = [build_core(name, setup) for name in names]
     with ZenohBus.open_member(join) as bus:
-        host = ParticipantHost(bus, core, dataflow_of(setup.scenario), setup.episode)
+        host = Host(bus, cores, dataflow_of(setup.scenario), setup.episode)
         bus.on_disconnect(host.link_lost)
         host.join()
         host.run()

@@ -2,7 +2,7 @@
 
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
@@ -16,6 +16,7 @@ from gslcosim.runtime.agents.events import AgentGone, AgentJoined
 from gslcosim.runtime.agents.guests import Guests, absence_text
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
+from gslcosim.runtime.grouping import Group
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
@@ -71,6 +72,7 @@ class Supervisor:
         guests: Guests,
         notices: "queue.SimpleQueue[Notice]",
         report: Callable[[FlightStatus], None],
+        groups: Sequence[Group],
     ) -> None:
         self._setup = setup
         self._bus = bus
@@ -79,7 +81,7 @@ class Supervisor:
         self._report = report
         self._dataflow = dataflow_of(setup.scenario)
         self._services = service_names(setup.scenario)
-        self._watchdog = Watchdog(self._services, setup.run_dir)
+        self._watchdog = Watchdog(groups, setup.run_dir)
         self._bus_links = {
             agent.name: BusLink(agent.name, bus, notices.put)
             for agent in setup.scenario.agents
@@ -263,7 +265,7 @@ class Supervisor:
             self._bus.ask(control.resend("referee"), question, lambda _, payload: put(VerdictCame(payload)))
 
     def _on_exit(self, name: str, exit_code: int) -> None:
-        if name in self._watchdog:
+        if self._watchdog.watches_process(name):
             raise RunEndedError(self._watchdog.fault(name, f"{exit_text(exit_code)}; the run is not valid without it."))
         for agent in self._setup.scenario.agents:
             if door_name(agent.process) == name:

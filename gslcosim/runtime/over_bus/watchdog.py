@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from gslcosim.errors import ExitCode
+from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.outcome import ServiceFault
 from gslcosim.runtime.over_bus.control import Bye, TickNote, WaitingNote
 from gslcosim.runtime.run_dir import RunDir
@@ -15,8 +16,10 @@ LOST_CONTACT_GRACE_S = 0.3
 class Watchdog:
     """Watches the services of a run. It reads no clock: times [s] of a monotonic one are handed in."""
 
-    def __init__(self, services: Sequence[str], run_dir: RunDir) -> None:
-        self._services = tuple(services)
+    def __init__(self, groups: Sequence[Group], run_dir: RunDir) -> None:
+        """Watch the services of a run, those of each process together."""
+        self._services = tuple(name for group in groups for name in group)
+        self._process_of = {name: process_name(group) for group in groups for name in group}
         self._run_dir = run_dir
         self._progress = dict.fromkeys(self._services, -1)
         self._waiting: dict[str, WaitingNote] = {}
@@ -26,6 +29,10 @@ class Watchdog:
 
     def __contains__(self, name: str) -> bool:
         return name in self._progress
+
+    def watches_process(self, name: str) -> bool:
+        """Return whether services live in a process of that name."""
+        return name in self._process_of.values()
 
     @property
     def byes(self) -> dict[str, Bye]:
@@ -89,9 +96,10 @@ class Watchdog:
 
     def fault(self, name: str, text: str, exit_code: ExitCode = ExitCode.FAULT) -> ServiceFault:
         """Return a fault of a participant, with the end of its log."""
-        tail = self._run_dir.last_words(name)
+        process = self._process_of.get(name, name)
+        tail = self._run_dir.last_words(process)
         text = f"{text}\nLast lines of its log:\n{tail}" if tail else text
-        text = f"{text}\nLog: {self._run_dir.log(name)}"
+        text = f"{text}\nLog: {self._run_dir.log(process)}"
         return ServiceFault(participant=name, tick=self.tick_of(name), text=text, exit_code=exit_code)
 
     def _stall(self, limit_s: float) -> ServiceFault:

@@ -320,8 +320,18 @@ class RecordingSpec(Spec):
     slice_cell_m: Positive = 0.25
 
 
+# Which services share a process; see `Scenario`.
+Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
+
+
 class Scenario(Spec):
-    """A whole scenario file. `tick_ms` is the exchange step; physics sub-steps are inside the world."""
+    """A whole scenario file. `tick_ms` is the exchange step; physics sub-steps are inside the world.
+
+    `processes` says how `gslcosim up` spreads the run over processes, without influence on its results: each service
+    and each agent has its own (`separate`), all services share one and agents have their own (`grouped`), or everything
+    is in one (`one`); lists of services name those that share a process. Suites fly in worker processes, whatever
+    it says.
+    """
 
     schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema")
     name: Name
@@ -335,6 +345,7 @@ class Scenario(Spec):
     recording: RecordingSpec = RecordingSpec()
     channels: tuple[ChannelSpec, ...] = ()
     services: tuple[Service, ...] = ()
+    processes: Processes = "separate"
 
     @model_validator(mode="after")
     def _check_driven_wind(self) -> Self:

@@ -3,6 +3,7 @@
 import queue
 import threading
 
+import numpy as np
 import pytest
 from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
 
@@ -11,18 +12,19 @@ from gslcosim.contract import keys
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.host import ParticipantHost
+from gslcosim.runtime.over_bus.host import Host
 
 FINAL_TICK = 100
 
 
-def fly(hub, cores):
-    """Run a host for each core in a thread; return the digest, the timings and the reported faults."""
+def fly(hub, cores, groups=None):
+    """Run a host for each group of cores in a thread; return the digest, the timings and the reported faults."""
+    groups = groups or [[name] for name in cores]
     events = queue.Queue()
     ours = hub.open()
     for key in ("ctl/bye/*", control.FAULT):
         ours.subscribe(key, lambda at, payload: events.put((at, payload)))
-    hosts = [ParticipantHost(hub.open(), core, toy_dataflow(), Episode(seed=7)) for core in cores.values()]
+    hosts = [Host(hub.open(), [cores[name] for name in group], toy_dataflow(), Episode(seed=7)) for group in groups]
     for host in hosts:
         host.join()
     threads = [threading.Thread(target=_run_quietly, args=(host,), daemon=True) for host in hosts]
@@ -30,7 +32,7 @@ def fly(hub, cores):
         thread.start()
     ours.publish(control.START, b"")
     byes, faults = {}, []
-    while len(byes) < len(hosts) and not faults:
+    while len(byes) < len(cores) and not faults:
         key, payload = events.get(timeout=30)
         if key == control.FAULT:
             faults.append(control.FaultNote.from_bytes(payload))
@@ -66,6 +68,35 @@ def test_lost_messages_are_asked_for_again_and_change_nothing():
     assert hub.n_lost > 0
     assert sum(bye.timing["n_resends"] for bye in byes.values()) > 0
     assert lossy.hex == clean.hex
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_whatever_shares_a_process_the_digest_is_the_same(seed):
+    """Random groups, some with a bus that loses messages, have the digest of separate participants."""
+    alone, _, _ = fly(InMemoryHub(), toy_cores())
+    rng = np.random.default_rng(seed)
+    names = list(toy_cores())
+    n_groups = int(rng.integers(1, len(names) + 1))
+    group_of = rng.integers(0, n_groups, len(names))
+    groups = [[n for n, g in zip(names, group_of, strict=True) if g == i] for i in range(n_groups)]
+    hub = InMemoryHub(loss_frac=0.05 * (seed % 2), seed=seed)
+    grouped, byes, faults = fly(hub, toy_cores(), [group for group in groups if group])
+    assert not faults
+    assert set(byes) == set(names)
+    assert grouped.hex == alone.hex
+
+
+def test_a_core_that_fails_is_named_in_a_group_too():
+    class Broken(ToyFields):
+        def step(self, tick, inbox):
+            if tick == 5:
+                raise ArithmeticError("the field has burst")
+            return super().step(tick, inbox)
+
+    cores = toy_cores()
+    cores["fields"] = Broken(cores["fields"].spec)
+    _, _, (fault,) = fly(InMemoryHub(), cores, [list(cores)])
+    assert (fault.participant, fault.tick) == ("fields", 5)
 
 
 def test_a_core_that_fails_is_named():

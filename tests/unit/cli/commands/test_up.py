@@ -51,7 +51,7 @@ def test_the_scenario_is_flown_as_the_options_say(flight, tmp_path):
     assert main(["up", "tiny_room", *options]) == 0
     assert flight["loaded"].scenario.seed == 8
     assert flight["loaded"].scenario.name == "other"
-    assert flight["in_process"] is True
+    assert flight["processes"] == "one"
     assert flight["runs_dir"] == tmp_path
 
 
