@@ -9,8 +9,8 @@ from gslcosim.runtime.agents.desk import Desk
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.events import AgentEvent
 from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.over_bus.hosted import PROGRESS_EVERY_TICKS, Kept
 from gslcosim.runtime.over_bus.in_order import InOrder
-from gslcosim.runtime.over_bus.member import PROGRESS_EVERY_TICKS, Kept
 from gslcosim.runtime.stepper import Sent
 
 

@@ -16,7 +16,7 @@ from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import GslCosimError, RunTimeoutError
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.member import Member
+from gslcosim.runtime.over_bus.hosted import Hosted
 from gslcosim.runtime.stepper import Sent
 
 FIRST_RESEND_AFTER_S = 0.2
@@ -47,17 +47,17 @@ class Host:
         self._dataflow = dataflow
         self._episode = episode
         names = {core.spec.name for core in cores}
-        self._members = [Member(bus, core, dataflow, names) for core in cores]
-        self._by_name = {member.name: member for member in self._members}
+        self._hosted = [Hosted(bus, core, dataflow, names) for core in cores]
+        self._by_name = {hosted.name: hosted for hosted in self._hosted}
         self._readers = {
-            port: [member for member in self._members if port in member.ports_read] for port in dataflow.writer_of
+            port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
         }
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
-        self._once: list[tuple[Member, list[Sent]]] = []
+        self._once: list[tuple[Hosted, list[Sent]]] = []
         # Who is at fault where something goes wrong now.
-        self._acting = self._members[0]
+        self._acting = self._hosted[0]
         # Receiving and waiting are the process's: they are counted for its first participant.
-        self._timing = self._members[0].stepper.timing
+        self._timing = self._hosted[0].stepper.timing
         self._handlers: dict[str, Callable[[bytes], object]] = {
             control.START: lambda _: self._set_started(),
             control.STOP: self._on_stop,
@@ -69,24 +69,24 @@ class Host:
 
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready (last)."""
-        for member in self._members:
-            self._acting = member
-            self._once.append((member, member.reset(self._episode)))
-        ports = sorted(set[str]().union(*(member.outer_ports_read for member in self._members)))
+        for hosted in self._hosted:
+            self._acting = hosted
+            self._once.append((hosted, hosted.reset(self._episode)))
+        ports = sorted(set[str]().union(*(hosted.outer_ports_read for hosted in self._hosted)))
         for port in ports:
             if not control.is_for_agents(port):
                 self._listen(port, lambda payload, port=port: self._on_input(port, payload))
         for writer in sorted({self._dataflow.writer_of[port] for port in ports}):
             self._listen(control.bundle(writer), self._on_bundle)
-        for reader in sorted(set[str]().union(*(member.outer_readers for member in self._members))):
+        for reader in sorted(set[str]().union(*(hosted.outer_readers for hosted in self._hosted))):
             self._listen(control.progress(reader), lambda payload, name=reader: self._on_progress(name, payload))
         for key in (control.START, control.STOP, control.CLOSE):
             self._listen(key, self._handlers[key])
-        for member in self._members:
-            self._bus.answer(control.resend(member.name), member.kept.answer)
-            self._bus.answer(control.describe(member.name), lambda _, name=member.name: [_description(name)])
-        for member in self._members:
-            self._bus.declare_alive(control.alive(member.name))
+        for hosted in self._hosted:
+            self._bus.answer(control.resend(hosted.name), hosted.kept.answer)
+            self._bus.answer(control.describe(hosted.name), lambda _, name=hosted.name: [_description(name)])
+        for hosted in self._hosted:
+            self._bus.declare_alive(control.alive(hosted.name))
 
     def link_lost(self) -> None:
         """Tell the host, from any thread, that the link to the router is gone."""
@@ -98,8 +98,8 @@ class Host:
             while not self._is_started and not self._is_dismissed:
                 self._handle(self._events.get())
             if self._is_started:
-                for member, outputs in self._once:
-                    self._pass_on(member, outputs)
+                for hosted, outputs in self._once:
+                    self._pass_on(hosted, outputs)
                 self._fly()
                 self._flush()
         except Exception as error:
@@ -109,7 +109,7 @@ class Host:
 
     @property
     def _are_finished(self) -> bool:
-        return self._is_dismissed or all(member.gate.is_finished for member in self._members)
+        return self._is_dismissed or all(hosted.gate.is_finished for hosted in self._hosted)
 
     def _fly(self) -> None:
         while not self._are_finished:
@@ -121,24 +121,24 @@ class Host:
     # A tick each, in the order of the dataflow, so that what one writes is still warm when the next reads it.
     def _step_those_that_may(self) -> bool:
         has_stepped = False
-        for member in self._members:
-            if member.gate.may_step():
-                self._acting = member
-                self._pass_on(member, member.step())
-                member.tell_progress_if_due()
+        for hosted in self._hosted:
+            if hosted.gate.may_step():
+                self._acting = hosted
+                self._pass_on(hosted, hosted.step())
+                hosted.tell_progress_if_due()
                 has_stepped = True
         return has_stepped
 
-    def _pass_on(self, member: Member, outputs: list[Sent]) -> None:
+    def _pass_on(self, hosted: Hosted, outputs: list[Sent]) -> None:
         for sent in outputs:
             for reader in self._readers[sent.port]:
                 reader.gate.deliver(sent.port, sent.message)
-        for other in self._members:
-            if other is not member:
-                other.gate.grant(member.name, member.last_tick)
-                if member.gate.final_tick is not None:
-                    other.gate.final_tick = member.gate.final_tick
-        member.publish(outputs)
+        for other in self._hosted:
+            if other is not hosted:
+                other.gate.grant(hosted.name, hosted.last_tick)
+                if hosted.gate.final_tick is not None:
+                    other.gate.final_tick = hosted.gate.final_tick
+        hosted.publish(outputs)
 
     def _drain(self) -> None:
         started = time.perf_counter_ns()
@@ -147,29 +147,29 @@ class Host:
         self._timing.receiving_ns += time.perf_counter_ns() - started
 
     def _flush(self) -> None:
-        for member in self._members:
-            member.flush()
+        for hosted in self._hosted:
+            hosted.flush()
 
     def _wait_for_input(self) -> None:
         started = time.perf_counter_ns()
         patience_s = FIRST_RESEND_AFTER_S
-        while not (self._are_finished or any(member.gate.may_step() for member in self._members)):
-            for member in self._members:
-                self._ask_again(member, only_lost=True)
+        while not (self._are_finished or any(hosted.gate.may_step() for hosted in self._hosted)):
+            for hosted in self._hosted:
+                self._ask_again(hosted, only_lost=True)
             try:
                 self._handle(self._events.get(timeout=patience_s))
             except queue.Empty:
-                for member in self._members:
-                    member.tell_progress()
-                    self._ask_again(member, only_lost=False)
-                    member.tell_waiting()
+                for hosted in self._hosted:
+                    hosted.tell_progress()
+                    self._ask_again(hosted, only_lost=False)
+                    hosted.tell_waiting()
                 patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
         self._timing.waiting_ns += time.perf_counter_ns() - started
 
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
-    def _ask_again(self, member: Member, *, only_lost: bool) -> None:
-        for missing in member.missing_from_outside():
-            if only_lost and not member.gate.has_later(missing):
+    def _ask_again(self, hosted: Hosted, *, only_lost: bool) -> None:
+        for missing in hosted.missing_from_outside():
+            if only_lost and not hosted.gate.has_later(missing):
                 continue
             writer = self._dataflow.writer_of[missing.port]
             question = control.ResendRequest(port=missing.port, tick=missing.tick).to_bytes()
@@ -186,12 +186,12 @@ class Host:
         self._bus.publish(control.FAULT, note.to_bytes(), urgent=True)
 
     def _say_goodbye(self) -> None:
-        for member in self._members:
-            member.close()
-            member.tell_progress()
+        for hosted in self._hosted:
+            hosted.close()
+            hosted.tell_progress()
         while not self._is_dismissed:
-            for member in self._members:
-                member.say_goodbye()
+            for hosted in self._hosted:
+                hosted.say_goodbye()
             resend_at = time.monotonic() + BYE_EVERY_S
             while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
                 try:
@@ -222,13 +222,13 @@ class Host:
 
     def _on_progress(self, reader: str, payload: bytes) -> None:
         tick = control.TickNote.from_bytes(payload).tick
-        for member in self._members:
-            member.gate.grant(reader, tick)
+        for hosted in self._hosted:
+            hosted.gate.grant(reader, tick)
 
     def _on_stop(self, payload: bytes) -> None:
         tick = control.TickNote.from_bytes(payload).tick
-        for member in self._members:
-            member.gate.final_tick = tick
+        for hosted in self._hosted:
+            hosted.gate.final_tick = tick
 
     def _on_lost_link(self) -> None:
         raise RunTimeoutError(

@@ -60,7 +60,7 @@ class Kept:
             return list(itertools.islice(later, RESENT_AT_ONCE))
 
 
-class Member:
+class Hosted:
     """A participant behind a bus that it may share with others of its process.
 
     Args:
