@@ -12,6 +12,7 @@ from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.grouping import Group, groups_of
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
+from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.over_bus.launch import fly_over_bus
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
@@ -26,6 +27,7 @@ def fly(
     runs_dir: Path,
     processes: Processes | None = None,
     network: Network | None = None,
+    fork_server: ForkServer | None = None,
     report: Callable[[FlightStatus], None] = lambda _: None,
 ) -> FlightResult:
     """Fly a scenario and leave a run directory, whatever happens in between.
@@ -35,6 +37,7 @@ def fly(
         runs_dir: Where the run directory is made.
         processes: How the run is spread over processes; absent: as the scenario says.
         network: How processes reach the run's router; ignored in one process.
+        fork_server: Forks the services; absent: one is started where it is needed.
         report: Is told how preparation and flight go.
 
     Raises:
@@ -63,7 +66,7 @@ def fly(
     setup.save()
     run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, processes=processes)
     report(FlightStatus(state="starting"))
-    outcome = _outcome(setup, loaded.directory, network, report, None if processes == "one" else groups)
+    outcome = _outcome(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
     _repair(run_dir, outcome)
     if outcome.digest is not None:
         outcome.digest.save(run_dir.digest)
@@ -79,13 +82,14 @@ def _outcome(
     network: Network,
     report: Callable[[FlightStatus], None],
     groups: Sequence[Group] | None,
+    fork_server: ForkServer | None,
 ) -> Outcome:
     try:
         if groups is None:
             from gslcosim.runtime.in_process import fly_in_process
 
             return fly_in_process(setup, directory, network, report)
-        return fly_over_bus(setup, directory, network, report, groups)
+        return fly_over_bus(setup, directory, network, report, groups, fork_server)
     except GslCosimError as error:
         return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
 

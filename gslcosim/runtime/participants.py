@@ -31,8 +31,9 @@ class ServiceKind:
 
     `name` is that of the participant, its folder and its part of keys. `spec_of` tells its reads and writes without
     building it; `build` imports and builds its core, and nothing of another service. `is_needed` says whether a
-    scenario has it. `is_rehearsed` ones have kernels to load before time passes; `follows_agents` ones read what agents
-    command in the same tick, and so stand downstream of them.
+    scenario has it. `is_rehearsed` ones have kernels to load before time passes; `preloads` are modules that a process
+    may import before it is forked, as they start no threads; `follows_agents` ones read what agents command in the same
+    tick, and so stand downstream of them.
     """
 
     name: str
@@ -40,6 +41,7 @@ class ServiceKind:
     build: Callable[[Setup], Core]
     is_needed: Callable[[Scenario], bool] = lambda scenario: True
     is_rehearsed: bool = False
+    preloads: tuple[str, ...] = ()
     follows_agents: bool = False
 
 
@@ -92,14 +94,30 @@ def _with_meshes(setup: Setup) -> Environment:
 
 
 SERVICES = (
-    ServiceKind(name="world", spec_of=world_spec, build=_world, is_rehearsed=True),
-    ServiceKind(name="fields", spec_of=fields_spec, build=_fields, is_rehearsed=True),
+    ServiceKind(
+        name="world",
+        spec_of=world_spec,
+        build=_world,
+        is_rehearsed=True,
+        preloads=("gslcosim.world.core",),
+    ),
+    ServiceKind(
+        name="fields", spec_of=fields_spec, build=_fields, is_rehearsed=True, preloads=("gslcosim.fields.core",)
+    ),
     ServiceKind(name="radio", spec_of=radio_spec, build=_radio, is_needed=lambda scenario: bool(scenario.channels)),
     ServiceKind(
         name="cameras", spec_of=cameras_spec, build=_cameras, is_needed=lambda scenario: bool(scenario.cameras)
     ),
-    ServiceKind(name="sensing", spec_of=sensing_spec, build=_sensing, is_rehearsed=True),
-    ServiceKind(name="referee", spec_of=referee_spec, build=_referee, follows_agents=True),
+    ServiceKind(
+        name="sensing", spec_of=sensing_spec, build=_sensing, is_rehearsed=True, preloads=("gslcosim.sensing.core",)
+    ),
+    ServiceKind(
+        name="referee",
+        spec_of=referee_spec,
+        build=_referee,
+        preloads=("gslcosim.referee.core",),
+        follows_agents=True,
+    ),
     ServiceKind(
         name="recorder",
         spec_of=recorder_spec,

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
-from typing import cast
+from typing import Protocol, cast
 
 from gslcosim.bus.port import JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
@@ -23,12 +23,29 @@ GRACE_S = 2.0
 OUR_VARIABLES = (JOIN_VARIABLE, "GSLCOSIM_AGENT", "GSLCOSIM_GATEWAY", "GSLCOSIM_TOKEN")
 
 
+class Process(Protocol):
+    """A process that can be asked whether and how it has ended; `subprocess.Popen` is one."""
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        ...
+
+    def poll(self) -> int | None:
+        """Return how it has ended; None while it runs."""
+        ...
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end and return how it has ended, or raise `subprocess.TimeoutExpired`."""
+        ...
+
+
 @dataclass
 class Child:
     """A process of the run. It leads its own process group, so that its descendants end with it."""
 
     name: str
-    process: "subprocess.Popen[bytes]"
+    process: Process
 
     @property
     def is_running(self) -> bool:
@@ -38,7 +55,8 @@ class Child:
     def signal_group(self, number: int) -> None:
         """Send a signal to the process and all its descendants."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, number)
+            if self.process.pid:
+                os.killpg(self.process.pid, number)
 
 
 class Children:
@@ -107,7 +125,7 @@ class Children:
         inherited = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
         try:
             process = subprocess.Popen(
-                [*_ending_with_parent(), *command],
+                [*ending_with_parent(), *command],
                 bufsize=0,
                 stdin=streams[0],
                 stdout=streams[1],
@@ -118,9 +136,13 @@ class Children:
             )
         except OSError as error:
             raise UsageError(f"{name}: expected a command that starts, was {list(command)} ({error}).") from error
+        self.adopt(name, process)
+        return process
+
+    def adopt(self, name: str, process: Process) -> None:
+        """Watch a process that leads its own process group, and end it with the others."""
         self._children[name] = Child(name, process)
         threading.Thread(target=self._wait_for, args=(name, process), daemon=True).start()
-        return process
 
     @property
     def running(self) -> list[str]:
@@ -146,7 +168,7 @@ class Children:
             child.signal_group(signal.SIGKILL)
             child.process.wait()
 
-    def _wait_for(self, name: str, process: "subprocess.Popen[bytes]") -> None:
+    def _wait_for(self, name: str, process: Process) -> None:
         self._on_exit(name, process.wait())
 
 
@@ -165,7 +187,10 @@ def python_command(*arguments: str) -> list[str]:
     return [sys.executable, "-P", *arguments]
 
 
-# A supervisor that is killed cannot end its children; Linux can, when told so before the program starts.
-def _ending_with_parent() -> list[str]:
+def ending_with_parent() -> list[str]:
+    """Return what precedes a command so that its process ends with this one.
+
+    A supervisor that is killed cannot end its children; Linux can, when told so before the program starts.
+    """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL"] if sys.platform == "linux" and setpriv else []

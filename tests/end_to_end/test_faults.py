@@ -34,6 +34,18 @@ def test_a_killed_service_ends_the_run_by_name(tmp_path, name):
     assert_recording_is_whole(ended.run_dir)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="services are forked on Linux only")
+def test_a_killed_fork_server_is_named_and_leaves_nothing(tmp_path):
+    """The services end with it, so the run cannot go on."""
+    flight = long_flight(tmp_path)
+    services = [flight.child(f"gslcosim_services {name}") for name in ("world", "recorder")]
+    os.kill(flight.child("gslcosim_services --fork-server"), signal.SIGKILL)
+    ended = flight.end()
+    assert ended.exit_code == 3
+    assert ended.result["faults"][0]["participant"] == "fork_server"
+    assert not any(is_running(pid) for pid in services)
+
+
 def test_a_hanging_service_is_noticed_by_its_silence(tmp_path):
     """A stopped process keeps its link; its liveliness token goes."""
     flight = long_flight(tmp_path)

@@ -1,6 +1,7 @@
 """`gslcosim up`: fly a scenario."""
 
 import argparse
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
     from gslcosim.bus.port import Certificate
+    from gslcosim.runtime.over_bus.forks import ForkServer
 
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
@@ -58,6 +60,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.runtime.over_bus.forks import ForkServer
+
+    is_forking = arguments.processes != "one" and not arguments.no_services and ForkServer.is_possible()
+    # First of all: it imports what services need while the scenario is read and checked.
+    with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
+        return _fly(arguments, fork_server)
+
+
+def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
     loaded = load_checked(arguments)
 
     from gslcosim.cli.flight_report import summary, watched_flight
@@ -73,7 +84,14 @@ def _run(arguments: argparse.Namespace) -> int:
     with watched_flight(
         f"{loaded.name}, seed {loaded.scenario.seed}", is_quiet=arguments.quiet or arguments.json
     ) as report:
-        flight = fly(loaded, runs_dir=arguments.runs_dir, processes=arguments.processes, network=network, report=report)
+        flight = fly(
+            loaded,
+            runs_dir=arguments.runs_dir,
+            processes=arguments.processes,
+            network=network,
+            fork_server=fork_server,
+            report=report,
+        )
     if arguments.json:
         write_json(flight.result)
     elif not arguments.quiet:

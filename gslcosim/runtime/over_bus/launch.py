@@ -16,6 +16,7 @@ from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome
+from gslcosim.runtime.over_bus.forks import FORK_SERVER, ForkServer
 from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded
 from gslcosim.runtime.over_bus.router import RunRouter
 from gslcosim.runtime.over_bus.supervisor import RunEndedError, Supervisor
@@ -31,6 +32,7 @@ def fly_over_bus(
     network: Network,
     report: Callable[[FlightStatus], None],
     groups: Sequence[Group],
+    fork_server: ForkServer | None = None,
 ) -> Outcome:
     """Fly a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards.
 
@@ -40,6 +42,7 @@ def fly_over_bus(
         network: How processes reach the run's router.
         report: Is told how the flight goes.
         groups: The services of each process.
+        fork_server: Forks the services, if there is one already.
 
     Raises:
         UsageError: services that are started elsewhere are to share processes.
@@ -54,6 +57,8 @@ def fly_over_bus(
 
     # On the thread that waits for the process.
     def on_exit(name: str, exit_code: int) -> None:
+        if fork_server is not None and fork_server.has_failed:
+            name = FORK_SERVER
         if not guests.exited(name, exit_code):
             notices.put(ProcessEnded(name, exit_code))
 
@@ -63,13 +68,15 @@ def fly_over_bus(
         stack.callback(shutil.rmtree, socket_dir, ignore_errors=True)
         stack.callback(guests.close)
         interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
+        if fork_server is None and network.starts_services and ForkServer.is_possible():
+            fork_server = stack.enter_context(ForkServer())
         children = stack.enter_context(Children(on_exit))
         router = RunRouter(setup.run_dir, network, socket_dir, crews)
         bus = stack.enter_context(router.open())
         supervisor = Supervisor(setup, bus, guests, notices, report, groups)
         try:
             supervisor.listen()
-            _start(setup, directory, network, router, children, tuple(crews), groups)
+            _start(setup, directory, network, router, children, tuple(crews), groups, fork_server)
             guests.start(children, socket_dir)
             supervisor.await_all_ready(interruption)
             outcome.start_up_s = time.perf_counter() - began
@@ -91,16 +98,20 @@ def _start(
     children: Children,
     processes: tuple[str, ...],
     groups: Sequence[Group],
+    fork_server: ForkServer | None,
 ) -> None:
     run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
-    for group in groups:
+    # The last has most to import.
+    for group in reversed(groups):
         name = process_name(group)
         join = router.join_of_service(name)
-        if network.starts_services:
+        if not network.starts_services:
+            network.write_join("services", join, run_dir.path)
+        elif fork_server is not None:
+            children.adopt(name, fork_server.fork(name, group, join=join, log=run_dir.log(name)))
+        else:
             command = python_command("-m", "gslcosim_services", *group)
             children.start(name, command, join=join, log=run_dir.log(name))
-        else:
-            network.write_join("services", join, run_dir.path)
     for process in processes:
         join, command = router.join_of_process(process), start_command(specs[process], directory)
         if command is None:

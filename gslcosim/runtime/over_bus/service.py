@@ -15,11 +15,16 @@ from gslcosim.runtime.privacy import keep_memory_private
 
 
 def main(words: Sequence[str]) -> None:
-    """Serve the services that the command line names, in this one process.
+    """Serve the services that the command line names, in this one process, or fork servers of them.
 
     Args:
-        words: The command line after the program; at least one name is expected.
+        words: The command line after the program: at least one name, or `--fork-server` and a file descriptor.
     """
+    if words[:1] == ["--fork-server"]:
+        from gslcosim.runtime.over_bus import fork_server
+
+        fork_server.main(int(words[1]))
+        return
     if not words:
         names = ", ".join(kind.name for kind in SERVICES)
         sys.stderr.write(f"usage: python -m gslcosim_services NAME…, with names of services: {names}\n")
@@ -27,8 +32,12 @@ def main(words: Sequence[str]) -> None:
     serve(words)
 
 
-def serve(names: Sequence[str]) -> None:
-    """Build the cores of services, take part in the run named by `GSLCOSIM_JOIN`, and return when they are dismissed.
+def serve(names: Sequence[str], join: Join | None = None) -> None:
+    """Build the cores of services, take part in a run, and return when they are dismissed.
+
+    Args:
+        names: The services.
+        join: How they join the run; absent: as `GSLCOSIM_JOIN` says.
 
     Exits with code 3 after a fault; the log says why.
     """
@@ -38,18 +47,18 @@ def serve(names: Sequence[str]) -> None:
     # Ctrl-C is the supervisor's to handle; it dismisses the services in order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        _serve(names)
+        _serve(names, join)
     except GslCosimError as error:
         logging.getLogger("+".join(names)).error("%s", error)
         sys.exit(ExitCode.FAULT)
 
 
-def _serve(names: Sequence[str]) -> None:
+def _serve(names: Sequence[str], join: Join | None) -> None:
     from gslcosim.bus.zenoh_bus import ZenohBus
     from gslcosim.runtime.assembly import build_core, dataflow_of
     from gslcosim.runtime.setup import Setup
 
-    join = Join.from_environment()
+    join = join or Join.from_environment()
     if join.run_dir is None:
         raise UsageError(f"{names[0]}: expected run_dir in the join data of a service, found none.")
     setup = Setup.load(Path(join.run_dir))

@@ -22,6 +22,7 @@ from gslcosim.runtime.joining import JOIN_LIMIT_S
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.door_host import DoorHost
+from gslcosim.runtime.over_bus.forks import FORK_SERVER
 from gslcosim.runtime.over_bus.notices import (
     AgentVanished,
     BriefingCame,
@@ -265,6 +266,9 @@ class Supervisor:
             self._bus.ask(control.resend("referee"), question, lambda _, payload: put(VerdictCame(payload)))
 
     def _on_exit(self, name: str, exit_code: int) -> None:
+        if name == FORK_SERVER:
+            text = f"{exit_text(exit_code)}; the services are its forks and end with it."
+            raise RunEndedError(ServiceFault(participant=name, tick=self._watchdog.finished_tick, text=text))
         if self._watchdog.watches_process(name):
             raise RunEndedError(self._watchdog.fault(name, f"{exit_text(exit_code)}; the run is not valid without it."))
         for agent in self._setup.scenario.agents:

@@ -1,0 +1,158 @@
+"""The fork server: imports what services share once, then becomes each of them by a fork.
+
+It runs in a process of its own with one thread. It reads requests, one JSON object a line, from a socket that it
+inherits, and answers `{"started": name, "pid": n}` and `{"ended": name, "code": n}`. It holds nothing of a run: what a
+service is given comes with its request and exists in the fork alone. At the end of the requests it ends what is left.
+"""
+
+import contextlib
+import ctypes
+import gc
+import importlib
+import json
+import os
+import selectors
+import signal
+import socket
+import sys
+import traceback
+from typing import Any
+
+from gslcosim.bus.port import Join
+from gslcosim.runtime.privacy import keep_memory_private
+from gslcosim.runtime.process_title import set_process_title
+
+_PR_SET_PDEATHSIG = 1
+_MOST_BYTES = 1 << 16
+
+
+def main(fd: int) -> None:
+    """Serve requests from a socket until its other end is closed.
+
+    Args:
+        fd: The socket's file descriptor.
+    """
+    keep_memory_private()
+    # Ctrl-C is the supervisor's to handle.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # What is imported stays; looking through it for garbage would take a fifth of the start.
+    gc.disable()
+    _import_what_services_share()
+    gc.freeze()
+    _Server(socket.socket(fileno=fd)).serve()
+
+
+def _import_what_services_share() -> None:
+    from gslcosim.runtime.participants import SERVICES
+
+    for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.assembly", "gslcosim.runtime.over_bus.host"):
+        importlib.import_module(module)
+    for kind in SERVICES:
+        for module in kind.preloads:
+            importlib.import_module(module)
+
+
+class _Server:
+    def __init__(self, requests: socket.socket) -> None:
+        self._requests = requests
+        self._unread = b""
+        self._names: dict[int, str] = {}
+        self._woken, self._waker = os.pipe()
+        self._pid = os.getpid()
+
+    def serve(self) -> None:
+        os.set_blocking(self._waker, False)
+        signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
+        # With a handler of its own the signal writes to the descriptor; by default it would be discarded.
+        signal.signal(signal.SIGCHLD, _note_nothing)
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._requests, selectors.EVENT_READ)
+            selector.register(self._woken, selectors.EVENT_READ)
+            is_open = True
+            while is_open:
+                for key, _ in selector.select():
+                    if key.fileobj is self._requests:
+                        is_open = self._take_requests()
+                    else:
+                        os.read(self._woken, _MOST_BYTES)
+                self._tell_who_ended()
+        for pid in self._names:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(pid, signal.SIGKILL)
+
+    def _take_requests(self) -> bool:
+        try:
+            received = self._requests.recv(_MOST_BYTES)
+        except ConnectionError:
+            return False
+        *lines, self._unread = (self._unread + received).split(b"\n")
+        for line in lines:
+            self._fork(json.loads(line))
+        return bool(received)
+
+    def _fork(self, request: dict[str, Any]) -> None:
+        name = str(request["name"])
+        pid = os.fork()
+        if pid == 0:
+            self._become(request)
+        self._names[pid] = name
+        self._tell({"started": name, "pid": pid})
+
+    # Never returns, whatever happens: there must be one server.
+    def _become(self, request: dict[str, Any]) -> None:
+        code = 1
+        try:
+            _end_with_parent(self._pid)
+            os.setsid()
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            for fd in (self._woken, self._waker):
+                os.close(fd)
+            self._requests.close()
+            _write_to(request["log"])
+            gc.enable()
+            names = [str(name) for name in request["services"]]
+            set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
+            from gslcosim.runtime.over_bus.service import serve
+
+            serve(names, Join.model_validate(request["join"]))
+            code = 0
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else 1
+        except BaseException:  # told in the log, as by an interpreter that ends
+            traceback.print_exc()
+        finally:
+            with contextlib.suppress(OSError, ValueError):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+
+    def _tell_who_ended(self) -> None:
+        with contextlib.suppress(ChildProcessError):
+            while self._names:
+                pid, status = os.waitpid(-1, os.WNOHANG)
+                if pid == 0:
+                    return
+                self._tell({"ended": self._names.pop(pid, ""), "code": os.waitstatus_to_exitcode(status)})
+
+    def _tell(self, answer: dict[str, Any]) -> None:
+        with contextlib.suppress(OSError):
+            self._requests.sendall(json.dumps(answer).encode() + b"\n")
+
+
+def _note_nothing(number: int, frame: object) -> None:
+    del number, frame
+
+
+def _end_with_parent(parent: int) -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _write_to(log: str) -> None:
+    nothing, output = os.open(os.devnull, os.O_RDONLY), os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    for fd, target in ((nothing, 0), (output, 1), (output, 2)):
+        os.dup2(fd, target)
+    os.close(nothing)
+    os.close(output)

@@ -1,0 +1,194 @@
+"""The supervisor's side of the fork server: starts it, asks it for processes, and knows how they ended."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+from gslcosim.bus.port import Join
+from gslcosim.errors import SimulationFault
+from gslcosim.runtime.processes import ending_with_parent, python_command
+
+FORK_SERVER = "fork_server"
+CLOSE_LIMIT_S = 2.0
+# A service needs no threads for linear algebra, and a process that forks must have none.
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ROOM_FOR_TITLES = "." * 200
+
+
+class ForkedProcess:
+    """A process of the fork server's, to the supervisor like one of its own."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._pid = 0
+        self._code: int | None = None
+        self._has_started = threading.Event()
+        self._has_ended = threading.Event()
+
+    @property
+    def pid(self) -> int:
+        """Its number, 0 where it never began; waits until the server has told it."""
+        self._has_started.wait()
+        return self._pid
+
+    def poll(self) -> int | None:
+        """Return how it has ended; None while it runs."""
+        return self._code
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end and return how it has ended.
+
+        Raises:
+            subprocess.TimeoutExpired: it has not ended within the time.
+        """
+        if not self._has_ended.wait(timeout):
+            raise subprocess.TimeoutExpired(self.name, timeout or 0.0)
+        assert self._code is not None
+        return self._code
+
+    def has_started(self, pid: int) -> None:
+        """Take note of its number."""
+        self._pid = pid
+        self._has_started.set()
+
+    def has_ended(self, code: int) -> None:
+        """Take note of its end."""
+        self._code = code
+        self._has_started.set()
+        self._has_ended.set()
+
+
+class ForkServer:
+    """A running fork server; leaving the context ends it and all that it has forked.
+
+    It starts to import when it is made, so it is made before anything else is prepared.
+    """
+
+    def __init__(self) -> None:
+        self._socket, theirs = socket.socketpair()
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the server
+        self._lock = threading.Lock()
+        self._forked: dict[str, ForkedProcess] = {}
+        self._is_gone = self._is_closing = False
+        inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
+        command = python_command("-m", "gslcosim_services", "--fork-server", str(theirs.fileno()), _ROOM_FOR_TITLES)
+        with theirs:
+            self._process = subprocess.Popen(
+                [*ending_with_parent(), *command],
+                stdin=subprocess.DEVNULL,
+                stdout=self._log,
+                stderr=self._log,
+                env={**inherited, **_ONE_THREAD},
+                pass_fds=[theirs.fileno()],
+                start_new_session=True,
+            )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @staticmethod
+    def is_possible() -> bool:
+        """Whether this machine forks safely."""
+        return sys.platform == "linux"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it has ended before it was told to."""
+        return self._is_gone and not self._is_closing
+
+    def fork(self, name: str, services: Sequence[str], *, join: Join, log: Path) -> ForkedProcess:
+        """Ask for a process that serves.
+
+        Args:
+            name: Of the process.
+            services: What it serves.
+            join: How it joins the run.
+            log: Where its output goes.
+
+        Raises:
+            SimulationFault: the fork server has ended.
+        """
+        process = ForkedProcess(name)
+        request = {
+            "name": name,
+            "services": list(services),
+            "join": join.model_dump(exclude_none=True),
+            "log": str(log.resolve()),
+        }
+        with self._lock:
+            if self._is_gone:
+                raise SimulationFault(f"fork server: expected it to run, was at its end.{self._last_words()}")
+            self._forked[name] = process
+            try:
+                self._socket.sendall(json.dumps(request).encode() + b"\n")
+            except OSError as error:
+                del self._forked[name]
+                raise SimulationFault(f"fork server: expected it to run, was gone ({error}).") from error
+        return process
+
+    def wait_until_gone(self, limit_s: float) -> None:
+        """Return when it has ended and all its forks with it, or after the limit."""
+        self._reader.join(limit_s)
+
+    def close(self) -> None:
+        """End the server, and with it what it has forked."""
+        self._is_closing = True
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        try:
+            self._process.wait(CLOSE_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        self._reader.join()
+        self._socket.close()
+        self._log.close()
+
+    def _read(self) -> None:
+        unread = b""
+        with contextlib.suppress(OSError):
+            while received := self._socket.recv(1 << 16):
+                *lines, unread = (unread + received).split(b"\n")
+                for line in lines:
+                    self._hear(json.loads(line))
+        with self._lock:
+            self._is_gone = True
+        # Linux has killed them with it.
+        for process in self._forked.values():
+            if process.poll() is None:
+                process.has_ended(-signal.SIGKILL)
+
+    def _hear(self, answer: dict[str, str | int]) -> None:
+        name = str(answer.get("started") or answer.get("ended"))
+        process = self._forked.get(name)
+        if process is None:
+            return
+        if "started" in answer:
+            process.has_started(int(answer["pid"]))
+        else:
+            process.has_ended(int(answer["code"]))
+
+    def _last_words(self) -> str:
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").splitlines()[-5:]
+        return "\n" + "\n".join(lines) if lines else ""

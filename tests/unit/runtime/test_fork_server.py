@@ -1,0 +1,87 @@
+"""The fork server: one thread, forks that tell how they ended, and nothing left when it is closed or killed."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gslcosim.bus.port import Join
+from gslcosim.errors import SimulationFault
+from gslcosim.runtime.over_bus.forks import ForkServer
+
+pytestmark = [
+    pytest.mark.skipif(not ForkServer.is_possible(), reason="forks are safe on Linux only"),
+    pytest.mark.timeout(120),
+]
+JOIN = Join(name="world", endpoint="unixsock-stream/nowhere", namespace="gsl/none", user="service", password="none")
+
+
+@pytest.fixture(scope="module")
+def server():
+    with ForkServer() as server:
+        yield server
+
+
+def exists(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_fork_tells_how_it_ended_and_its_log_why(server, tmp_path):
+    """Without a run directory in its join data a service refuses, as one that was started does."""
+    process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+    assert process.wait(60) == 3
+    assert process.poll() == 3
+    assert "expected run_dir in the join data" in (tmp_path / "world.log").read_text()
+
+
+def test_several_forks_are_told_apart(server, tmp_path):
+    names = ("fields", "sensing", "wrold")
+    processes = {name: server.fork(name, [name], join=JOIN, log=tmp_path / f"{name}.log") for name in names}
+    assert {name: process.wait(60) for name, process in processes.items()} == dict.fromkeys(names, 3)
+    assert len({process.pid for process in processes.values()}) == 3
+    assert all("expected" in (tmp_path / f"{name}.log").read_text() for name in names)
+
+
+def test_the_server_has_one_thread(server, tmp_path):
+    """A fork has the thread that forks and no other; whatever a lost one held would be held for ever."""
+    server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+    assert len(list(Path(f"/proc/{server.pid}/task").iterdir())) == 1
+
+
+def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
+    with ForkServer() as server:
+        process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+        process.wait(60)
+        waiting = server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log")
+        os.kill(server.pid, signal.SIGKILL)
+        assert waiting.wait(60) in (3, -signal.SIGKILL)
+        server.wait_until_gone(60)
+        assert server.has_failed
+        with pytest.raises(SimulationFault, match="fork server: expected it to run"):
+            server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+
+
+def test_a_closed_server_is_gone():
+    server = ForkServer()
+    server.close()
+    assert not exists(server.pid)
+    assert not server.has_failed
+
+
+def test_a_title_replaces_the_command_line():
+    """Tools that list processes show what a fork has become; a longer title than there is room for is cut."""
+    program = (
+        "import sys; from pathlib import Path; from gslcosim.runtime.process_title import set_process_title\n"
+        "set_process_title('python serves ' + 'x' * 1000)\n"
+        "print(Path('/proc/self/cmdline').read_bytes().replace(b'\\0', b' ').decode())"
+    )
+    shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert shown.startswith("python serves xxx")
+    assert "import" not in shown
