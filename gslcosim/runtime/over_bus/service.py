@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gslcosim.bus.port import Join
+from gslcosim.contract.participant import Core, Episode
 from gslcosim.errors import ExitCode, GslCosimError, UsageError
+from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus.host import ParticipantHost
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
@@ -45,7 +47,6 @@ def serve(name: str) -> None:
 
 
 def _serve(name: str) -> None:
-    from gslcosim.bus.zenoh_bus import ZenohBus
     from gslcosim.runtime.assembly import build_core, dataflow_of
     from gslcosim.runtime.setup import Setup
 
@@ -53,9 +54,15 @@ def _serve(name: str) -> None:
     if join.run_dir is None:
         raise UsageError(f"{name}: expected run_dir in the join data of a service, found none.")
     setup = Setup.load(Path(join.run_dir))
-    core = build_core(name, setup)
+    take_part(join, build_core(name, setup), dataflow_of(setup.scenario), setup.episode)
+
+
+def take_part(join: Join, core: Core, dataflow: Dataflow, episode: Episode) -> None:
+    """Host a core in the run that `join` leads to, until it is dismissed."""
+    from gslcosim.bus.zenoh_bus import ZenohBus
+
     with ZenohBus.open_member(join) as bus:
-        host = ParticipantHost(bus, core, dataflow_of(setup.scenario), setup.episode)
+        host = ParticipantHost(bus, core, dataflow, episode)
         bus.on_disconnect(host.link_lost)
         host.join()
         host.run()
