@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against crossings plume-statistics soak golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -28,13 +28,16 @@ check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/lint-imports --no-logo && $(BIN)/pyright
 
 bench: .venv/ready-dev      # how fast it is on this machine
-	@set -e; for script in $(filter-out %/bench_against.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
+	@set -e; for script in $(filter-out %/bench_against.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
 
 bench-agents: .venv/ready-dev  # decisions per second and round trip, for each language and door
 	$(BIN)/python tests/benchmarks/bench_agents.py
 
 bench-against: .venv/ready-dev  # today's speed beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
 	$(BIN)/python tests/benchmarks/bench_against.py --base $(BASE)
+
+bench-peers: .venv/ready-dev .venv-peers/ready  # ticks per second beside HELICS and mosaik, in turns
+	$(BIN)/python tests/benchmarks/bench_peers.py
 
 bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py
@@ -85,3 +88,10 @@ setup: .venv/ready-dev      # everything for development
 
 .venv/ready-dev: .venv/ready
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' && touch $@
+
+# Nothing of ours: what the extra names, and no more.
+PEERS = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["peers"])
+.venv-peers/ready: pyproject.toml
+	@echo "Setting up .venv-peers (once)"
+	@$(PYTHON) -m venv .venv-peers
+	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check $$($(PYTHON) -c '$(PEERS)') && touch $@

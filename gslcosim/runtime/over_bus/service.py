@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gslcosim.bus.port import Join
+from gslcosim.contract.participant import Core, Episode
 from gslcosim.errors import ExitCode, GslCosimError, UsageError
+from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus.host import Host
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
@@ -54,7 +56,6 @@ def serve(names: Sequence[str], join: Join | None = None) -> None:
 
 
 def _serve(names: Sequence[str], join: Join | None) -> None:
-    from gslcosim.bus.zenoh_bus import ZenohBus
     from gslcosim.runtime.assembly import build_core, dataflow_of
     from gslcosim.runtime.setup import Setup
 
@@ -63,8 +64,15 @@ def _serve(names: Sequence[str], join: Join | None) -> None:
         raise UsageError(f"{names[0]}: expected run_dir in the join data of a service, found none.")
     setup = Setup.load(Path(join.run_dir))
     cores = [build_core(name, setup) for name in names]
+    take_part(join, cores, dataflow_of(setup.scenario), setup.episode)
+
+
+def take_part(join: Join, cores: Sequence[Core], dataflow: Dataflow, episode: Episode) -> None:
+    """Host cores in the run that `join` leads to, until they are dismissed."""
+    from gslcosim.bus.zenoh_bus import ZenohBus
+
     with ZenohBus.open_member(join) as bus:
-        host = Host(bus, cores, dataflow_of(setup.scenario), setup.episode)
+        host = Host(bus, cores, dataflow, episode)
         bus.on_disconnect(host.link_lost)
         host.join()
         host.run()
