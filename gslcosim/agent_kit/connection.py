@@ -4,6 +4,7 @@ import queue
 import sys
 from collections.abc import Callable, Sequence
 
+from gslcosim.agent_kit import framed
 from gslcosim.agent_kit.agent import Agent
 from gslcosim.agent_kit.crew import Crew
 from gslcosim.bus.port import Bus, Join
@@ -18,9 +19,14 @@ _LOST = "lost"
 def run(agent_type: Callable[[Briefing], Agent]) -> None:
     """Fly in the run named by the environment variable `GSLCOSIM_JOIN`, and return when the run is over.
 
+    A process behind the gateway (`door: stdio`) flies the agents of `GSLCOSIM_AGENT` by frames instead.
+
     One agent is made for each that the process is to fly: mostly one, or all that name it with `process_of`.
     Exits with a message when the run cannot be joined, and with code 1 when one of several agents has failed.
     """
+    if framed.is_behind_gateway():
+        framed.run_framed(agent_type)
+        return
     from gslcosim.bus.zenoh_bus import ZenohBus
 
     try:

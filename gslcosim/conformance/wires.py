@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from gslcosim.agent_kit.framed import AGENT_VARIABLE
 from gslcosim.bus.port import Join
 from gslcosim.bus.zenoh_bus import AgentUser, new_password
 from gslcosim.bus.zenoh_witness import ZenohWitness
@@ -16,7 +17,7 @@ from gslcosim.gateway.link import EventKind, Link
 from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, CommandRefused
-from gslcosim.runtime.agents.guests import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.links import Seen
 from gslcosim.runtime.processes import Children
 

@@ -69,6 +69,17 @@ def test_parity_holds_in_every_mode(tmp_path, mode):
     assert digest_of(multi) == digest_of(single)
 
 
+@pytest.mark.tour
+def test_a_python_agent_behind_the_gateway_flies_the_same_run(tmp_path):
+    """With `door: stdio` it is a process where everything else is in one; its prints go to the log."""
+    apart = ("--set", f"agents[0].start={{python: {AGENTS / 'talkative.py'}, door: stdio}}")
+    single = fly_here(TINY_ROOM, tmp_path / "single", *apart)
+    multi = fly(TINY_ROOM, tmp_path / "multi", *apart, "--set", "agents[0].start.observations=asked")
+    native = fly(TINY_ROOM, tmp_path / "native", "--set", f"agents[0].start={{python: {AGENTS / 'talkative.py'}}}")
+    assert digest_of(single) == digest_of(multi) == digest_of(native)
+    assert "looking around" in (single.run_dir / "logs" / "agent_beetle.log").read_text()
+
+
 def test_runs_at_the_same_time_never_meet(tmp_path):
     """Two runs on one machine have their own routers and the same digests as alone."""
     flights = [start(TINY_ROOM, tmp_path / str(i)) for i in range(2)]

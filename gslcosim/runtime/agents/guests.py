@@ -4,6 +4,7 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gslcosim.agent_kit.framed import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.gateway.framing import agent_of_payload
 from gslcosim.gateway.link import EventKind, Link
@@ -18,7 +19,6 @@ from gslcosim.runtime.processes import Children, exit_text
 from gslcosim.runtime.setup import Setup
 from gslcosim.scenario.models.scenario import AgentSpec
 
-AGENT_VARIABLE = "GSLCOSIM_AGENT"
 GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
 TOKEN_VARIABLE = "GSLCOSIM_TOKEN"
 # A process's end and its stream's end are seen by two threads; what they say together is one fault.

@@ -69,7 +69,8 @@ class StartSpec(Spec):
     """How an agent comes to life: a Python agent by name or file, a command line, or one that attaches itself.
 
     `door` is the way it joins: `zenoh`, or the gateway over `stdio`, `tcp` or `unix` in a `format` of frames.
-    `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh.
+    `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh,
+    or with `door: stdio` by frames of msgpack: then it has a process of its own where everything else is in one.
     `process_of` names another agent whose process flies this one too, through that agent's door.
     """
 
@@ -106,12 +107,12 @@ class StartSpec(Spec):
                 found=self.door,
                 remedy=f"Give door, format and observations with {self.process_of}.",
             )
-        if self.python is not None and self.is_behind_gateway:
+        if self.python is not None and (self.door in ("tcp", "unix") or self.format == "json"):
             raise broken_rule(
-                key="door",
-                expected="zenoh, the door of Python agents",
-                found=self.door,
-                remedy="Leave out door, or start a program that speaks the gateway's frames with command.",
+                key="format" if self.door == "stdio" else "door",
+                expected="msgpack for a Python agent" if self.door == "stdio" else "zenoh or stdio for a Python agent",
+                found=self.format if self.door == "stdio" else self.door,
+                remedy="Leave it out, or start a program that speaks the gateway's frames with command.",
             )
         if self.attach and self.door == "stdio":
             raise broken_rule(

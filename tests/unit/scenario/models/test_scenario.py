@@ -29,9 +29,12 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
         ("{python: dung_beetle}", "{attach: false}",
          "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
          "was none. For example start: {python: dung_beetle}."),
-        ("{python: dung_beetle}", "{python: dung_beetle, door: stdio}",
-         "hall.yaml:10: agents[0].start.door: expected zenoh, the door of Python agents, was stdio. "
-         "Leave out door, or start a program that speaks the gateway's frames with command."),
+        ("{python: dung_beetle}", "{python: dung_beetle, door: tcp}",
+         "hall.yaml:10: agents[0].start.door: expected zenoh or stdio for a Python agent, was tcp. "
+         "Leave it out, or start a program that speaks the gateway's frames with command."),
+        ("{python: dung_beetle}", "{python: dung_beetle, door: stdio, format: json}",
+         "hall.yaml:10: agents[0].start.format: expected msgpack for a Python agent, was json. "
+         "Leave it out, or start a program that speaks the gateway's frames with command."),
         ("{python: dung_beetle}", "{attach: true, door: stdio}",
          "hall.yaml:10: agents[0].start.door: expected zenoh, tcp or unix for an agent that attaches itself, "
          "was stdio. Standard input and output belong to a program that is started here, with command."),
