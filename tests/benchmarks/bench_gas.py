@@ -20,6 +20,7 @@ from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
 from gslcosim.environment.store import load_environment
 from gslcosim.fields.core import FieldsCore
+from gslcosim.fields.filament.buoyancy import NEUTRAL, terminal_velocity
 from gslcosim.fields.filament.plume import FilamentPlume, Filaments, GasSource, amount_of_filament_mol
 from gslcosim.fields.filament.release import ConstantRelease
 from gslcosim.fields.models.filament_gas import gas_model_of
@@ -28,7 +29,7 @@ from gslcosim.fields.reading.index import FilamentIndex
 from gslcosim.generation import prepare_environment
 from gslcosim.scenario import load_scenario
 
-STEP_TARGET_NS = 30.0
+STEP_TARGET_NS = 25.0
 READING_TARGET_US = 5.0
 READING_TARGET_RATIO = 2.0
 PLUME_TARGET_S = 3.0
@@ -68,13 +69,14 @@ def swirling_room(size_m=ROOM_M):
     )
 
 
-def plume_of(n, environment, age_s=150.0):
+def plume_of(n, environment, age_s=150.0, buoyancy=NEUTRAL):
     """A plume of n filaments of up to this age, at steps of 0.1 s."""
     source = GasSource(
         position_world_m=(5.0, 1.0, 2.0),
         release=ConstantRelease(filaments_per_s=n / age_s),
         sigma_m=0.1,
         amount_mol=amount_of_filament_mol(10.0, 0.1),
+        buoyancy=buoyancy,
     )
     plume = FilamentPlume(environment, (source,), step_s=0.1, growth_m2_s=0.001, diffusivity_m2_s=0.002, seed=1)
     plume.advance(round(age_s / 0.1))
@@ -120,12 +122,53 @@ def scan_ns(n=60_000):
     return best_s(lambda: plain_scan(position_m, strength, 1.0, 2.0, 3.0), 30) / n * 1e9
 
 
+@numba.njit(cache=True)
+def plain_sum(values):
+    """Add up numbers one after the other: the least that a loop over all filaments can do."""
+    total = 0.0
+    for f in range(values.shape[0]):
+        total += values[f]
+    return total
+
+
+def bench_plumes(environment):
+    """Time that a step takes for each filament, in units of a plain sum; both in turns, best of many."""
+    neutral, heavy = NEUTRAL, terminal_velocity(1.6, 1e-7)
+    for name, n, buoyancy in (
+        ("few", 1_500, neutral),
+        ("many", 15_000, neutral),
+        ("very many", 60_000, neutral),
+        ("heavy gas", 15_000, heavy),
+    ):
+        plume = plume_of(n, environment, buoyancy=buoyancy)
+        values = np.ones(plume.n)
+        plain_sum(values)
+        step_ns, sum_ns = 1e9, 1e9
+        for _ in range(10):
+            step_ns = min(step_ns, best_s(lambda plume=plume: plume.advance(1)) / plume.n * 1e9)
+            sum_ns = min(sum_ns, best_s(lambda values=values: plain_sum(values)) / len(values) * 1e9)
+        report(
+            f"  {name:>9}, {n:>6} filaments: {step_ns:5.1f} ns per filament and step, "
+            f"{step_ns / sum_ns:5.1f} plain sums of {sum_ns:.2f} ns"
+        )
+
+
+def bench_births(environment):
+    """Time of a step of an almost empty room with one birth: what a step costs before it moves anything."""
+    plume = plume_of(10, environment, age_s=1.0)
+
+    def begin():
+        plume.reset(1)
+        plume.advance(10)
+
+    report(f"  one birth a step, hardly anything to move: {best_s(begin, 200) / 10 * 1e6:.1f} us a step")
+
+
 def bench_steps(environment):
-    """Time of a step, for plumes of different size."""
-    for n in (1_500, 15_000, 60_000):
-        plume = plume_of(n, environment)
-        step_s = best_s(lambda plume=plume: plume.advance(1))
-        report(f"  {n:>6} filaments: {step_s * 1e6:8.1f} us, {step_s / plume.n * 1e9:5.1f} ns per filament")
+    """Time of a step among many filaments, beside its target."""
+    bench_plumes(environment)
+    bench_births(environment)
+    plume = plume_of(60_000, environment)
     # The machine may be slower at one time than at another: both times are taken in turns.
     step_ns, unit_ns = 1e9, 1e9
     for _ in range(5):

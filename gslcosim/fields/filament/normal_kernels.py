@@ -6,6 +6,8 @@ import math
 import numba
 import numpy as np
 
+from gslcosim.fields.filament.batches import Y, Z
+
 N_LAYERS = 256
 TAIL_START = 3.6541528853610088
 _LAYER_AREA = 0.00492867323399
@@ -13,6 +15,7 @@ _LAYER_AREA = 0.00492867323399
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
+_THREE_GOLDEN = np.uint64(3 * 0x9E3779B97F4A7C15 % 2**64)
 _S30, _S27, _S31 = np.uint64(30), np.uint64(27), np.uint64(31)
 _LAYER_MASK = np.uint64(N_LAYERS - 1)
 _UNIT_52 = 2.0**-52
@@ -75,6 +78,12 @@ def _uniform(bits):
 
 
 @numba.njit(cache=True, nogil=True)
+def _symmetric(bits):
+    # In [-1, 1), from other bits than the layer's.
+    return float(np.int64(bits) >> np.int64(11)) * _UNIT_52
+
+
+@numba.njit(cache=True, nogil=True)
 def _normal_outside_core(bits, layer, u):
     # The 1.2 % of draws that fall outside a layer's inner part; further bits are a chain from the first ones.
     while True:
@@ -92,7 +101,7 @@ def _normal_outside_core(bits, layer, u):
             return x
         bits = mix_bits(bits + _GOLDEN)
         layer = np.int64(bits & _LAYER_MASK)
-        u = float(np.int64(bits) >> np.int64(11)) * _UNIT_52
+        u = _symmetric(bits)
         if abs(u) < _INNER_FRAC[layer]:
             return u * _EDGE[layer]
 
@@ -118,10 +127,56 @@ def normal_at(key, counter):
     """
     bits = mix_bits(key + counter * _GOLDEN)
     layer = np.int64(bits & _LAYER_MASK)
-    u = float(np.int64(bits) >> np.int64(11)) * _UNIT_52
+    u = _symmetric(bits)
     if abs(u) < _INNER_FRAC[layer]:
         return u * _EDGE[layer]
     return _normal_outside_core(bits, layer, u)
+
+
+@numba.njit(cache=True, nogil=True)
+def _draw_bits(key, filament_id, bits, u):
+    for p in range(filament_id.size):
+        first = key + np.uint64(filament_id[p]) * _THREE_GOLDEN
+        second = first + _GOLDEN
+        x, y, z = mix_bits(first), mix_bits(second), mix_bits(second + _GOLDEN)
+        bits[p], bits[Y + p], bits[Z + p] = x, y, z
+        u[p], u[Y + p], u[Z + p] = _symmetric(x), _symmetric(y), _symmetric(z)
+
+
+@numba.njit(cache=True, nogil=True)
+def _scale_inplace(u, bits, n, outside):
+    # Scales all as if they were in the inner parts of their layers, and lists those that are not: a call within the
+    # loop would keep all others waiting.
+    n_outside = 0
+    for first in (0, Y, Z):
+        for p in range(np.uint64(first), np.uint64(first + n)):
+            layer = bits[p] & _LAYER_MASK
+            if not abs(u[p]) < _INNER_FRAC[layer]:
+                outside[n_outside] = p
+                n_outside += 1
+            u[p] *= _EDGE[layer]
+    return n_outside
+
+
+@numba.njit(cache=True, nogil=True)
+def normals_of_filaments(key, filament_id, bits, outside, draws):
+    """Draw for each filament of a batch the standard normal numbers 3 id, 3 id + 1 and 3 id + 2 of a stream.
+
+    Args:
+        key: 64 bits of the stream (see `key_of_step`), uint64.
+        filament_id: (n,) int64, n at most BATCH.
+        bits: (3 BATCH,) uint64 working memory.
+        outside: (3 BATCH,) int64 working memory.
+        draws: (3 BATCH,) receives what `normal_at` returns, axis after axis.
+
+    Held by:
+        tests/unit/fields/filament/test_normal_kernels.py (equals `normal_at`)
+    """
+    _draw_bits(key, filament_id, bits, draws)
+    n_outside = _scale_inplace(draws, bits, filament_id.size, outside)
+    for i in range(n_outside):
+        p = outside[i]
+        draws[p] = _normal_outside_core(bits[p], np.int64(bits[p] & _LAYER_MASK), _symmetric(bits[p]))
 
 
 @numba.njit(cache=True, nogil=True)

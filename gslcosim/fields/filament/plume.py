@@ -173,6 +173,7 @@ class FilamentPlume:
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._amount_mol = np.array([source.amount_mol for source in sources])
         self._gas_index = np.array([source.gas_index for source in sources], np.int32)
+        self._place_m = np.array([source.position_world_m for source in sources], np.float64)
         self._sigma0_m = np.array([source.sigma_m for source in sources])
         self._buoyancy = np.array([source.buoyancy.coefficient for source in sources])
         self._buoyancy_power = _common_power(sources)
@@ -289,20 +290,20 @@ class FilamentPlume:
         table = self._table
         new = slice(self._n, self._n + n_new)
         first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
-        table.position_m[new] = self._places_of_birth(source, first_id, n_new)
+        table.position_m[new] = self._place_m[i_source]
+        if source.shape.kind != "point":
+            table.position_m[new] = self._places_in_shape(source, first_id, n_new)
         table.sigma_m[new] = source.sigma_m
         # The quotient may round to just after the step's end; an age below zero has no square root.
-        table.birth_steps[new] = np.minimum(births_s / self._step_s, self._step)
-        table.filament_id[new] = np.arange(first_id, first_id + n_new)
+        table.birth_steps[new] = [min(birth_s / self._step_s, self._step) for birth_s in births_s]
+        table.filament_id[new] = range(first_id, first_id + n_new)
         table.source_index[new] = i_source
         self._n_born[i_source] += n_new
         self._n += n_new
 
     # A place behind a wall is reached as far as the wall: the way from the source's position leads through air.
-    def _places_of_birth(self, source: GasSource, first_id: int, n: int) -> NDArray[np.float64]:
+    def _places_in_shape(self, source: GasSource, first_id: int, n: int) -> NDArray[np.float64]:
         places_m = np.tile(np.array(source.position_world_m, np.float64), (n, 1))
-        if source.shape.kind == "point":
-            return places_m
         offsets_m = source.shape.offsets_m(uniforms(self._draws.place_key, 3 * first_id, 3 * n).reshape(n, 3))
         grid = self._environment.grid
         for i, (place_m, offset_m) in enumerate(zip(places_m.tolist(), offsets_m.tolist(), strict=True)):

@@ -6,12 +6,22 @@ import math
 import numba
 import numpy as np
 
-from gslcosim.fields.filament.advection_kernels import wind_at_filaments
-from gslcosim.fields.filament.normal_kernels import key_of_step, normal_at
-from gslcosim.fields.filament.trace_kernels import FACE_MARGIN, cell_index, is_step_in_free_air, trace_displacement
+from gslcosim.fields.filament.advection_kernels import (
+    places_in_cells,
+    wind_at_filaments,
+    wind_at_filaments_in_flat_grid,
+)
+from gslcosim.fields.filament.batches import BATCH, FATE, FREE, LEFT, MOVED, N_WORK, NORMAL, PLACE, RISE, SIGMA, Y, Z
+from gslcosim.fields.filament.displacement_kernels import (
+    age_filaments,
+    displace_filaments,
+    displacement_m,
+    find_reach,
+    find_rise,
+)
+from gslcosim.fields.filament.normal_kernels import key_of_step, normals_of_filaments
+from gslcosim.fields.filament.trace_kernels import cell_index, is_step_in_free_air, trace_displacement
 
-# Winds are looked up for so many filaments at once; their buffer stays in the first cache.
-BATCH = 256
 NOT_FINITE = -1
 
 
@@ -30,6 +40,60 @@ def _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, e
     if has_left:
         return x, y, z, True
     return trace_displacement(occupancy, origin_m, cell_m, x, y, z, ex, ey, ez, reflects=True)
+
+
+@numba.njit(cache=True, nogil=True)
+def _list_bounded(work, n, bounded):
+    # Counting without a branch: which filaments are bounded cannot be foretold.
+    n_bounded = 0
+    for p in range(n):
+        bounded[n_bounded] = p
+        n_bounded += work[FATE + p] != FREE
+    return n_bounded
+
+
+@numba.njit(cache=True, nogil=True)
+def _move_bounded(occupancy, origin_m, cell_m, position_m, wind_m_s, bounded, work):
+    # Returns how many left the room.
+    n_gone = 0
+    for p in bounded:
+        ax, ay, az, ex, ey, ez = displacement_m(wind_m_s, work, p)
+        if not math.isfinite((ax + ex) + (ay + ey) + (az + ez)):
+            return NOT_FINITE
+        x, y, z = position_m[3 * p], position_m[3 * p + 1], position_m[3 * p + 2]
+        x, y, z, has_left = _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez)
+        work[MOVED + p], work[MOVED + Y + p], work[MOVED + Z + p] = x, y, z
+        if has_left:
+            work[FATE + p] = LEFT
+            n_gone += 1
+    return n_gone
+
+
+@numba.njit(cache=True, nogil=True)
+def _keep_all(position_m, sigma_m, work):
+    for p in range(sigma_m.size):
+        position_m[3 * p] = work[MOVED + p]
+        position_m[3 * p + 1] = work[MOVED + Y + p]
+        position_m[3 * p + 2] = work[MOVED + Z + p]
+    for p in range(sigma_m.size):
+        sigma_m[p] = work[SIGMA + p]
+
+
+@numba.njit(cache=True, nogil=True)
+def _keep_stayers(position_m, sigma_m, birth_steps, filament_id, source_index, first, n, n_left, work):
+    # Moves what stays of the batch up to the end of what stayed before; returns the new end.
+    for p in range(n):
+        if work[FATE + p] == LEFT:
+            continue
+        position_m[3 * n_left] = work[MOVED + p]
+        position_m[3 * n_left + 1] = work[MOVED + Y + p]
+        position_m[3 * n_left + 2] = work[MOVED + Z + p]
+        sigma_m[n_left] = work[SIGMA + p]
+        birth_steps[n_left] = birth_steps[first + p]
+        filament_id[n_left] = filament_id[first + p]
+        source_index[n_left] = source_index[first + p]
+        n_left += 1
+    return n_left
 
 
 @numba.njit(cache=True, nogil=True)
@@ -100,52 +164,37 @@ def move_filaments_inplace(
         tests/analytic/test_gas_plume.py, tests/properties/test_gas_blocking.py, tests/properties/test_gas_steps.py
     """
     step_key = key_of_step(key, step)
-    per_cell_m = 1.0 / cell_m
-    reach_m = (1.0 - FACE_MARGIN) * cell_m
-    wind_m_s = np.empty((BATCH, 3), np.float32)
+    positions_m = position_world_m.reshape(-1)
+    work, wind_m_s, weight = np.empty(N_WORK), np.empty(3 * BATCH, np.float32), np.empty(3 * BATCH, np.float32)
+    bits, cell, listed = np.empty(3 * BATCH, np.uint64), np.empty(BATCH, np.int64), np.empty(3 * BATCH, np.int64)
+    place, normal = work[PLACE:], work[NORMAL:]
+    work[RISE : RISE + BATCH] = 0.0
+    is_neutral = not source_buoyancy.any()
+    is_flat_grid = min(velocity_m_s.shape[:3]) < 2
     n_left = 0
-    for f in range(n):
-        if f % BATCH == 0:
-            wind_at_filaments(velocity_m_s, origin_m, cell_m, position_world_m, f, min(BATCH, n - f), wind_m_s)
-        age_steps = step - birth_steps[f]
-        dt_s = step_s
-        eta_m = noise_std_m
-        if age_steps < 1.0:
-            dt_s = age_steps * step_s
-            eta_m = noise_std_m * math.sqrt(age_steps)
-        source = source_index[f]
-        x, y, z = position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2]
-        rise_m_s = source_buoyancy[source] / sigma_m[f]
-        if buoyancy_power == 3:
-            rise_m_s /= sigma_m[f] * sigma_m[f]
-        ax = wind_m_s[f % BATCH, 0] * dt_s
-        ay = wind_m_s[f % BATCH, 1] * dt_s
-        az = (wind_m_s[f % BATCH, 2] + rise_m_s) * dt_s
-        counter = np.uint64(filament_id[f]) * np.uint64(3)
-        ex = eta_m * normal_at(step_key, counter)
-        ey = eta_m * normal_at(step_key, counter + np.uint64(1))
-        ez = eta_m * normal_at(step_key, counter + np.uint64(2))
-        i = np.uint64(np.int64((x - origin_m[0]) * per_cell_m))
-        j = np.uint64(np.int64((y - origin_m[1]) * per_cell_m))
-        k = np.uint64(np.int64((z - origin_m[2]) * per_cell_m))
-        # A point on a face may count to either cell here: from both, the neighbours of neighbours are out of reach.
-        dx, dy, dz = ax + ex, ay + ey, az + ez
-        if is_open[i, j, k] and abs(dx) < reach_m and abs(dy) < reach_m and abs(dz) < reach_m:
-            x, y, z = x + dx, y + dy, z + dz
+    for first in range(0, n, BATCH):
+        m = min(BATCH, n - first)
+        batch = slice(first, first + m)
+        position_m = positions_m[3 * first : 3 * (first + m)]
+        places_in_cells(position_m, origin_m, cell_m, place)
+        if is_flat_grid:
+            wind_at_filaments_in_flat_grid(velocity_m_s, origin_m, cell_m, position_m, wind_m_s)
         else:
-            if not math.isfinite(dx + dy + dz):
-                return NOT_FINITE
-            x, y, z, has_left = _move_near_walls(occupancy, origin_m, cell_m, x, y, z, ax, ay, az, ex, ey, ez)
-            if has_left:
-                continue
-        position_world_m[n_left, 0] = x
-        position_world_m[n_left, 1] = y
-        position_world_m[n_left, 2] = z
-        sigma0_m = source_sigma_m[source]
-        sigma_m[n_left] = math.sqrt(sigma0_m * sigma0_m + growth_m2_s * (age_steps * step_s))
-        if n_left != f:
-            birth_steps[n_left] = birth_steps[f]
-            filament_id[n_left] = filament_id[f]
-            source_index[n_left] = source
-        n_left += 1
+            wind_at_filaments(velocity_m_s, place, m, cell, weight, wind_m_s)
+        find_reach(is_open, cell_m, m, cell, work)
+        normals_of_filaments(step_key, filament_id[batch], bits, listed, normal)
+        born, source = birth_steps[batch], source_index[batch]
+        if not is_neutral:
+            find_rise(sigma_m[batch], source, source_buoyancy, buoyancy_power, work)
+        age_filaments(born, source, source_sigma_m, step, step_s, noise_std_m, growth_m2_s, work)
+        displace_filaments(position_m, wind_m_s, cell_m, work)
+        bounded = listed[: _list_bounded(work, m, listed)]
+        n_gone = _move_bounded(occupancy, origin_m, cell_m, position_m, wind_m_s, bounded, work)
+        if n_gone == NOT_FINITE:
+            return NOT_FINITE
+        if n_gone == 0 and n_left == first:
+            _keep_all(position_m, sigma_m[batch], work)
+            n_left += m
+        else:
+            n_left = _keep_stayers(positions_m, sigma_m, birth_steps, filament_id, source_index, first, m, n_left, work)
     return n_left

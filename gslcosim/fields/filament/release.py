@@ -6,16 +6,18 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 # Filament number rate * t exists at t even when the product is rounded down by its last digit.
 _ROUNDING = 1e-9
 
 
 class Births(Protocol):
-    """A release under way; it is asked for one span after the other, without gaps."""
+    """A release under way; it is asked for one span after the other, without gaps.
 
-    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+    It answers with a list: few are born in a step, and for few an array costs more than it spares.
+    """
+
+    def births_s(self, start_s: float, end_s: float) -> list[float]:
         """Return the times of birth [s] after `start_s` and up to `end_s`, ascending."""
         ...
 
@@ -46,10 +48,10 @@ class ConstantRelease:
         """Return how many filaments are born from 0 to a time [s]."""
         return int(self.filaments_per_s * time_s + _ROUNDING)
 
-    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+    def births_s(self, start_s: float, end_s: float) -> list[float]:
         """Return the times of birth; see `Births`."""
-        numbers = np.arange(self.n_born_by(start_s) + 1, self.n_born_by(end_s) + 1)
-        return np.minimum(numbers / self.filaments_per_s, end_s)
+        numbers = range(self.n_born_by(start_s) + 1, self.n_born_by(end_s) + 1)
+        return [min(j / self.filaments_per_s, end_s) for j in numbers]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,13 +131,13 @@ class _PoissonBirths:
     def __post_init__(self) -> None:
         self.next_s = self.rng.exponential() / self.filaments_per_s
 
-    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+    def births_s(self, start_s: float, end_s: float) -> list[float]:
         del start_s
         births: list[float] = []
         while self.next_s <= end_s:
             births.append(self.next_s)
             self.next_s += self.rng.exponential() / self.filaments_per_s
-        return np.array(births)
+        return births
 
 
 @dataclass(kw_only=True)
@@ -149,7 +151,7 @@ class _SteppedBirths:
     end_s: float = 0.0
     rate: float = 0.0
 
-    def births_s(self, start_s: float, end_s: float) -> NDArray[np.float64]:
+    def births_s(self, start_s: float, end_s: float) -> list[float]:
         del start_s
         births: list[float] = []
         while True:
@@ -159,7 +161,7 @@ class _SteppedBirths:
             births += [min(self.begin_s + max(j - self.expected, 0.0) / self.rate, until_s) for j in numbers]
             self.n_born = max(self.n_born, n_due)
             if self.end_s >= end_s:
-                return np.array(births)
+                return births
             self.expected += self.rate * (self.end_s - self.begin_s)
             self.begin_s = self.end_s
             self.end_s, self.rate = next(self.segments)

@@ -3,7 +3,16 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.fields.filament.normal_kernels import TAIL_START, key_of_step, mix_bits, normal_at, normals, uniform_at
+from gslcosim.fields.filament.batches import BATCH
+from gslcosim.fields.filament.normal_kernels import (
+    TAIL_START,
+    key_of_step,
+    mix_bits,
+    normal_at,
+    normals,
+    normals_of_filaments,
+    uniform_at,
+)
 
 KEY = np.uint64(20261121)
 GOLDEN = 0x9E3779B97F4A7C15
@@ -54,6 +63,20 @@ def test_neighbouring_steps_are_uncorrelated():
 def test_a_draw_depends_on_key_and_counter_alone():
     together = normals(KEY, 0, 1000)
     assert [normal_at(KEY, np.uint64(i)) for i in range(999, -1, -1)] == list(together[::-1])
+
+
+def test_a_batch_of_filaments_draws_the_same_numbers_as_each_alone():
+    """To the bit, ids of any source; often enough for draws outside of the core and in the tail."""
+    bits, listed, draws = np.zeros(3 * BATCH, np.uint64), np.zeros(3 * BATCH, np.int64), np.zeros(3 * BATCH)
+    largest = 0.0
+    for step in range(200):
+        key, n = np.uint64(key_of_step(KEY, step)), 1 + 37 * step % BATCH
+        ids = np.arange(n) * 3 + (step % 4) * 2**40
+        normals_of_filaments(key, ids, bits, listed, draws)
+        alone = [[normal_at(key, np.uint64(3 * i + axis)) for i in ids.tolist()] for axis in range(3)]
+        np.testing.assert_array_equal(draws.reshape(3, BATCH)[:, :n], alone)
+        largest = max(largest, np.abs(alone).max())
+    assert largest > TAIL_START
 
 
 def test_uniform_draws_fill_the_interval_without_zero():
