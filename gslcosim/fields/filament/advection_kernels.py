@@ -5,7 +5,7 @@ import numba
 import numpy as np
 
 from gslcosim.environment.wind_kernels import trilinear_wind
-from gslcosim.fields.filament.batches import Y, Z
+from gslcosim.fields.filament.batch_kernels import Y, Z
 
 _ONE = np.float32(1.0)
 _1, _2, _3, _4, _5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)

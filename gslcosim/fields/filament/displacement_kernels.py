@@ -6,7 +6,7 @@ import math
 import numba
 import numpy as np
 
-from gslcosim.fields.filament.batches import (
+from gslcosim.fields.filament.batch_kernels import (
     BOUNDED,
     DT,
     ETA,

@@ -6,7 +6,7 @@ import math
 import numba
 import numpy as np
 
-from gslcosim.fields.filament.batches import Y, Z
+from gslcosim.fields.filament.batch_kernels import Y, Z
 
 N_LAYERS = 256
 TAIL_START = 3.6541528853610088

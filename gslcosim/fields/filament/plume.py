@@ -50,11 +50,11 @@ class Filaments:
 
     `position_world_m` (n, 3) centres [m], `sigma_m` (n,) standard deviations [m], `source_index` (n,) int32 into the
     tables `amount_mol` (n_sources,) [mol per filament] and `gas_index` (n_sources,) int32. `is_rounded` says that
-    places and sizes are numbers of single precision already.
+    places and sizes are in single precision.
     """
 
-    position_world_m: NDArray[np.float64]
-    sigma_m: NDArray[np.float64]
+    position_world_m: NDArray[np.floating]
+    sigma_m: NDArray[np.floating]
     source_index: NDArray[np.int32]
     amount_mol: NDArray[np.float64]
     gas_index: NDArray[np.int32]

@@ -11,7 +11,20 @@ from gslcosim.fields.filament.advection_kernels import (
     wind_at_filaments,
     wind_at_filaments_in_flat_grid,
 )
-from gslcosim.fields.filament.batches import BATCH, FATE, FREE, LEFT, MOVED, N_WORK, NORMAL, PLACE, RISE, SIGMA, Y, Z
+from gslcosim.fields.filament.batch_kernels import (
+    BATCH,
+    FATE,
+    FREE,
+    LEFT,
+    MOVED,
+    N_WORK,
+    NORMAL,
+    PLACE,
+    RISE,
+    SIGMA,
+    Y,
+    Z,
+)
 from gslcosim.fields.filament.displacement_kernels import (
     age_filaments,
     displace_filaments,

@@ -44,6 +44,24 @@ class FilamentTable(NamedTuple):
 
 
 @numba.njit(cache=True, nogil=True)
+def place_of(position_world_m, f):
+    """Return a filament's place in double precision, whatever the table has: sums are of doubles.
+
+    Args:
+        position_world_m: (n, 3) places [m], in double or single precision.
+        f: Which filament.
+
+    Held by:
+        tests/unit/fields/reading/test_concentration.py
+    """
+    return (
+        np.float64(position_world_m[f, 0]),
+        np.float64(position_world_m[f, 1]),
+        np.float64(position_world_m[f, 2]),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
 def _n_solid_in_box(solid_sums, i0, j0, k0, i1, j1, k1):
     # Solid cells from (i0, j0, k0) to (i1, j1, k1), both included: inclusion and exclusion on the summed table.
     return (
@@ -132,8 +150,8 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
     for p in range(points_world_m.shape[0]):
         x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
         for f in range(sigma_m.shape[0]):
-            fx, fy, fz = position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2]
-            s = sigma_m[f]
+            fx, fy, fz = place_of(position_world_m, f)
+            s = np.float64(sigma_m[f])
             d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
             if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
                 continue
@@ -205,9 +223,9 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
         source = filaments.source_index[f]
         if filaments.gas_index[source] != gas:
             continue
-        s = sigma_m[f]
+        s = np.float64(sigma_m[f])
         reach_m = cutoff_sigma * s
-        x, y, z = position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2]
+        x, y, z = place_of(position_world_m, f)
         k0, k1 = _first_and_last(z, reach_m, first_point_m[2], spacing_m, nz)
         i0, i1 = _first_and_last(x, reach_m, first_point_m[0], spacing_m, nx)
         j0, j1 = _first_and_last(y, reach_m, first_point_m[1], spacing_m, ny)

@@ -168,15 +168,18 @@ class FilamentField:
 
 
 def in_single_precision(filaments: Filaments) -> Filaments:
-    """Return a copy of filaments with places and sizes rounded to single precision, as arrays of double precision.
+    """Return a copy of filaments with places and sizes in single precision.
 
     Those that are rounded already are returned as they are.
     """
     if filaments.is_rounded:
         return filaments
+    # As rows, which tapes have too: kernels are compiled for one layout.
+    rows = np.empty((len(filaments.sigma_m), 4), np.float32)
+    rows[:, :3], rows[:, 3] = filaments.position_world_m, filaments.sigma_m
     return Filaments(
-        position_world_m=filaments.position_world_m.astype(np.float32).astype(np.float64),
-        sigma_m=filaments.sigma_m.astype(np.float32).astype(np.float64),
+        position_world_m=rows[:, :3],
+        sigma_m=rows[:, 3],
         source_index=filaments.source_index.copy(),
         amount_mol=filaments.amount_mol,
         gas_index=filaments.gas_index,

@@ -5,8 +5,9 @@ import math
 from typing import Any, NamedTuple
 
 import numba
+import numpy as np
 
-from gslcosim.fields.reading.concentration_kernels import NORMALISATION, is_box_of_air, is_seen
+from gslcosim.fields.reading.concentration_kernels import NORMALISATION, is_box_of_air, is_seen, place_of
 
 EXP_OF_MINUS_MIDDLE = math.exp(-6.25)
 
@@ -70,9 +71,10 @@ def sort_into_blocks_inplace(filaments, blocks, rows):
     largest_sigma_m[:] = 0.0
     n = sigma_m.shape[0]
     for f in range(n):
-        i = _block(position_world_m[f, 0], origin_m[0], block_m, n_x)
-        j = _block(position_world_m[f, 1], origin_m[1], block_m, n_y)
-        k = _block(position_world_m[f, 2], origin_m[2], block_m, n_z)
+        at_x, at_y, at_z = place_of(position_world_m, f)
+        i = _block(at_x, origin_m[0], block_m, n_x)
+        j = _block(at_y, origin_m[1], block_m, n_y)
+        k = _block(at_z, origin_m[2], block_m, n_z)
         column = i * n_y + j
         largest_sigma_m[column] = max(largest_sigma_m[column], sigma_m[f])
         key[f] = column * n_z + k
@@ -83,9 +85,9 @@ def sort_into_blocks_inplace(filaments, blocks, rows):
     for f in range(n):
         at = first[key[f]]
         first[key[f]] = at + 1
-        s = sigma_m[f]
+        s = np.float64(sigma_m[f])
         source = source_index[f]
-        x[at], y[at], z[at] = position_world_m[f, 0], position_world_m[f, 1], position_world_m[f, 2]
+        x[at], y[at], z[at] = place_of(position_world_m, f)
         exponent_per_m2[at] = 0.5 / (s * s)
         centre_ppm[at] = filaments.strength_ppm_m3[source] / (NORMALISATION * s * s * s)
         gas[at] = filaments.gas_index[source]

@@ -31,7 +31,6 @@ from gslcosim.environment.model import Environment
 from gslcosim.errors import EnvironmentDataError, ModelError
 from gslcosim.fields.filament.downwash import Jets
 from gslcosim.fields.filament.plume import FilamentPlume, Filaments
-from gslcosim.fields.stored.tape_kernels import places_and_sizes
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import ticks_from_seconds
@@ -43,7 +42,7 @@ _HEAD, _FIRST, _FILAMENTS, _SOURCES = "head.json", "first.npy", "filaments.npy",
 _NO_MATTER = {"tape", "seed"}
 _SOURCE_FILES = (
     "fields/filament", "fields/models", "fields/gas_setup.py", "fields/gases.py", "fields/timing.py",
-    "fields/stored/tape.py", "fields/stored/tape_kernels.py",
+    "fields/stored/tape.py",
     "environment/grid.py", "environment/model.py", "environment/wind_kernels.py", "rng.py",
 )  # fmt: skip
 
@@ -202,10 +201,9 @@ class TapedPlume:
         """
         assert self._tape is not None, "reset comes first"
         rows, sources = self._tape.frame(self._schedule.frame_at(self._step))
-        position_m, sigma_m = places_and_sizes(rows)
         return Filaments(
-            position_world_m=position_m,
-            sigma_m=sigma_m,
+            position_world_m=rows[:, :3],
+            sigma_m=rows[:, 3],
             source_index=sources,
             amount_mol=self._amount_mol,
             gas_index=self._gas_index,

@@ -7,7 +7,7 @@ from gslcosim.fields.filament.advection_kernels import (
     wind_at_filaments,
     wind_at_filaments_in_flat_grid,
 )
-from gslcosim.fields.filament.batches import BATCH
+from gslcosim.fields.filament.batch_kernels import BATCH
 
 ORIGIN_M, CELL_M, N = (-1.0, 2.0, 0.5), 0.3, 100
 

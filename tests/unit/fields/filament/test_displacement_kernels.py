@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.fields.filament.batches import (
+from gslcosim.fields.filament.batch_kernels import (
     BATCH,
     BOUNDED,
     DT,

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.fields.filament.batches import BATCH
+from gslcosim.fields.filament.batch_kernels import BATCH
 from gslcosim.fields.filament.normal_kernels import (
     TAIL_START,
     key_of_step,
