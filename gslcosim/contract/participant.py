@@ -6,6 +6,9 @@ from typing import Protocol, runtime_checkable
 
 from gslcosim.contract.messages import Message
 
+# Far enough that writers seldom wait for credit, which is told four times in as many ticks.
+WINDOW_TICKS = 256
+
 
 @dataclass(frozen=True, kw_only=True)
 class Write:
@@ -39,7 +42,7 @@ class ParticipantSpec:
     name: str
     reads: tuple[Read, ...]
     writes: tuple[Write, ...]
-    window_ticks: int = 64
+    window_ticks: int = WINDOW_TICKS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 
 # The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
-WINDOW_TICKS = 512
+RECORDER_WINDOW_TICKS = 512
 
 
 def recorder_spec(scenario: Scenario) -> ParticipantSpec:
@@ -23,5 +23,5 @@ def recorder_spec(scenario: Scenario) -> ParticipantSpec:
         name="recorder",
         reads=tuple(Read(port=port) for port in reads),
         writes=(),
-        window_ticks=WINDOW_TICKS,
+        window_ticks=RECORDER_WINDOW_TICKS,
     )

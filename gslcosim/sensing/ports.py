@@ -2,8 +2,11 @@
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Observation
-from gslcosim.contract.participant import ParticipantSpec, Read, Write
+from gslcosim.contract.participant import WINDOW_TICKS, ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
+
+# Pictures are large: no more of them wait in memory.
+PICTURES_WINDOW_TICKS = 64
 
 
 def sensing_spec(scenario: Scenario) -> ParticipantSpec:
@@ -15,4 +18,5 @@ def sensing_spec(scenario: Scenario) -> ParticipantSpec:
     radio = (Read(port=keys.RADIO),) if scenario.channels else ()
     images = (Read(port=keys.IMAGES),) if scenario.cameras else ()
     reads = (Read(port=keys.BODIES), Read(port=keys.SAMPLES), *radio, *images)
-    return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes))
+    window_ticks = PICTURES_WINDOW_TICKS if scenario.cameras else WINDOW_TICKS
+    return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes), window_ticks=window_ticks)

@@ -18,11 +18,11 @@ from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.stepper import Sent, Stepper
 
 # And far less than the window of credit, so that nobody ever waits for a note that is not sent yet.
-PROGRESS_EVERY_TICKS = 16
+PROGRESS_EVERY_TICKS = 64
 _PROGRESS_WINDOW_SHARE = 4
 # A slow run shows that it moves.
 PROGRESS_EVERY_S = 1.0
-BUNDLE_TICKS = 16
+BUNDLE_TICKS = 64
 KEPT_TICKS = 1024
 RESENT_AT_ONCE = 32
 

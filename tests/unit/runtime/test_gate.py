@@ -4,6 +4,7 @@ from toy_cores import COMMAND, ToyFields, body, toy_cores, toy_dataflow
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Command
+from gslcosim.contract.participant import WINDOW_TICKS
 from gslcosim.runtime.gate import Gate, Missing
 
 
@@ -69,8 +70,8 @@ def test_a_writer_stops_at_the_end_of_its_credit():
     """The window of the slowest reader bounds how far a writer runs ahead."""
     gate = Gate(toy_dataflow(), "world")
     for reader in ("fields", "sensing", "referee", "recorder", "agent_beetle"):
-        gate.grant(reader, 10 if reader == "fields" else 1000)
-    for tick in range(75):
+        gate.grant(reader, 10 if reader == "fields" else 10_000)
+    for tick in range(10 + WINDOW_TICKS + 1):
         assert gate.may_step()
         gate.take()
         gate.wrote(keys.BODIES, poses(tick))
