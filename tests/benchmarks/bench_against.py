@@ -9,7 +9,9 @@ machine at the same time. The processor's time counts all processes of a run; wh
 import argparse
 import contextlib
 import json
+import math
 import os
+import re
 import site
 import statistics
 import subprocess
@@ -30,6 +32,7 @@ BLIND = ["--set", "referee.success.within_m=0.001"]
 LOCKSTEP = [*BLIND, "--set", "agents[0].mode=lockstep"]
 ONE = ["--in-process"]
 QUIET = ["--set", "recording.enabled=false"]
+GROUPED = ["--processes", "grouped"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +93,57 @@ def fly(code: Code, runs_dir: str, arguments: list[str]) -> Flown:
     return Flown(cpu_s=usage.ru_utime + usage.ru_stime, result=json.loads(text))
 
 
+@dataclass
+class Footprint:
+    """The most that all processes of a flight have taken at one time."""
+
+    memory_mb: float = math.nan
+    n_threads: float = math.nan
+    n_descriptors: float = math.nan
+
+    def note(self, pids: list[int]) -> None:
+        """Take note of what processes take now; shared pages count once. Those that have ended are passed over."""
+        pss_kb = n_threads = n_descriptors = 0
+        try:
+            for pid in pids:
+                pss_kb += int(re.search(r"^Pss:\s+(\d+)", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.M)[1])
+                n_threads = max(n_threads, len(list(Path(f"/proc/{pid}/task").iterdir())))
+                n_descriptors = max(n_descriptors, len(list(Path(f"/proc/{pid}/fd").iterdir())))
+        except (OSError, TypeError):
+            return
+        self.memory_mb = max(pss_kb / 1024, 0.0 if math.isnan(self.memory_mb) else self.memory_mb)
+        self.n_threads = max(n_threads, 0.0 if math.isnan(self.n_threads) else self.n_threads)
+        self.n_descriptors = max(n_descriptors, 0.0 if math.isnan(self.n_descriptors) else self.n_descriptors)
+
+
+def descendants(pid: int) -> list[int]:
+    """Return a process and all that come from it."""
+    found = [pid]
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in task.read_text().split():
+            found += descendants(int(child))
+    return found
+
+
+def footprint(code: Code, runs_dir: str) -> Footprint:
+    """Return what a flight with separate processes takes."""
+    call = [code.python, "-m", "gslcosim", "up", SCENARIO, "--quiet", "--runs-dir", runs_dir, *BLIND, *until(LONG_S)]
+    taken = Footprint()
+    process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=runs_dir)
+    while process.poll() is None:
+        with contextlib.suppress(OSError):
+            taken.note(descendants(process.pid))
+        time.sleep(0.1)
+    return taken
+
+
+def command_s(code: Code, runs_dir: str) -> float:
+    """Return how long a run of one tick takes, from the command to its end."""
+    started = time.perf_counter()
+    fly(code, runs_dir, ["--set", "referee.stop.time_limit_s=0.1"])
+    return time.perf_counter() - started
+
+
 def until(limit_s: int) -> list[str]:
     """Return the option for a flight of that length."""
     return ["--set", f"referee.stop.time_limit_s={limit_s}"]
@@ -111,14 +165,25 @@ def loop_s() -> float:
     return time.process_time() - started
 
 
-def measure(code: Code, runs_dir: str, *, has_tape: bool) -> dict[str, float]:
+def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool) -> dict[str, float]:
     """Return one round of figures of a version."""
     separate_us, separate = cpu_us_a_tick(code, runs_dir, BLIND)
     one_us, one = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE])
     live_us, _ = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE, *QUIET])
     tape = [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true"]
     lockstep = fly(code, runs_dir, [*LOCKSTEP, *until(SHORT_S)])
+    taken = footprint(code, runs_dir)
+    grouped, lockstep_grouped = math.nan, math.nan
+    if has_groups:
+        grouped = fly(code, runs_dir, [*BLIND, *GROUPED, *until(LONG_S)]).speed
+        lockstep_grouped = fly(code, runs_dir, [*LOCKSTEP, *GROUPED, *until(SHORT_S)]).speed
     return {
+        "speed_grouped": grouped,
+        "speed_lockstep_grouped": lockstep_grouped,
+        "memory_mb": taken.memory_mb,
+        "n_threads": taken.n_threads,
+        "n_descriptors": taken.n_descriptors,
+        "command_s": command_s(code, runs_dir),
         "speed_separate": separate.speed,
         "speed_one": one.speed,
         "cpu_separate_us": separate_us,
@@ -140,7 +205,13 @@ ROWS = (
     ("separate, speed / the base's", lambda own, base: own["speed_separate"] / base["speed_separate"]),
     ("one process, speed / the base's", lambda own, base: own["speed_one"] / base["speed_one"]),
     ("lockstep agent, separate, x real time", lambda own, base: own["speed_lockstep"]),
-    ("first tick, warm caches [s]", lambda own, base: own["first_tick_s"]),
+    ("  all services in one process", lambda own, base: own["speed_lockstep_grouped"]),
+    ("grouped / one process, speed", lambda own, base: own["speed_grouped"] / own["speed_one"]),
+    ("all processes together, memory [MB]", lambda own, base: own["memory_mb"]),
+    ("  threads of the process with most", lambda own, base: own["n_threads"]),
+    ("  descriptors of the process with most", lambda own, base: own["n_descriptors"]),
+    ("command to end, a run of one tick [s]", lambda own, base: own["command_s"]),
+    ("first tick after the scenario is read [s]", lambda own, base: own["first_tick_s"]),
     ("separate, x real time", lambda own, base: own["speed_separate"]),
     ("one process, x real time", lambda own, base: own["speed_one"]),
     ("one process, CPU a tick [us]", lambda own, base: own["cpu_one_us"]),
@@ -165,13 +236,14 @@ def main() -> None:
     base: list[dict[str, float]] = []
     with base_code(options.base) as other, tempfile.TemporaryDirectory() as runs_dir:
         has_tape = (other.folder / "gslcosim" / "fields" / "stored" / "tape.py").exists()
+        has_groups = (other.folder / "gslcosim" / "runtime" / "grouping.py").exists()
         for code in (today, other):
             for arguments in ([], ONE):
                 fly(code, runs_dir, [*arguments, *until(SHORT_S)])  # fills the caches
         fly(today, runs_dir, [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true", *until(LONG_S)])
         for _ in range(options.n):
-            own.append(measure(today, runs_dir, has_tape=True))
-            base.append(measure(other, runs_dir, has_tape=has_tape))
+            own.append(measure(today, runs_dir, has_tape=True, has_groups=True))
+            base.append(measure(other, runs_dir, has_tape=has_tape, has_groups=has_groups))
     if options.json:
         print(json.dumps({"today": own, options.base: base}, indent=2))  # noqa: T201
         return
