@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from gslcosim.contract.messages import Message
 from gslcosim.runtime.dataflow import ONCE, Dataflow
 
+NO_LIMIT = 2**62
+
 
 @dataclass(frozen=True)
 class Missing:
@@ -33,6 +35,7 @@ class Gate:
     _announced: dict[str, dict[int, frozenset[str]]] = field(init=False, repr=False)
     _closed: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
     _credit: dict[str, int] = field(init=False, repr=False)
+    _credit_until: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         spec = self.dataflow.by_name[self.name]
@@ -46,6 +49,7 @@ class Gate:
         readers = self.dataflow.readers_of(self.name)
         self._windows = {reader.name: reader.window_ticks for reader in readers}
         self._credit = dict.fromkeys(self._windows, -1)
+        self._credit_until = self._last_tick_in_credit()
 
     def deliver(self, port: str, message: Message) -> bool:
         """Take an input and return whether it was new; one that is known, past or not read is ignored."""
@@ -64,6 +68,7 @@ class Gate:
         """Take note that a reader has finished a tick."""
         if tick > self._credit.get(reader, tick):
             self._credit[reader] = tick
+            self._credit_until = self._last_tick_in_credit()
 
     def missing(self) -> list[Missing]:
         """Return the inputs that the next step still needs; for an unknown announcement, the announcement."""
@@ -96,7 +101,8 @@ class Gate:
 
     def may_step(self) -> bool:
         """Return whether the next step may happen now."""
-        return not self.is_finished and not self.missing() and not self.lacking_credit()
+        tick = self.next_tick
+        return tick <= self._credit_until and not self.is_finished and not self.missing()
 
     def take(self) -> tuple[int, dict[str, Message]]:
         """Return the tick to step and its inputs, and move on to the next tick; `may_step` must hold."""
@@ -115,6 +121,9 @@ class Gate:
         """Return whether a later message of a port is here, so that a missing one must have been lost."""
         held = self._held.get(missing.port, {})
         return any(tick > missing.tick for tick in held)
+
+    def _last_tick_in_credit(self) -> int:
+        return min((self._credit[name] + window for name, window in self._windows.items()), default=NO_LIMIT)
 
     def _note(self, port: str, message: Message) -> None:
         if port in self._announced:

@@ -22,6 +22,7 @@ from gslcosim.runtime.agents.links import ObjectLink
 from gslcosim.runtime.agents.starting import find_python_agent, load_python_agent
 from gslcosim.runtime.assembly import build_core, dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest
+from gslcosim.runtime.gate import NO_LIMIT
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
@@ -68,7 +69,7 @@ class InProcessFlight:
         # In one thread nobody runs ahead, so credit is never needed.
         for name in order:
             for reader in self._dataflow.readers_of(name):
-                self._steppers[name].gate.grant(reader.name, 2**62)
+                self._steppers[name].gate.grant(reader.name, NO_LIMIT)
         self._verdict: Verdict | None = None
         self._culprit = "runtime"
 
@@ -109,11 +110,13 @@ class InProcessFlight:
         while self._tick_is_open() and not is_interrupted():
             self._hear_agents()
             for name, stepper in steppers:
-                while not stepper.gate.may_step() and self._waits_for_agent(stepper) and not is_interrupted():
+                may_step = stepper.gate.may_step()
+                while not may_step and self._waits_for_agent(stepper) and not is_interrupted():
                     self._wait_for_agent()
+                    may_step = stepper.gate.may_step()
                 if is_interrupted():
                     return
-                if stepper.gate.may_step():
+                if may_step:
                     self._culprit = name
                     for sent in stepper.step():
                         self._deliver(sent)
