@@ -117,6 +117,11 @@ class Gate:
         self.next_tick = tick + 1
         return tick, inbox
 
+    @property
+    def holds_any(self) -> bool:
+        """Whether inputs wait here for others."""
+        return any(self._held.values())
+
     def has_later(self, missing: Missing) -> bool:
         """Return whether a later message of a port is here, so that a missing one must have been lost."""
         held = self._held.get(missing.port, {})

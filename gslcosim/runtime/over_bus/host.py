@@ -66,6 +66,7 @@ class Host:
         }
         self._is_started = False
         self._is_dismissed = False
+        self._has_end = False
 
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready (last)."""
@@ -109,7 +110,7 @@ class Host:
 
     @property
     def _are_finished(self) -> bool:
-        return self._is_dismissed or all(hosted.gate.is_finished for hosted in self._hosted)
+        return self._is_dismissed or (self._has_end and all(hosted.gate.is_finished for hosted in self._hosted))
 
     def _fly(self) -> None:
         while not self._are_finished:
@@ -138,6 +139,7 @@ class Host:
                 other.gate.grant(hosted.name, hosted.last_tick)
                 if hosted.gate.final_tick is not None:
                     other.gate.final_tick = hosted.gate.final_tick
+        self._has_end = self._has_end or hosted.gate.final_tick is not None
         hosted.publish(outputs)
 
     def _drain(self) -> None:
@@ -155,7 +157,8 @@ class Host:
         patience_s = FIRST_RESEND_AFTER_S
         while not (self._are_finished or any(hosted.gate.may_step() for hosted in self._hosted)):
             for hosted in self._hosted:
-                self._ask_again(hosted, only_lost=True)
+                if hosted.gate.holds_any:
+                    self._ask_again(hosted, only_lost=True)
             try:
                 self._handle(self._events.get(timeout=patience_s))
             except queue.Empty:
@@ -229,6 +232,7 @@ class Host:
         tick = control.TickNote.from_bytes(payload).tick
         for hosted in self._hosted:
             hosted.gate.final_tick = tick
+        self._has_end = True
 
     def _on_lost_link(self) -> None:
         raise RunTimeoutError(
