@@ -1,0 +1,56 @@
+"""Which observations an agent is sent: all of them, or only those that ask, for an agent that looks at no others."""
+
+import queue
+import threading
+
+import pytest
+
+from gslcosim.agent_kit import Agent, Command
+from gslcosim.agent_kit.connection import fly
+from gslcosim.bus.in_memory import InMemoryHub
+from gslcosim.conformance.scripted_world import AGENT, ScriptedWorld, briefing_for
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Ending
+
+
+class Asked(Agent):
+    def __init__(self, briefing):
+        self.seen = []
+        Asked.last = self
+
+    def decide(self, observation):
+        self.seen.append(observation.tick)
+        return Command(tick=observation.tick, kind="hold")
+
+
+class Watchful(Asked):
+    def observe(self, observation):
+        self.seen.append(observation.tick)
+
+
+@pytest.mark.parametrize(
+    ("agent_type", "seen"),
+    [(Asked, [0, 3]), (Watchful, [0, 0, 1, 2, 3, 3])],
+    ids=["asked", "watchful"],
+)
+def test_an_agent_without_observe_reads_questions_only(agent_type, seen):
+    hub = InMemoryHub()
+    ours, answers, is_there = hub.open(), queue.SimpleQueue(), threading.Event()
+    ours.subscribe(keys.raw_command(AGENT), lambda _, payload: answers.put(codec.decode(Command, payload)))
+    ours.watch_alive("agents/*/alive", lambda _, is_alive: is_alive and is_there.set())
+    thread = threading.Thread(target=fly, args=(agent_type, hub.open(), [AGENT]), daemon=True)
+    thread.start()
+    assert is_there.wait(10)
+    world = ScriptedWorld(7)
+    ours.publish(keys.briefing(AGENT), codec.encode(briefing_for(7)))
+    for tick in range(4):
+        payload = codec.encode(world.observe(tick, is_asked=tick % 3 == 0))
+        ours.publish(keys.observation(AGENT), payload)
+        if tick % 3 == 0:
+            ours.publish(keys.question(AGENT), payload)
+    assert [answers.get(timeout=10).tick for _ in range(2)] == [0, 3]
+    ours.publish(keys.ending(AGENT), codec.encode(Ending(tick=3, reason="done")))
+    thread.join(10)
+    assert not thread.is_alive()
+    assert Asked.last.seen == seen
+    assert answers.empty()
