@@ -11,7 +11,7 @@ class Talkative(Agent):
         self.n_decided = 0
 
     def decide(self, observation: Observation) -> Command:
-        """Fly a little to and fro."""
+        """Fly a little there and back."""
         print("looking around")  # noqa: T201
         self.n_decided += 1
         x_m, y_m, z_m = observation.position_world_m

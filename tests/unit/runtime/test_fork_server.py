@@ -42,7 +42,7 @@ def test_a_fork_tells_how_it_ended_and_its_log_why(server, tmp_path):
 
 
 def test_several_forks_are_told_apart(server, tmp_path):
-    names = ("fields", "sensing", "wrold")
+    names = ("fields", "sensing", "weather")
     processes = {name: server.fork(name, [name], join=JOIN, log=tmp_path / f"{name}.log") for name in names}
     assert {name: process.wait(60) for name, process in processes.items()} == dict.fromkeys(names, 3)
     assert len({process.pid for process in processes.values()}) == 3

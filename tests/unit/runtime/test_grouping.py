@@ -17,7 +17,7 @@ def test_lists_are_put_in_order_and_the_rest_is_separate():
     assert groups_of((("sensing", "world"), ()), SERVICES) == (("world", "sensing"), ("fields",), ("referee",))
 
 
-@pytest.mark.parametrize("lists", [(("wrold",),), (("world", "fields"), ("world",))])
+@pytest.mark.parametrize("lists", [(("weather",),), (("world", "fields"), ("world",))])
 def test_what_is_no_service_or_comes_twice_is_refused(lists):
     with pytest.raises(UsageError, match="processes: expected each service at most once, of world, fields"):
         groups_of(lists, SERVICES)
