@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import json
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +21,8 @@ _EMPTY_LINK = bytes(LINK_BYTES)
 class Trail:
     """The chain of one port: after each message the hash of the link before, the tick and the message's bytes."""
 
-    ticks: list[int] = field(default_factory=list[int])
+    # Whole machine words: as Python's numbers they would be the most that a long run keeps.
+    ticks: "array[int]" = field(default_factory=lambda: array("q"))
     links: bytearray = field(default_factory=bytearray)
 
     def append(self, tick: int, payload: bytes) -> None:
@@ -38,17 +40,17 @@ class Trail:
 
     def link(self, index: int) -> bytes:
         """Return the hash after the message of that index; -1 is the last, and an empty chain has zeros."""
-        links = [self.links[i : i + LINK_BYTES] for i in range(0, len(self.links), LINK_BYTES)]
-        return bytes(links[index]) if links else _EMPTY_LINK
+        at = range(0, len(self.links), LINK_BYTES)
+        return bytes(self.links[at[index] : at[index] + LINK_BYTES]) if at else _EMPTY_LINK
 
     def as_fields(self) -> dict[str, Any]:
         """Return the chain as msgpack and JSON can carry it."""
-        return {"ticks": self.ticks, "links": base64.b64encode(self.links).decode()}
+        return {"ticks": self.ticks.tolist(), "links": base64.b64encode(self.links).decode()}
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> "Trail":
         """Return the chain from `as_fields`."""
-        return cls(list(fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
+        return cls(array("q", fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
 
 
 @dataclass(frozen=True)

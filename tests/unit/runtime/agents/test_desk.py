@@ -81,7 +81,7 @@ def test_an_answer_passes_with_its_bytes_and_leaves_a_trail(clock):
     (sent,) = desk.handle(hold(3))
     assert (sent.port, sent.message.kind) == ("command/beetle", "hold")
     assert codec.decode(Command, sent.payload) == sent.message
-    assert desk.trail.ticks == [3]
+    assert desk.trail.ticks.tolist() == [3]
     assert journal == [sent.message]
     assert not desk.owes_answer
     assert line.n_handled == 1
