@@ -77,8 +77,12 @@ class _Server:
                         os.read(self._woken, _MOST_BYTES)
                 self._tell_who_ended()
         for pid in self._names:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(pid, signal.SIGKILL)
+            # One that has just begun leads no group yet.
+            for kill in (os.killpg, os.kill):
+                with contextlib.suppress(ProcessLookupError):
+                    kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(pid, 0)
 
     def _take_requests(self) -> bool:
         try:
