@@ -89,6 +89,18 @@ class Closes(Protocol):
 
 
 @runtime_checkable
+class WorksAhead(Protocol):
+    """A core that can do a part of its work before its inputs are there."""
+
+    def work_ahead(self) -> bool:
+        """Do a small part of what later steps need whatever they are told, and return whether there was one to do.
+
+        It is called, or not, whenever the core waits for inputs: what the core writes must not depend on it.
+        """
+        ...
+
+
+@runtime_checkable
 class Rehearses(Protocol):
     """A core that computes in flight what its first ticks do not reach."""
 

@@ -66,6 +66,8 @@ class FieldsCore:
         self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
         self._beams = Beams(scenario, environment)
         self._downwash = Downwash(scenario)
+        gas = self._gas
+        self._gas_ahead = gas if isinstance(gas, FilamentField) and not self._downwash.is_on else None
         self._slice_height_m = slice_height_m(scenario)
         self._snapshot_ticks = exact_ticks_from_seconds(
             scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
@@ -99,6 +101,10 @@ class FieldsCore:
         if tick % self._snapshot_ticks == 0:
             outbox[keys.FILAMENTS] = self._cloud(tick)
         return outbox
+
+    def work_ahead(self) -> bool:
+        """Move the gas while nothing else can be done; see `WorksAhead`."""
+        return self._gas_ahead is not None and self._gas_ahead.go_ahead()
 
     # Jets are those of the tick's end; a filament is first carried by the room's air, then by them.
     def _advance(self, n_steps: int, bodies: BodyPoses) -> None:

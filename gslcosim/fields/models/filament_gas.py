@@ -18,8 +18,9 @@ from gslcosim.fields.filament.source_shapes import SourceShape
 from gslcosim.fields.gas_field import GasField, Sight
 from gslcosim.fields.gas_setup import GasSetup, gas_field_of_block, gas_seed, gases_in
 from gslcosim.fields.gases import air_density_mol_m3, gas_named
+from gslcosim.fields.reading.ahead import PlumeAhead
 from gslcosim.fields.reading.concentration import CUTOFF_SIGMA, Walls
-from gslcosim.fields.reading.filament_field import FilamentField
+from gslcosim.fields.reading.filament_field import FilamentField, FilamentSource
 from gslcosim.fields.stored.tape import MOST_SOURCES, TapedPlume
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
@@ -43,13 +44,21 @@ class GasModel:
 def _filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
     model = gas_model_of(setup.scenario, setup.environment, wind_at=setup.wind_at)
     return FilamentField(
-        _taped(setup.scenario, setup.environment) if block.tape else model.plume,
+        _source_of_filaments(block, model.plume, setup),
         model.gases,
         setup.environment.grid,
         sight=setup.sight or Sight(walls=Walls.of(setup.environment), cutoff_sigma=model.cutoff_sigma),
         n_readings_per_step=setup.n_readings_per_step,
         wind_at=setup.wind_at,
     )
+
+
+def _source_of_filaments(block: FilamentGasSpec, plume: FilamentPlume, setup: GasSetup) -> FilamentSource:
+    if block.tape:
+        return _taped(setup.scenario, setup.environment)
+    if setup.wind_at is not None:
+        return plume
+    return PlumeAhead(plume, steps_per_frame=gas_timing(setup.scenario).steps_per_tick)
 
 
 def _taped(scenario: Scenario, environment: Environment) -> TapedPlume:

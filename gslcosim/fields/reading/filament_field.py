@@ -1,6 +1,6 @@
 """Gas made of filaments, from whatever moves them, as the sensors see it."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from gslcosim.fields.filament.plume import Filaments, WindAt
 from gslcosim.fields.gas_field import PointGrid, Sight
 from gslcosim.fields.reading.concentration import checked_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim.fields.reading.index import FilamentIndex
+from gslcosim.fields.reading.rounding_kernels import rows_in_single_precision
 
 # From so many readings of one instant on, sorting the filaments first costs less than looking at all of them.
 READINGS_WORTH_AN_INDEX = 4
@@ -48,6 +49,15 @@ class FilamentSource(Protocol):
         ...
 
 
+@runtime_checkable
+class GoesAhead(Protocol):
+    """A source whose future depends on nobody who reads it."""
+
+    def go_ahead(self) -> bool:
+        """Prepare a part of what later steps need and return true, or return false where there is nothing to do."""
+        ...
+
+
 class FilamentField:
     """Readings of filaments; see `GasField`.
 
@@ -77,6 +87,7 @@ class FilamentField:
                 all heights; absent: the room's.
         """
         self._source = source
+        self._goes_ahead = source if isinstance(source, GoesAhead) else None
         self._gases = gases
         self._grid = grid
         self._sight = sight
@@ -129,6 +140,10 @@ class FilamentField:
         self._source.blow(jets)
         self._seen = None
 
+    def go_ahead(self) -> bool:
+        """Prepare a part of what later steps need and return true, or return false where there is nothing to do."""
+        return self._goes_ahead is not None and self._goes_ahead.go_ahead()
+
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""
         filaments, sight = self.filaments, self._sight
@@ -175,8 +190,7 @@ def in_single_precision(filaments: Filaments) -> Filaments:
     if filaments.is_rounded:
         return filaments
     # As rows, which tapes have too: kernels are compiled for one layout.
-    rows = np.empty((len(filaments.sigma_m), 4), np.float32)
-    rows[:, :3], rows[:, 3] = filaments.position_world_m, filaments.sigma_m
+    rows = rows_in_single_precision(filaments.position_world_m, filaments.sigma_m)
     return Filaments(
         position_world_m=rows[:, :3],
         sigma_m=rows[:, 3],

@@ -159,6 +159,8 @@ class Host:
             for hosted in self._hosted:
                 if hosted.gate.holds_any:
                     self._ask_again(hosted, only_lost=True)
+            if self._events.empty() and any(hosted.work_ahead() for hosted in self._hosted):
+                continue
             try:
                 self._handle(self._events.get(timeout=patience_s))
             except queue.Empty:

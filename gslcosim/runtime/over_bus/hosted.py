@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Verdict
-from gslcosim.contract.participant import Closes, Core, Episode
+from gslcosim.contract.participant import Closes, Core, Episode, WorksAhead
 from gslcosim.errors import ContractError
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
@@ -73,6 +73,7 @@ class Hosted:
     def __init__(self, bus: Bus, core: Core, dataflow: Dataflow, neighbours: Collection[str]) -> None:
         self._bus = bus
         self._core = core
+        self._works_ahead = core if isinstance(core, WorksAhead) else None
         self.stepper = Stepper(core, dataflow)
         self.gate = self.stepper.gate
         self.name = self.stepper.spec.name
@@ -115,6 +116,10 @@ class Hosted:
             if isinstance(sent.message, Verdict):
                 self.gate.final_tick = sent.message.tick
         return outputs
+
+    def work_ahead(self) -> bool:
+        """Let the core do what it can without its inputs; return whether there was anything to do."""
+        return self._works_ahead is not None and self._works_ahead.work_ahead()
 
     def missing_from_outside(self) -> list[Missing]:
         """Return what the next step needs from other processes."""

@@ -70,6 +70,26 @@ def test_lost_messages_are_asked_for_again_and_change_nothing():
     assert lossy.hex == clean.hex
 
 
+class BusyFields(ToyFields):
+    """Has a little to do beside its steps."""
+
+    n_left = 5
+
+    def work_ahead(self):
+        self.n_left -= 1
+        return self.n_left >= 0
+
+
+def test_a_core_works_ahead_where_it_would_wait_and_then_waits():
+    clean, _, _ = fly(InMemoryHub(), toy_cores())
+    cores = toy_cores()
+    cores["fields"] = BusyFields(cores["fields"].spec)
+    busy, _, faults = fly(InMemoryHub(), cores)
+    assert not faults
+    assert cores["fields"].n_left < 0
+    assert busy.hex == clean.hex
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_whatever_shares_a_process_the_digest_is_the_same(seed):
     """Random groups, some with a bus that loses messages, have the digest of separate participants."""

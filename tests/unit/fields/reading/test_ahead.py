@@ -1,0 +1,98 @@
+"""A plume that goes ahead of its readers is seen as one that does not, to the bit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gslcosim.errors import ModelError
+from gslcosim.fields.filament.downwash import Jets
+from gslcosim.fields.reading.ahead import MOST_FRAMES, PlumeAhead
+from gslcosim.fields.reading.filament_field import in_single_precision
+
+JETS = Jets(centre_world_m=np.zeros((0, 3)), motor_distance_m=np.zeros(0), outflow_m_s=np.zeros(0))
+
+
+@pytest.fixture
+def plume_of(make_plume, air):
+    """Build equal plumes in a breeze."""
+    return lambda: make_plume(air(winds_m_s=((0.3, 0.1, 0.0),)), noise_std_m=0.02)
+
+
+def seen(source):
+    filaments = in_single_precision(source.filaments)
+    arrays = (filaments.position_world_m, filaments.sigma_m, filaments.source_index)
+    return source.step, source.time_s, *(array.tobytes() for array in arrays)
+
+
+@pytest.mark.parametrize("steps_per_frame", [1, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_going_ahead_changes_nothing_that_is_seen(plume_of, seed, steps_per_frame):
+    live, ahead = plume_of(), PlumeAhead(plume_of(), steps_per_frame=steps_per_frame)
+    rng = np.random.default_rng(seed)
+    for source in (live, ahead):
+        source.reset(5)
+        source.advance(7)
+    for _ in range(60):
+        for _ in range(rng.integers(0, 4)):
+            before = seen(ahead)
+            ahead.go_ahead()
+            assert seen(ahead) == before
+        for source in (live, ahead):
+            source.advance(steps_per_frame)
+        assert seen(ahead) == seen(live)
+
+
+def test_only_so_much_is_kept(plume_of):
+    ahead = PlumeAhead(plume_of(), steps_per_frame=1)
+    assert [ahead.go_ahead() for _ in range(MOST_FRAMES + 2)] == [True] * MOST_FRAMES + [False] * 2
+    ahead.advance()
+    assert ahead.go_ahead()
+
+
+def test_a_reset_forgets_what_was_ahead(plume_of):
+    live, ahead = plume_of(), PlumeAhead(plume_of(), steps_per_frame=1)
+    ahead.go_ahead()
+    for source in (live, ahead):
+        source.reset(9)
+        source.advance(2)
+    assert seen(ahead) == seen(live)
+
+
+def test_an_error_is_raised_at_its_own_step(make_plume, air):
+    """The wind is no number from the second frame of one second on."""
+    room = air(winds_m_s=((0.1, 0.0, 0.0), (0.1, 0.0, 0.0)))
+    live, ahead = make_plume(room), PlumeAhead(make_plume(room), steps_per_frame=1)
+    room.wind.velocity_m_s[1] = np.nan
+    raised_after = []
+    for source in (live, ahead):
+        source.reset(5)
+        n = 0
+        with pytest.raises(ModelError, match="not finite"):
+            for n in range(100):
+                while source is ahead and ahead.go_ahead():
+                    pass
+                source.advance()
+        raised_after.append(n)
+    assert raised_after[0] == raised_after[1] > 3
+
+
+def test_what_comes_too_late_is_refused(plume_of):
+    ahead = PlumeAhead(plume_of(), steps_per_frame=2)
+    ahead.blow(JETS)
+    ahead.go_ahead()
+    with pytest.raises(ModelError, match="expected no frame ahead"):
+        ahead.blow(JETS)
+    with pytest.raises(ModelError, match="expected to advance by 2 steps, was 1"):
+        ahead.advance(1)
+
+
+def test_a_frame_is_a_copy(plume_of):
+    ahead = PlumeAhead(plume_of(), steps_per_frame=1)
+    ahead.advance(20)
+    ahead.go_ahead()
+    frame = ahead.filaments
+    kept = dataclasses.replace(frame, position_world_m=frame.position_world_m.copy())
+    while ahead.go_ahead():
+        pass
+    assert np.array_equal(frame.position_world_m, kept.position_world_m)
