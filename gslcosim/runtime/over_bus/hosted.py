@@ -29,18 +29,19 @@ RESENT_AT_ONCE = 32
 
 @dataclass
 class Kept:
-    """The last messages of each port, for readers that missed one; shared between two threads."""
+    """The messages of each port in its last ticks, for readers that missed one; shared between two threads."""
 
     n_ticks: int = KEPT_TICKS
     _payloads: dict[str, OrderedDict[int, bytes]] = field(default_factory=dict[str, OrderedDict[int, bytes]])
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def keep(self, sent: Sent) -> None:
-        """Remember a message and forget the oldest."""
+        """Remember a message and forget those that are too old for anybody to ask for."""
+        tick = sent.message.tick
         with self._lock:
             payloads = self._payloads.setdefault(sent.port, OrderedDict())
-            payloads[sent.message.tick] = sent.payload
-            if len(payloads) > self.n_ticks:
+            payloads[tick] = sent.payload
+            while next(iter(payloads)) <= tick - self.n_ticks:
                 payloads.popitem(last=False)
 
     def answer(self, question: bytes) -> list[bytes]:
