@@ -47,9 +47,13 @@ class ParticipantSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """One run of a scenario: the seed from which all its random streams derive."""
+    """One run of a scenario: the seed from which all its random streams derive.
+
+    `is_rehearsal` says that a few made-up ticks follow and then another reset: what only takes time may be left out.
+    """
 
     seed: int
+    is_rehearsal: bool = False
 
 
 Inbox = Mapping[str, Message]

@@ -88,7 +88,8 @@ class FieldsCore:
         if self._wind is not None:
             self._wind.reset()
         self._gas.reset(gas_seed(self._scenario, episode.seed))
-        self._gas.advance(self._timing.warm_up_steps)
+        is_short = episode.is_rehearsal and self._gas_ahead is not None and self._gas_ahead.is_live
+        self._gas.advance(1 if is_short else self._timing.warm_up_steps)
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:

@@ -32,7 +32,7 @@ def rehearse(core: Core, scenario: Scenario) -> None:
     Compiling takes seconds on a machine's first run and loading a tenth of a second on every other; both would
     otherwise happen in the first ticks. A core that computes what these two ticks do not reach `Rehearses` the rest.
     """
-    core.reset(Episode(seed=scenario.seed))
+    core.reset(Episode(seed=scenario.seed, is_rehearsal=True))
     ports = [read.port for read in core.spec.reads if read.port in _MADE_UP]
     for tick in range(N_TICKS):
         core.step(tick, {port: _MADE_UP[port](scenario, tick) for port in ports})

@@ -108,6 +108,11 @@ class FilamentField:
         return self._source
 
     @property
+    def is_live(self) -> bool:
+        """Whether each step is computed, at any step from the first, whatever happens in the run."""
+        return self._goes_ahead is not None
+
+    @property
     def step(self) -> int:
         """Number of steps made."""
         return self._source.step

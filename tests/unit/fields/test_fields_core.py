@@ -250,3 +250,11 @@ def test_every_gas_is_sampled_and_sliced(scenario_with, room):
     assert cloud.gases == ("ethanol", "methane")
     assert np.bincount(cloud.gas_index.to_array()).tolist() == [200, 200]
     assert [s.gas for s in cloud.slices] == ["ethanol", "methane"]
+
+
+def test_a_rehearsal_leaves_the_warm_up_out_and_a_run_does_not(scenario_with, room):
+    core = FieldsCore(scenario_with(warm_up_s=20.0), room)
+    core.reset(Episode(seed=1, is_rehearsal=True))
+    assert core.gas.step == 1
+    core.reset(Episode(seed=1))
+    assert core.gas.time_s == pytest.approx(20.0)
