@@ -206,11 +206,6 @@ class FilamentPlume:
         return self._step
 
     @property
-    def step_s(self) -> float:
-        """Length of a step [s]."""
-        return self._step_s
-
-    @property
     def time_s(self) -> float:
         """Time since the first birth could happen [s]."""
         return self._step * self._step_s

@@ -58,7 +58,8 @@ def _source_of_filaments(block: FilamentGasSpec, plume: FilamentPlume, setup: Ga
         return _taped(setup.scenario, setup.environment)
     if setup.wind_at is not None:
         return plume
-    return PlumeAhead(plume, steps_per_frame=gas_timing(setup.scenario).steps_per_tick)
+    timing = gas_timing(setup.scenario)
+    return PlumeAhead(plume, step_s=timing.step_s, steps_per_frame=timing.steps_per_tick)
 
 
 def _taped(scenario: Scenario, environment: Environment) -> TapedPlume:

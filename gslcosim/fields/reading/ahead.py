@@ -19,13 +19,14 @@ class PlumeAhead:
 
     Args:
         plume: What moves. Its wind must not depend on what happens in the run.
+        step_s: Length of its steps [s].
         steps_per_frame: Frames are kept that many steps apart: whoever reads advances by as many.
     """
 
-    def __init__(self, plume: FilamentPlume, *, steps_per_frame: int) -> None:
+    def __init__(self, plume: FilamentPlume, *, step_s: float, steps_per_frame: int) -> None:
         self._plume = plume
+        self._step_s = step_s
         self._steps_per_frame = steps_per_frame
-        self._step_s = plume.step_s
         # The frame of now; none while the plume itself stands there.
         self._now: Filaments | None = None
         self._step = plume.step

@@ -28,7 +28,7 @@ def seen(source):
 @pytest.mark.parametrize("steps_per_frame", [1, 3])
 @pytest.mark.parametrize("seed", range(4))
 def test_going_ahead_changes_nothing_that_is_seen(plume_of, seed, steps_per_frame):
-    live, ahead = plume_of(), PlumeAhead(plume_of(), steps_per_frame=steps_per_frame)
+    live, ahead = plume_of(), PlumeAhead(plume_of(), step_s=0.1, steps_per_frame=steps_per_frame)
     rng = np.random.default_rng(seed)
     for source in (live, ahead):
         source.reset(5)
@@ -44,14 +44,14 @@ def test_going_ahead_changes_nothing_that_is_seen(plume_of, seed, steps_per_fram
 
 
 def test_only_so_much_is_kept(plume_of):
-    ahead = PlumeAhead(plume_of(), steps_per_frame=1)
+    ahead = PlumeAhead(plume_of(), step_s=0.1, steps_per_frame=1)
     assert [ahead.go_ahead() for _ in range(MOST_FRAMES + 2)] == [True] * MOST_FRAMES + [False] * 2
     ahead.advance()
     assert ahead.go_ahead()
 
 
 def test_a_reset_forgets_what_was_ahead(plume_of):
-    live, ahead = plume_of(), PlumeAhead(plume_of(), steps_per_frame=1)
+    live, ahead = plume_of(), PlumeAhead(plume_of(), step_s=0.1, steps_per_frame=1)
     ahead.go_ahead()
     for source in (live, ahead):
         source.reset(9)
@@ -62,7 +62,7 @@ def test_a_reset_forgets_what_was_ahead(plume_of):
 def test_an_error_is_raised_at_its_own_step(make_plume, air):
     """The wind is no number from the second frame of one second on."""
     room = air(winds_m_s=((0.1, 0.0, 0.0), (0.1, 0.0, 0.0)))
-    live, ahead = make_plume(room), PlumeAhead(make_plume(room), steps_per_frame=1)
+    live, ahead = make_plume(room), PlumeAhead(make_plume(room), step_s=0.1, steps_per_frame=1)
     room.wind.velocity_m_s[1] = np.nan
     for source in (live, ahead):
         source.reset(5)
@@ -87,7 +87,7 @@ def _steps_until_it_fails(source):
 
 
 def test_what_comes_too_late_is_refused(plume_of):
-    ahead = PlumeAhead(plume_of(), steps_per_frame=2)
+    ahead = PlumeAhead(plume_of(), step_s=0.1, steps_per_frame=2)
     ahead.blow(JETS)
     ahead.go_ahead()
     with pytest.raises(ModelError, match="expected no frame ahead"):
@@ -97,7 +97,7 @@ def test_what_comes_too_late_is_refused(plume_of):
 
 
 def test_a_frame_is_a_copy(plume_of):
-    ahead = PlumeAhead(plume_of(), steps_per_frame=1)
+    ahead = PlumeAhead(plume_of(), step_s=0.1, steps_per_frame=1)
     ahead.advance(20)
     ahead.go_ahead()
     frame = ahead.filaments
