@@ -46,10 +46,24 @@ class EnvironmentDataError(GslCosimError):
     exit_code = ExitCode.USAGE
 
 
+class MachineError(GslCosimError):
+    """The machine refuses something: room, permission, memory; the user makes room or chooses another place."""
+
+    exit_code = ExitCode.FAULT
+
+
 class RecordingError(GslCosimError):
-    """A recording cannot be written, shown, or repaired; the user frees the disk, installs what is named, or reruns."""
+    """A recording cannot be shown or repaired; the user installs what is named, or flies the run again."""
 
     exit_code = ExitCode.USAGE
+
+
+class RecordingWriteError(MachineError, RecordingError):
+    """A recording cannot be written; the user frees the disk, or does without the recording."""
+
+
+class RunFolderError(MachineError):
+    """A file in a run's folder cannot be written; the user frees the disk, or finds out who took the folder away."""
 
 
 class FlowError(GslCosimError):

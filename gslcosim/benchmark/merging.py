@@ -1,7 +1,6 @@
 """Results of several authors in one table: refused where they are not of the same cases, marked where not verified."""
 
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from gslcosim.benchmark.results import PAIR, Results
 from gslcosim.benchmark.store.columns import TRIALS
 from gslcosim.benchmark.store.folder import ResultsFolder
 from gslcosim.errors import UsageError
+from gslcosim.scratch import ScratchFolder
 
 LEADERBOARD = "leaderboard.json"
 
@@ -60,8 +60,8 @@ def merge(folders: Sequence[Path], out: Path | None = None) -> Ranking:
     if out is not None:
         _check_out(out)
         return _written(submissions, names, out)
-    with tempfile.TemporaryDirectory(prefix="gslcosim-rank-") as scratch:
-        return _written(submissions, names, Path(scratch))
+    with ScratchFolder("rank") as scratch:
+        return _written(submissions, names, scratch.path)
 
 
 @dataclass(frozen=True, kw_only=True)

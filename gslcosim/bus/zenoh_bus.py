@@ -220,7 +220,11 @@ class ZenohBus:
         if self._session.is_closed():
             return
         closing = threading.Thread(target=self._close_quietly, daemon=True)
-        closing.start()
+        try:
+            closing.start()
+        except RuntimeError:
+            # No memory for a thread: the session ends with the process.
+            return
         closing.join(CLOSE_LIMIT_S)
 
     def _close_quietly(self) -> None:

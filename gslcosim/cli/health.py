@@ -193,10 +193,12 @@ def zenoh_round_trip_s() -> float:
     """
     from gslcosim.bus.port import Join
     from gslcosim.bus.zenoh_bus import SERVICE_USER, ZenohBus, new_password
+    from gslcosim.scratch import ScratchFolder
 
     password = new_password()
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    with tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
+    with ScratchFolder() as scratch:
+        folder = scratch.path
         endpoint, namespace = f"unixsock-stream/{folder}/router.sock", "gsl/doctor"
         router = ZenohBus.open_router(
             endpoints=[endpoint], namespace=namespace, service_password=password, agents=[], secrets_dir=Path(folder)

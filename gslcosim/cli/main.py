@@ -1,8 +1,10 @@
 """`gslcosim`: the entry point. Heavy packages are imported only by the command that needs them."""
 
+import contextlib
 import gc
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 
 from gslcosim import __version__
@@ -24,11 +26,13 @@ from gslcosim.cli.commands import (
     view,
 )
 from gslcosim.cli.parsing import build_parser, parse
-from gslcosim.cli.terminal import write_note
-from gslcosim.errors import ExitCode, GslCosimError
+from gslcosim.cli.terminal import finish_output, give_up_output, open_missing_streams, write_note
+from gslcosim.errors import ExitCode, GslCosimError, MachineError
+from gslcosim.machine import unforeseen
 
 # New objects between two collections; Python's own number is 700.
 _COLLECT_EVERY = 50_000
+_BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
 COMMANDS = (
     up.COMMAND,
@@ -57,23 +61,56 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     # What is imported stays: looking through it for garbage again and again would take a seventh of the start.
     gc.set_threshold(_COLLECT_EVERY)
+    open_missing_streams()
+    exit_code = _told_exit_code(sys.argv[1:] if words is None else words)
+    if words is None and exit_code == ExitCode.FAULT:
+        # Libraries wait at the interpreter's end for threads that a machine without memory has not let them start.
+        with contextlib.suppress(OSError):
+            sys.stderr.flush()
+        os._exit(exit_code)
+    return exit_code
+
+
+def _told_exit_code(words: Sequence[str]) -> int:
+    try:
+        exit_code = _exit_code_of(words)
+        finish_output()
+    except BrokenPipeError:
+        give_up_output()
+        return ExitCode.SUCCESS
+    except MachineError as error:
+        write_note(str(error))
+        give_up_output()
+        return error.exit_code
+    return exit_code
+
+
+def _exit_code_of(words: Sequence[str]) -> int:
     parser = build_parser(COMMANDS, version=__version__)
-    words = sys.argv[1:] if words is None else words
     try:
         if not words:
             parser.print_help(sys.stderr)
             return ExitCode.USAGE
         arguments = parse(parser, COMMANDS, words)
-        exit_code = int(arguments.call(arguments))
-        sys.stdout.flush()
-        return exit_code
+        return int(arguments.call(arguments))
+    except SystemExit:
+        # The help or the version has been printed.
+        finish_output()
+        raise
     except KeyboardInterrupt:
         write_note("Interrupted.")
         return ExitCode.INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has gone; Python would complain once more when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        raise
     except GslCosimError as error:
         write_note(str(error))
         return error.exit_code
+    except Exception as error:
+        refused = unforeseen(error)
+        if refused is not None:
+            write_note(str(refused))
+            return refused.exit_code
+        write_note(
+            f"{traceback.format_exc()}gslcosim: expected no error of its own, was {type(error).__name__}. {_BUG}"
+        )
+        return ExitCode.FAULT

@@ -2,11 +2,16 @@
 
 import argparse
 import difflib
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
+from gslcosim.cli.terminal import write, write_note
 from gslcosim.errors import UsageError
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +35,11 @@ class Parser(argparse.ArgumentParser):
             UsageError: always.
         """
         raise UsageError(f"{self.prog}: {message}. See {self.prog} --help.")
+
+    # Python's own swallows what the machine refuses.
+    def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
+        tell = write if file is sys.stdout else write_note
+        tell(message.removesuffix("\n"))
 
 
 def build_parser(commands: Sequence[Command], *, version: str) -> Parser:

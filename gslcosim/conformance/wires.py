@@ -1,9 +1,6 @@
 """An agent's process behind one of the two doors, as the flight of a check sees it."""
 
 import queue
-import shutil
-import tempfile
-from pathlib import Path
 
 from gslcosim.agent_kit.framed import AGENT_VARIABLE
 from gslcosim.bus.port import Join
@@ -20,6 +17,7 @@ from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, 
 from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.links import Seen
 from gslcosim.runtime.processes import Children
+from gslcosim.scratch import ScratchFolder
 
 N_LAST_LINES = 6
 _NAMESPACE = "gsl/check"
@@ -50,7 +48,8 @@ class _Started:
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
         self.events: queue.SimpleQueue[WireEvent] = queue.SimpleQueue()
-        self.folder = Path(tempfile.mkdtemp(prefix="gslcosim-check-"))
+        self._scratch = ScratchFolder("check")
+        self.folder = self._scratch.path
         self.log = self.folder / "log"
         self.children = Children(lambda _, code: self.events.put(AgentExited(code)))
 
@@ -62,7 +61,7 @@ class _Started:
     def end_process(self) -> str:
         self.children.end()
         lines = self.log.read_text(errors="replace").splitlines() if self.log.exists() else []
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._scratch.close()
         return "\n".join(line[:200] for line in lines if line.strip()[:1] not in ("", "^", "~"))[-N_LAST_LINES * 200 :]
 
 

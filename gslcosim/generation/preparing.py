@@ -10,6 +10,7 @@ from gslcosim.errors import EnvironmentDataError
 from gslcosim.generation.making import generate_environment
 from gslcosim.generation.recipe_hash import recipe_hash
 from gslcosim.generation.winds import Progress
+from gslcosim.machine import machine_error
 from gslcosim.scenario.models.scenario import Scenario
 
 _log = logging.getLogger(__name__)
@@ -39,13 +40,23 @@ def prepare_environment(
         ScenarioError: the room is impossible.
         EnvironmentDataError: a folder or file is not what it should be.
         FlowError: the wind cannot be solved.
+        MachineError: the cache cannot be written.
     """
     spec, wind = scenario.environment, scenario.wind
     if spec.path is not None:
         return _checked_folder(folder_of(spec, scenario_dir))
     folder = (cache_dir or cache_root() / "environments") / recipe_hash(spec, wind, scenario_dir=scenario_dir)
     if not _is_usable(folder):
-        generate_environment(spec, wind, folder, scenario_dir=scenario_dir, progress=progress)
+        try:
+            generate_environment(spec, wind, folder, scenario_dir=scenario_dir, progress=progress)
+        except OSError as error:
+            # A disk without room does not say which file it was.
+            if error.filename is not None and not Path(error.filename).is_relative_to(folder.parent.parent):
+                raise
+            remedy = "Free room there, or set GSLCOSIM_CACHE to a folder that can be written."
+            raise machine_error(
+                error, "cache", "a folder that can be written", path=folder.parent, remedy=remedy
+            ) from error
     return folder
 
 

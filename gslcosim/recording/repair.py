@@ -1,7 +1,11 @@
 """Recordings that were cut off: found by their missing footer, rewritten from what is left."""
 
+import errno
 import os
 import secrets
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 from gslcosim.errors import RecordingError
@@ -13,6 +17,7 @@ _VERIFIED = "1 file verified"
 # The last bytes of a file name its footer (format RRF2 of Rerun 0.41); the program does not look at them.
 _END_MARK = b"RRF2FOOT"
 _END_BYTES = 12
+_NO_ROOM = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
 
 
 def is_whole(path: Path) -> bool:
@@ -44,7 +49,7 @@ def repair_recording(path: Path) -> bool:
         True if the file was repaired, false if it was whole.
 
     Raises:
-        RecordingError: there is no such file, or nothing in it can be read.
+        RecordingError: there is no such file, nothing in it can be read, or there is no room for the new one.
     """
     if is_whole(path):
         return False
@@ -52,6 +57,11 @@ def repair_recording(path: Path) -> bool:
     repaired = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.rrd")
     try:
         merged = run_rerun(["rrd", "merge", "--continue-on-error", "-o", repaired, path], timeout_s=TIMEOUT_S)
+        if _lacked_room(merged):
+            raise RecordingError(
+                f"recording: expected room for a second copy of {path.stat().st_size / 1e6:.3g} MB to make it whole, "
+                f"was none. What was written is kept, and gslcosim view shows it.\nFile: {path}"
+            )
         if merged.returncode != 0 or not repaired.is_file() or not is_whole(repaired):
             raise RecordingError(
                 f"recording: expected a file of which something can be read, was {path.stat().st_size} bytes "
@@ -61,3 +71,10 @@ def repair_recording(path: Path) -> bool:
     finally:
         repaired.unlink(missing_ok=True)
     return True
+
+
+def _lacked_room(merged: "subprocess.CompletedProcess[str]") -> bool:
+    # Above a limit on the size of files a program is ended by a signal.
+    if sys.platform != "win32" and merged.returncode == -signal.SIGXFSZ:
+        return True
+    return merged.returncode != 0 and any(reason in merged.stderr for reason in _NO_ROOM)

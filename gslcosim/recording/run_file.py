@@ -7,7 +7,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gslcosim.errors import RecordingError
+from gslcosim.errors import RecordingError, RecordingWriteError
+from gslcosim.recording.checked_file import CheckedFile
 
 APPLICATION_ID = "gslcosim"
 TICK_TIMELINE = "tick"
@@ -18,10 +19,12 @@ class RunFile:
     """A recording on disk with two timelines: `tick` (whole ticks) and `sim_time` (a duration).
 
     Nothing in it comes from a wall clock, so equal runs give equal content (`rerun rrd compare --unordered`).
-    Until `close` has returned the file lacks its footer; see `gslcosim.recording.repair`.
+    Until `close` has returned the file lacks its footer; see `gslcosim.recording.repair`. What cannot be written is
+    raised by the next call of any method. On Windows Rerun writes the file itself, and tells nobody.
 
     Raises:
-        RecordingError: the file cannot be created, or Rerun is switched off by its environment variable.
+        RecordingWriteError: the file cannot be created, or no longer be written.
+        RecordingError: Rerun is switched off by its environment variable.
     """
 
     def __init__(self, path: Path, *, run_id: str, name: str, tick_ns: int, blueprint: rrb.Blueprint) -> None:
@@ -36,21 +39,36 @@ class RunFile:
             )
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
+        self._file = CheckedFile(path) if CheckedFile.is_possible() else None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream.save(path, default_blueprint=blueprint)
+            self._stream.save(path if self._file is None else self._file.entrance, default_blueprint=blueprint)
         except (OSError, RuntimeError) as error:
-            raise RecordingError(
+            raise RecordingWriteError(
                 f"recording: expected a file that can be written, was {error}.\nFile: {path}"
             ) from error
+        finally:
+            if self._file is not None:
+                self._file.leave_to_writer()
         self._stream.send_recording_name(name)
+
+    def check(self) -> None:
+        """Raise what could not be written so far.
+
+        Raises:
+            RecordingWriteError: the machine has refused to write.
+        """
+        if self._file is not None:
+            self._file.check()
 
     def lay_out(self, blueprint: rrb.Blueprint) -> None:
         """Replace the layout with which the recording opens."""
+        self.check()
         self._stream.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def draw(self, entity: str, *parts: rr.AsComponents) -> None:
         """Write what an entity shows at all times."""
+        self.check()
         self._stream.log(entity, *parts, static=True, strict=True)
 
     def send(self, entity: str, ticks: Sequence[int], columns: Iterable[rr.ComponentColumn]) -> None:
@@ -61,6 +79,7 @@ class RunFile:
             ticks: Tick of each row; the row is valid at the tick's end.
             columns: Columns of the same length.
         """
+        self.check()
         tick_column = np.array(ticks, dtype=np.int64)
         times = (
             rr.TimeColumn(TICK_TIMELINE, sequence=tick_column),
@@ -71,8 +90,12 @@ class RunFile:
     def flush(self) -> None:
         """Return when everything sent so far is in the file."""
         self._stream.flush()
+        if self._file is not None:
+            self._file.wait_until_written()
 
     def close(self) -> None:
         """Write what is left and the footer, and release the file."""
         self._stream.flush()
         self._stream.disconnect()
+        if self._file is not None:
+            self._file.close()

@@ -75,7 +75,12 @@ class RunRecording:
         return self._is_over
 
     def note(self, tick: int, inbox: Inbox) -> None:
-        """Take note of everything of a tick but the verdict."""
+        """Take note of everything of a tick but the verdict.
+
+        Raises:
+            RecordingWriteError: what was sent before could not be written.
+        """
+        self._file.check()
         self._wind.add(tick, self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns))
         self._note_truth(tick, inbox)
         self._note_agents(tick, inbox)

@@ -5,11 +5,11 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from gslcosim.errors import RecordingError
 from gslcosim.recording.rerun_cli import rerun_environment, rerun_program
+from gslcosim.scratch import ScratchFolder
 
 # Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.
 SCREENSHOT_TIMEOUT_S = 90.0
@@ -59,9 +59,9 @@ def _draw(path: Path, png: Path, size: str) -> str:
     # As standard input, because a file given by name is loaded piece by piece, after the picture.
     call = [str(rerun_program()), "-", "--headless", *_LOCAL, "--screenshot-to", str(png), "--window-size", size]
     for _ in range(N_TRIES):
-        with path.open("rb") as recording, tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
+        with path.open("rb") as recording, ScratchFolder() as scratch:
             # Below errors the viewer's notes would be part of the picture. Drivers want a runtime directory.
-            environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": folder})
+            environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": str(scratch.path)})
             with contextlib.suppress(subprocess.TimeoutExpired):
                 drawn = subprocess.run(
                     call,

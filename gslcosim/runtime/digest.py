@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.errors import UsageError
+from gslcosim.machine import machine_error
 from gslcosim.runtime.participants import upstream_rank
+from gslcosim.safe_files import replace_file
 
 SCHEMA = "gslcosim/digest/1"
 LINK_BYTES = 8
@@ -78,13 +80,20 @@ class RunDigest:
         return total.hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write `digest.json`."""
+        """Write `digest.json` at once.
+
+        Raises:
+            MachineError: it cannot be written.
+        """
         ports = {
             port: {"participant": self.writer_of[port], **trail.as_fields()}
             for port, trail in sorted(self.trails.items())
         }
         content = {"schema": SCHEMA, "digest": self.hex, "final_tick": self.final_tick, "ports": ports}
-        path.write_text(json.dumps(content) + "\n")
+        try:
+            replace_file(path.parent, path.name, (json.dumps(content) + "\n").encode())
+        except OSError as error:
+            raise machine_error(error, path.name, "a file that can be written", path=path) from error
 
     @classmethod
     def load(cls, path: Path) -> "RunDigest":

@@ -1,13 +1,16 @@
 """One flight from a loaded scenario to a run directory: the runtime's front door."""
 
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import GslCosimError, RecordingError
+from gslcosim.errors import MachineError, RecordingError
 from gslcosim.generation import prepare_environment
+from gslcosim.machine import fault_text
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.grouping import Group, groups_of
 from gslcosim.runtime.joining import Network
@@ -17,6 +20,7 @@ from gslcosim.runtime.over_bus.launch import fly_over_bus
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.scenario import Scenario
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
 from gslcosim.scenario.models.scenario import Processes
 
@@ -42,6 +46,7 @@ def fly(
 
     Raises:
         GslCosimError: the scenario cannot be flown at all (its environment or dataflow is wrong).
+        MachineError: no run directory can be made.
     """
     began = time.perf_counter()
     scenario = loaded.scenario
@@ -56,27 +61,29 @@ def fly(
         progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
     )
     run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
-    run_dir.scenario.write_text(dump_resolved(scenario))
-    setup = Setup(
-        run_dir=run_dir,
-        scenario=scenario,
-        environment_dir=environment_dir.resolve(),
-        environment=load_environment(environment_dir),
-    )
-    setup.save()
-    run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, processes=processes)
-    report(FlightStatus(state="starting"))
-    outcome = _outcome(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+
+    def outcome_of_flight() -> Outcome:
+        run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
+        setup = Setup(
+            run_dir=run_dir,
+            scenario=scenario,
+            environment_dir=environment_dir.resolve(),
+            environment=load_environment(environment_dir),
+        )
+        setup.save()
+        run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, processes=processes)
+        report(FlightStatus(state="starting"))
+        return _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+
+    outcome = _or_fault(outcome_of_flight)
     _repair(run_dir, outcome)
-    if outcome.digest is not None:
-        outcome.digest.save(run_dir.digest)
-    result = outcome.as_result(scenario, run_id=run_dir.run_id, wall_s=time.perf_counter() - began)
-    run_dir.save_result(result)
+    _save_digest(run_dir, outcome)
+    result = _saved_result(run_dir, outcome, scenario, began)
     report(FlightStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
     return FlightResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
 
 
-def _outcome(
+def _flown(
     setup: Setup,
     directory: Path,
     network: Network,
@@ -84,14 +91,48 @@ def _outcome(
     groups: Sequence[Group] | None,
     fork_server: ForkServer | None,
 ) -> Outcome:
-    try:
-        if groups is None:
-            from gslcosim.runtime.in_process import fly_in_process
+    if groups is None:
+        from gslcosim.runtime.in_process import fly_in_process
 
-            return fly_in_process(setup, directory, network, report)
-        return fly_over_bus(setup, directory, network, report, groups, fork_server)
-    except GslCosimError as error:
-        return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
+        return fly_in_process(setup, directory, network, report)
+    return fly_over_bus(setup, directory, network, report, groups, fork_server)
+
+
+# Whatever ends a run that has a directory is in its result: what was wrong, what the machine refused, and our bugs.
+def _or_fault(fly_it: Callable[[], Outcome]) -> Outcome:
+    try:
+        return fly_it()
+    except Exception as error:
+        text = fault_text(error, traceback.format_exc())
+        return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=text))
+
+
+def _save_digest(run_dir: RunDir, outcome: Outcome) -> None:
+    if outcome.digest is None:
+        return
+    try:
+        outcome.digest.save(run_dir.digest)
+    except MachineError as error:
+        _add_fault(outcome, str(error))
+
+
+def _saved_result(run_dir: RunDir, outcome: Outcome, scenario: Scenario, began: float) -> dict[str, Any]:
+    def result() -> dict[str, Any]:
+        return outcome.as_result(scenario, run_id=run_dir.run_id, wall_s=time.perf_counter() - began)
+
+    try:
+        run_dir.save_result(saved := result())
+    except MachineError as error:
+        _add_fault(outcome, str(error))
+        return result()
+    return saved
+
+
+def _add_fault(outcome: Outcome, text: str) -> None:
+    if outcome.fault is None:
+        outcome.fault = ServiceFault(participant="supervisor", tick=outcome.ticks_flown, text=text)
+    elif text not in outcome.fault.text:
+        outcome.fault = replace(outcome.fault, text=f"{outcome.fault.text}\n{text}")
 
 
 def _repair(run_dir: RunDir, outcome: Outcome) -> None:
@@ -101,8 +142,8 @@ def _repair(run_dir: RunDir, outcome: Outcome) -> None:
 
     try:
         repair_recording(run_dir.recording)
-    except RecordingError as error:
+    except (RecordingError, OSError) as error:
         # The recorder had not come as far as its first bytes; that must not hide what ended the run.
-        note = f"The recording cannot be read: {error}"
+        note = f"The recording was not made whole: {fault_text(error, '')}"
         if outcome.fault is not None:
             outcome.fault = replace(outcome.fault, text=f"{outcome.fault.text}\n{note}")

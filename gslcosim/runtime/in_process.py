@@ -1,8 +1,6 @@
 """A run in one process and one thread: the same cores, gates and doors, without a bus."""
 
 import queue
-import shutil
-import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping
@@ -13,7 +11,8 @@ from gslcosim.agent_kit import Agent
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.contract.participant import Closes
-from gslcosim.errors import GslCosimError, UsageError
+from gslcosim.errors import GslCosimError, RunFolderError, UsageError
+from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.desk import Desk, desk_of
 from gslcosim.runtime.agents.door import faults_of
 from gslcosim.runtime.agents.events import AgentEvent
@@ -30,6 +29,7 @@ from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent, Stepper
+from gslcosim.scratch import ScratchFolder
 from gslcosim.ticks import seconds_from_ticks
 
 REPORT_EVERY_TICKS = 64
@@ -87,8 +87,10 @@ class InProcessFlight:
             outcome.start_up_s = flying_since - started
             self._step_all(is_interrupted, flying_since)
         except Exception as error:  # a fault of any core ends the run with its name
-            text = str(error) if isinstance(error, GslCosimError) else traceback.format_exc()
-            outcome.fault = ServiceFault(participant=self._culprit, tick=self._tick, text=text)
+            # The journal of commands is the runtime's own, whoever asked the agent.
+            culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
+            text = fault_text(error, traceback.format_exc())
+            outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
         outcome.is_interrupted = self._verdict is None and outcome.fault is None
         self._close(outcome)
         outcome.flight_wall_s = time.perf_counter() - flying_since
@@ -178,8 +180,9 @@ class InProcessFlight:
             try:
                 if isinstance(stepper.core, Closes):
                     stepper.core.close()
-            except Exception:  # the others must still be closed
-                fault = ServiceFault(participant=name, tick=self._tick, text=traceback.format_exc())
+            except Exception as error:  # the others must still be closed
+                text = fault_text(error, traceback.format_exc())
+                fault = ServiceFault(participant=name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
         for desk in self._desks.values():
             desk.end(ending_of(self._verdict))
@@ -221,8 +224,7 @@ def fly_in_process(
         desks[agent.name] = desk_of(agent, setup, link)
         desks[agent.name].is_ready = not is_guest
     with ExitStack() as stack:
-        socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
-        stack.callback(shutil.rmtree, socket_dir, ignore_errors=True)
+        socket_dir = stack.enter_context(ScratchFolder()).path
         interruption = stack.enter_context(Interruption())
         children = stack.enter_context(Children(guests.exited))
         stack.callback(guests.close)

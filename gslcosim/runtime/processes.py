@@ -16,9 +16,12 @@ from typing import Protocol, cast
 
 from gslcosim.bus.port import JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
+from gslcosim.runtime.process_log import ProcessLog
 
 EXIT_LIMIT_S = 3.0
 GRACE_S = 2.0
+# A descendant that has left the process group may hold its output open for ever.
+LOG_LIMIT_S = 0.5
 # What a process of a run is told in its environment.
 OUR_VARIABLES = (JOIN_VARIABLE, "GSLCOSIM_AGENT", "GSLCOSIM_GATEWAY", "GSLCOSIM_TOKEN")
 
@@ -65,6 +68,7 @@ class Children:
     def __init__(self, on_exit: Callable[[str, int], object]) -> None:
         self._on_exit = on_exit
         self._children: dict[str, Child] = {}
+        self._logs: list[ProcessLog] = []
 
     def __enter__(self) -> "Children":
         return self
@@ -78,7 +82,7 @@ class Children:
         Raises:
             UsageError: the command cannot be started.
         """
-        with log.open("ab") as output:
+        with self._log(log) as output:
             self._start(
                 name,
                 command,
@@ -95,7 +99,7 @@ class Children:
         Raises:
             UsageError: the command cannot be started.
         """
-        with log.open("ab") as output:
+        with self._log(log) as output:
             self._start(name, command, variables, cwd, streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT))
 
     def start_piped(
@@ -106,7 +110,7 @@ class Children:
         Raises:
             UsageError: the command cannot be started.
         """
-        with log.open("ab") as errors:
+        with self._log(log) as errors:
             streams = (subprocess.PIPE, subprocess.PIPE, errors.fileno())
             process = self._start(name, command, variables, cwd, streams=streams)
         # Without buffers these are raw files.
@@ -167,6 +171,13 @@ class Children:
         for child in self._children.values():
             child.signal_group(signal.SIGKILL)
             child.process.wait()
+        for log in self._logs:
+            log.wait(LOG_LIMIT_S)
+        self._logs.clear()
+
+    def _log(self, path: Path) -> ProcessLog:
+        self._logs.append(ProcessLog(path))
+        return self._logs[-1]
 
     def _wait_for(self, name: str, process: Process) -> None:
         self._on_exit(name, process.wait())

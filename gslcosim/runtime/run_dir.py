@@ -1,8 +1,10 @@
 """The run directory: everything a run leaves behind, in one place."""
 
+import contextlib
 import hashlib
 import importlib.metadata
 import json
+import os
 import platform
 import secrets
 import subprocess
@@ -17,29 +19,55 @@ import gslcosim
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
+from gslcosim.errors import RunFolderError
+from gslcosim.machine import machine_error, machine_text, remedy_of
+from gslcosim.safe_files import append_to, open_for_writing, replace_file
 from gslcosim.scenario.models.scenario import Processes
 
+# Room kept free for the result: where a disk runs full in flight, this is what can still be written.
+RESERVE = ".reserve"
+INPUTS = "inputs.log"
+RESERVE_BYTES = 32 * 1024
 PACKAGES = ("eclipse-zenoh", "numpy", "numba", "mujoco", "rerun-sdk", "msgpack", "pyyaml", "pydantic")
 
 
 @dataclass(frozen=True)
 class RunDir:
-    """Paths and writers of one run directory."""
+    """Paths and writers of one run directory.
+
+    Agents of the same user can write there too: nothing is written through a link, and what is read by others is
+    replaced at once.
+    """
 
     path: Path
 
     @classmethod
     def create(cls, runs_dir: Path, *, name: str, seed: int) -> "RunDir":
-        """Make a new directory that no other run has, however many start at once."""
+        """Make a new directory that no other run has, however many start at once.
+
+        Raises:
+            MachineError: it cannot be made.
+        """
         stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
-        while True:
-            path = runs_dir / f"{name}-seed{seed}-{stamp}-{secrets.token_hex(3)}"
-            try:
-                path.mkdir(parents=True)
-            except FileExistsError:
-                continue
-            (path / "logs").mkdir()
-            return cls(path)
+        try:
+            while True:
+                path = runs_dir / f"{name}-seed{seed}-{stamp}-{secrets.token_hex(3)}"
+                try:
+                    path.mkdir(parents=True)
+                except FileExistsError:
+                    # Unless it is the folder of all runs that stands in the way.
+                    if not os.path.lexists(path):
+                        raise
+                    continue
+                (path / "logs").mkdir()
+                run_dir = cls(path)
+                run_dir._reserve()
+                return run_dir
+        except OSError as error:
+            remedy = f"{remedy_of(error)} --runs-dir chooses another."
+            raise machine_error(
+                error, "runs directory", "a folder that can be written", path=runs_dir, remedy=remedy
+            ) from error
 
     @property
     def run_id(self) -> str:
@@ -79,7 +107,11 @@ class RunDir:
         return "\n".join(line[:300] for line in lines[-n_lines:])
 
     def save_manifest(self, *, seed: int, environment_hash: str, processes: Processes) -> None:
-        """Write `manifest.json`: all that the determinism contract depends on."""
+        """Write `manifest.json`: all that the determinism contract depends on.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
         manifest = {
             "run_id": self.run_id,
             "seed": seed,
@@ -94,21 +126,63 @@ class RunDir:
             "platform": platform.platform(),
             "cpu_flags": _cpu_flags(),
         }
-        _save_json(self.path / "manifest.json", manifest)
+        self.replace("manifest.json", _as_json(manifest))
 
     def save_result(self, result: Mapping[str, Any]) -> None:
-        """Write `result.json`."""
-        _save_json(self.path / "result.json", result)
+        """Write `result.json`, with the room that was kept free for it.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
+        with contextlib.suppress(OSError):
+            (self.path / RESERVE).unlink()
+        self.replace("result.json", _as_json(result))
 
     def log_command(self, agent: str, command: Command) -> None:
-        """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text."""
+        """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
         line = {"agent": agent, **command.model_dump(exclude_none=True)}
-        with (self.path / "inputs.log").open("a") as log:
-            log.write(json.dumps(line, default=codec.base64_text) + "\n")
+        try:
+            append_to(self.path, INPUTS, (json.dumps(line, default=codec.base64_text) + "\n").encode())
+        except OSError as error:
+            raise self._cannot_write(INPUTS, error) from error
+
+    def replace(self, name: str, text: str) -> None:
+        """Write a file of the run at once, never half.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
+        try:
+            replace_file(self.path, name, text.encode())
+        except OSError as error:
+            raise self._cannot_write(name, error) from error
+
+    def _cannot_write(self, name: str, error: OSError) -> RunFolderError:
+        if not self.path.is_dir():
+            return RunFolderError(
+                f"{name}: expected the run's folder, was gone. Something has taken it away while the run flew, an "
+                f"agent or another program; fly again without it.\nFile: {self.path}"
+            )
+        return RunFolderError(machine_text(error, name, "a file that can be written", path=self.path / name))
+
+    def _reserve(self) -> None:
+        if not hasattr(os, "posix_fallocate"):
+            return
+        # Where there is no room for it now the first file that is written says so.
+        with contextlib.suppress(OSError):
+            fd = open_for_writing(self.path, RESERVE)
+            try:
+                os.posix_fallocate(fd, 0, RESERVE_BYTES)
+            finally:
+                os.close(fd)
 
 
-def _save_json(path: Path, content: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=2) + "\n")
+def _as_json(content: Mapping[str, Any]) -> str:
+    return json.dumps(content, indent=2) + "\n"
 
 
 def _version(package: str) -> str:

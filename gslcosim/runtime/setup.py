@@ -29,7 +29,7 @@ class Setup:
 
     def save(self) -> None:
         """Write `setup.json` beside the resolved scenario, for the services of the run."""
-        self.run_dir.setup.write_text(json.dumps({"environment": str(self.environment_dir)}) + "\n")
+        self.run_dir.replace(self.run_dir.setup.name, json.dumps({"environment": str(self.environment_dir)}) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> "Setup":

@@ -1,7 +1,5 @@
 """One trial flown in this process, from its plain data to its row and tracks."""
 
-import shutil
-import tempfile
 import time
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -26,6 +24,7 @@ from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult
 from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scratch import ScratchFolder
 
 # Rooms of a suite come one after the other.
 _ROOMS_KEPT = 2
@@ -110,9 +109,6 @@ def _outcome(setup: Setup, directory: Path, watch: Watch) -> Outcome:
 
 @contextmanager
 def _scratch_run_dir() -> Iterator[RunDir]:
-    path = Path(tempfile.mkdtemp(prefix="gslcosim-bench-"))
-    try:
-        (path / "logs").mkdir()
-        yield RunDir(path)
-    finally:
-        shutil.rmtree(path, ignore_errors=True)
+    with ScratchFolder("bench") as scratch:
+        (scratch.path / "logs").mkdir()
+        yield RunDir(scratch.path)

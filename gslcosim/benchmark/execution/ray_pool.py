@@ -2,8 +2,6 @@
 
 import importlib
 import logging
-import shutil
-import tempfile
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -27,6 +25,7 @@ from gslcosim.benchmark.execution.ray_connection import (
 from gslcosim.benchmark.execution.ray_worker import Done, RayWorker, Recorded, RoomAtHand, installed
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.errors import GslCosimError, SimulationFault, UsageError
+from gslcosim.scratch import ScratchFolder
 
 # As in `LocalPool`: the next flight waits at the worker.
 _AHEAD = 2
@@ -119,7 +118,7 @@ class RayPool:
         self._n_workers = 0
         self._n_started = 0
         self._n_failed_starts = 0
-        self._scratch: Path | None = None
+        self._scratch: ScratchFolder | None = None
         self._ray = ray_module(address)
         try:
             self._connect()
@@ -179,18 +178,18 @@ class RayPool:
         self._workers = []
         self._ray.shutdown()
         if self._scratch is not None:
-            shutil.rmtree(self._scratch, ignore_errors=True)
+            self._scratch.close()
 
     def _connect(self) -> None:
         quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
         if self._address == LOCAL:
             # Not the usual place for temporary files: names of sockets must be short.
-            self._scratch = Path(tempfile.mkdtemp(prefix="gslcosim-ray-", dir="/tmp"))
+            self._scratch = ScratchFolder("ray", parent=Path("/tmp"))
             self._ray.init(
                 num_cpus=n_cores(),
                 include_dashboard=False,
                 object_store_memory=_LOCAL_STORE_BYTES,
-                _temp_dir=str(self._scratch),
+                _temp_dir=str(self._scratch.path),
                 **quiet,
             )
             return

@@ -2,8 +2,6 @@
 
 import hashlib
 import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,6 +19,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError
 from gslcosim.runtime.status import FlightResult
 from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.scratch import ScratchFolder
 
 _LOOK_EVERY_S = 0.5
 _DIGITS = 24
@@ -125,17 +124,14 @@ class RayWorker:
         return self._told(self._ended(replace(job, environment_dir=self._rooms[job.trial.room])), root)
 
     def _record(self, job: Job, root: Path | None) -> Done:
-        runs_dir = Path(tempfile.mkdtemp(prefix="gslcosim-bench-"))
-        try:
-            done = self._do(replace(job, runs_dir=runs_dir), root)
+        with ScratchFolder("bench") as scratch:
+            done = self._do(replace(job, runs_dir=scratch.path), root)
             if done.failure is not None:
                 return done
             run_dir = done.result.run_dir
             paths = [path for path in run_dir.rglob("*") if path.is_file()]
             files = {path.relative_to(run_dir).as_posix(): path.read_bytes() for path in paths}
             return replace(done, result=Recorded(flight=done.result, files=files))
-        finally:
-            shutil.rmtree(runs_dir, ignore_errors=True)
 
     def _ended(self, job: Job) -> Ended:
         self._pool.submit(job)

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import re
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -61,9 +60,10 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
         return
     from gslcosim.environment.store import load_environment
     from gslcosim.recording.environment_view import record_environment
+    from gslcosim.scratch import ScratchFolder
 
-    with tempfile.TemporaryDirectory(prefix="gslcosim-") as folder:
-        path = Path(folder) / RECORDING
+    with ScratchFolder() as scratch:
+        path = scratch.path / RECORDING
         record_environment(load_environment(Path(arguments.run), with_meshes=True), path)
         yield path
 

@@ -16,11 +16,15 @@ import signal
 import socket
 import sys
 import traceback
+from pathlib import Path
 from typing import Any
 
 from gslcosim.bus.port import Join
+from gslcosim.errors import ExitCode
+from gslcosim.machine import machine_text
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.process_title import set_process_title
+from gslcosim.safe_files import append_to, open_for_writing
 
 _PR_SET_PDEATHSIG = 1
 _MOST_BYTES = 1 << 16
@@ -96,7 +100,14 @@ class _Server:
 
     def _fork(self, request: dict[str, Any]) -> None:
         name = str(request["name"])
-        pid = os.fork()
+        try:
+            pid = os.fork()
+        except OSError as error:
+            text = machine_text(error, name, "one process more")
+            with contextlib.suppress(OSError):
+                append_to(Path(request["log"]).parent, Path(request["log"]).name, f"{text}\n".encode())
+            self._tell({"ended": name, "code": int(ExitCode.FAULT)})
+            return
         if pid == 0:
             self._become(request)
         self._names[pid] = name
@@ -154,8 +165,13 @@ def _end_with_parent(parent: int) -> None:
         os._exit(1)
 
 
+# A service without a log can fly; what ends it is told over the bus.
 def _write_to(log: str) -> None:
-    nothing, output = os.open(os.devnull, os.O_RDONLY), os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    try:
+        output = open_for_writing(Path(log).parent, Path(log).name, is_appended=True)
+    except OSError:
+        output = os.dup(nothing)
     for fd, target in ((nothing, 0), (output, 1), (output, 2)):
         os.dup2(fd, target)
     os.close(nothing)

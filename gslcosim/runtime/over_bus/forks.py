@@ -11,11 +11,12 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Self
+from typing import IO, Self
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import SimulationFault
 from gslcosim.runtime.processes import ending_with_parent, python_command
+from gslcosim.scratch import no_temporary_directory
 
 FORK_SERVER = "fork_server"
 CLOSE_LIMIT_S = 2.0
@@ -67,15 +68,25 @@ class ForkedProcess:
         self._has_ended.set()
 
 
+def _nameless_log() -> IO[bytes]:
+    try:
+        return tempfile.TemporaryFile()
+    except OSError as error:
+        raise no_temporary_directory(error) from error
+
+
 class ForkServer:
     """A running fork server; leaving the context ends it and all that it has forked.
 
     It starts to import when it is made, so it is made before anything else is prepared.
+
+    Raises:
+        MachineError: it cannot be started.
     """
 
     def __init__(self) -> None:
+        self._log = _nameless_log()
         self._socket, theirs = socket.socketpair()
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the server
         self._lock = threading.Lock()
         self._forked: dict[str, ForkedProcess] = {}
         self._is_gone = self._is_closing = False
@@ -136,7 +147,7 @@ class ForkServer:
         }
         with self._lock:
             if self._is_gone:
-                raise SimulationFault(f"fork server: expected it to run, was at its end.{self._last_words()}")
+                raise SimulationFault(f"fork server: expected it to run, was at its end.{self.last_words()}")
             self._forked[name] = process
             try:
                 self._socket.sendall(json.dumps(request).encode() + b"\n")
@@ -144,6 +155,12 @@ class ForkServer:
                 del self._forked[name]
                 raise SimulationFault(f"fork server: expected it to run, was gone ({error}).") from error
         return process
+
+    def last_words(self) -> str:
+        """Return the last lines that it has written, each on a line of its own; empty when there are none."""
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").splitlines()[-5:]
+        return "\n" + "\n".join(lines) if lines else ""
 
     def wait_until_gone(self, limit_s: float) -> None:
         """Return when it has ended and all its forks with it, or after the limit."""
@@ -187,8 +204,3 @@ class ForkServer:
             process.has_started(int(answer["pid"]))
         else:
             process.has_ended(int(answer["code"]))
-
-    def _last_words(self) -> str:
-        self._log.seek(0)
-        lines = self._log.read().decode(errors="replace").splitlines()[-5:]
-        return "\n" + "\n".join(lines) if lines else ""

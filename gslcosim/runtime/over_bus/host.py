@@ -13,7 +13,8 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.contract.schema import contract_hash
-from gslcosim.errors import GslCosimError, RunTimeoutError
+from gslcosim.errors import RunTimeoutError
+from gslcosim.machine import fault_text
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.hosted import Hosted
@@ -70,9 +71,13 @@ class Host:
 
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready (last)."""
-        for hosted in self._hosted:
-            self._acting = hosted
-            self._once.append((hosted, hosted.reset(self._episode)))
+        try:
+            for hosted in self._hosted:
+                self._acting = hosted
+                self._once.append((hosted, hosted.reset(self._episode)))
+        except Exception as error:
+            self._report(error)
+            raise
         ports = sorted(set[str]().union(*(hosted.outer_ports_read for hosted in self._hosted)))
         for port in ports:
             if not control.is_for_agents(port):
@@ -103,10 +108,10 @@ class Host:
                     self._pass_on(hosted, outputs)
                 self._fly()
                 self._flush()
+            self._say_goodbye()
         except Exception as error:
             self._report(error)
             raise
-        self._say_goodbye()
 
     @property
     def _are_finished(self) -> bool:
@@ -186,12 +191,11 @@ class Host:
         self._events.put((f"resent:{port}", payload))
 
     def _report(self, error: Exception) -> None:
-        text = str(error) if isinstance(error, GslCosimError) else "".join(traceback.format_exception(error))
-        note = control.FaultNote(participant=self._acting.name, tick=self._acting.last_tick, text=text)
-        self._bus.publish(control.FAULT, note.to_bytes(), urgent=True)
+        tell_fault(self._bus, self._acting.name, error, tick=self._acting.last_tick)
 
     def _say_goodbye(self) -> None:
         for hosted in self._hosted:
+            self._acting = hosted
             hosted.close()
             hosted.tell_progress()
         while not self._is_dismissed:
@@ -246,6 +250,13 @@ class Host:
 
     def _set_dismissed(self) -> None:
         self._is_dismissed = True
+
+
+def tell_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
+    """Tell the supervisor what has ended a participant."""
+    text = fault_text(error, "".join(traceback.format_exception(error)))
+    note = control.FaultNote(participant=participant, tick=tick, text=text)
+    bus.publish(control.FAULT, note.to_bytes(), urgent=True)
 
 
 def _description(name: str) -> bytes:

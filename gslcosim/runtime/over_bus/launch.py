@@ -1,21 +1,20 @@
 """One flight over the bus: opens the router, starts every process, and leaves none behind."""
 
 import queue
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
-from gslcosim.errors import UsageError
+from gslcosim.errors import MachineError, UsageError
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import Network
-from gslcosim.runtime.outcome import Outcome
+from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import FORK_SERVER, ForkServer
 from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded
 from gslcosim.runtime.over_bus.router import RunRouter
@@ -24,6 +23,7 @@ from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, python_command
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
+from gslcosim.scratch import ScratchFolder
 
 
 def fly_over_bus(
@@ -64,8 +64,7 @@ def fly_over_bus(
 
     crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in guests}
     with ExitStack() as stack:
-        socket_dir = Path(tempfile.mkdtemp(prefix="gslcosim-"))
-        stack.callback(shutil.rmtree, socket_dir, ignore_errors=True)
+        socket_dir = stack.enter_context(ScratchFolder()).path
         stack.callback(guests.close)
         interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
         if fork_server is None and network.starts_services and ForkServer.is_possible():
@@ -82,12 +81,20 @@ def fly_over_bus(
             outcome.start_up_s = time.perf_counter() - began
             supervisor.fly(interruption)
         except RunEndedError as ended:
-            outcome.fault = ended.fault
+            outcome.fault = _with_last_words(ended.fault, fork_server)
+        except MachineError as error:
+            outcome.fault = supervisor.fault(str(error))
         outcome.is_interrupted = interruption.is_set() and outcome.fault is None
         supervisor.dismiss()
         children.wait(EXIT_LIMIT_S)
         supervisor.complete(outcome)
     return outcome
+
+
+def _with_last_words(fault: ServiceFault, fork_server: ForkServer | None) -> ServiceFault:
+    if fork_server is None or fault.participant != FORK_SERVER:
+        return fault
+    return replace(fault, text=f"{fault.text}{fork_server.last_words()}")
 
 
 def _start(

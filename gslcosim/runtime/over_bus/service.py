@@ -4,14 +4,16 @@ import faulthandler
 import logging
 import signal
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
 from gslcosim.bus.port import Join
 from gslcosim.contract.participant import Core, Episode
-from gslcosim.errors import ExitCode, GslCosimError, UsageError
+from gslcosim.errors import ExitCode, UsageError
+from gslcosim.machine import fault_text
 from gslcosim.runtime.dataflow import Dataflow
-from gslcosim.runtime.over_bus.host import Host
+from gslcosim.runtime.over_bus.host import Host, tell_fault
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
 
@@ -50,8 +52,8 @@ def serve(names: Sequence[str], join: Join | None = None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         _serve(names, join)
-    except GslCosimError as error:
-        logging.getLogger("+".join(names)).error("%s", error)
+    except Exception as error:
+        logging.getLogger("+".join(names)).error("%s", fault_text(error, traceback.format_exc()))
         sys.exit(ExitCode.FAULT)
 
 
@@ -62,9 +64,25 @@ def _serve(names: Sequence[str], join: Join | None) -> None:
     join = join or Join.from_environment()
     if join.run_dir is None:
         raise UsageError(f"{names[0]}: expected run_dir in the join data of a service, found none.")
-    setup = Setup.load(Path(join.run_dir))
-    cores = [build_core(name, setup) for name in names]
-    take_part(join, cores, dataflow_of(setup.scenario), setup.episode)
+    at_fault = names[0]
+    try:
+        setup = Setup.load(Path(join.run_dir))
+        cores: list[Core] = []
+        for at_fault in names:
+            cores.append(build_core(at_fault, setup))
+        dataflow = dataflow_of(setup.scenario)
+    except Exception as error:
+        _tell(join, at_fault, error)
+        raise
+    take_part(join, cores, dataflow, setup.episode)
+
+
+# The log says it too, but where a disk is full there is none.
+def _tell(join: Join, name: str, error: Exception) -> None:
+    from gslcosim.bus.zenoh_bus import ZenohBus
+
+    with ZenohBus.open_member(join) as bus:
+        tell_fault(bus, name, error, tick=0)
 
 
 def take_part(join: Join, cores: Sequence[Core], dataflow: Dataflow, episode: Episode) -> None:

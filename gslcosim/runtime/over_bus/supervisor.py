@@ -148,6 +148,10 @@ class Supervisor:
             self._check_time()
             self._tell("", "flying" if self._verdict is None else "closing")
 
+    def fault(self, text: str) -> ServiceFault:
+        """Return a fault of the supervisor's own, at the tick that all services have reached."""
+        return ServiceFault(participant="supervisor", tick=self._watchdog.finished_tick, text=text)
+
     def dismiss(self) -> None:
         """Tell agents and services that the run is over."""
         self._ended_at_s = time.perf_counter()

@@ -113,6 +113,7 @@ def test_every_example_is_a_call_that_can_be_parsed(line):
     [
         (errors.ScenarioError, 2), (errors.UsageError, 2), (errors.EnvironmentDataError, 2), (errors.FlowError, 2),
         (errors.RecordingError, 2),
+        (errors.MachineError, 3), (errors.RecordingWriteError, 3), (errors.RunFolderError, 3),
         (errors.SimulationFault, 3), (errors.ModelError, 3), (errors.GslCosimError, 3), (errors.RunTimeoutError, 4),
     ],
 )  # fmt: skip
@@ -123,6 +124,65 @@ def test_an_error_has_the_exit_code_of_who_must_act(error, code):
 def test_an_error_is_told_without_a_traceback(capsys, tmp_path):
     assert main(["validate", str(tmp_path / "none.yaml")]) == 2
     assert capsys.readouterr().err == f"{tmp_path}/none.yaml: expected a scenario file, found none.\n"
+
+
+@pytest.mark.parametrize(
+    ("raised", "told"),
+    [
+        (OSError(28, "No space left on device", "/x/y"), "the machine: expected it to do what was asked, was no space "
+         "left on device. Free room there, or choose another disk.\nFile: /x/y\n"),
+        (MemoryError(), "the machine: expected it to do what was asked, was out of memory. Close programs, or raise "
+         "the limit on memory (ulimit -v).\n"),
+    ],
+)  # fmt: skip
+def test_what_the_machine_refuses_returns_3_and_is_one_sentence(capsys, monkeypatch, raised, told):
+    def refuse(*_, **__):
+        raise raised
+
+    monkeypatch.setattr("gslcosim.scenario.load_scenario", refuse)
+    assert main(["validate", "tiny_room"]) == 3
+    assert capsys.readouterr().err == told
+
+
+def test_a_mistake_of_ours_returns_3_and_is_told_as_such(capsys, monkeypatch):
+    """1 would say that the agent has failed."""
+
+    def err(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("gslcosim.scenario.load_scenario", err)
+    assert main(["validate", "tiny_room"]) == 3
+    told = capsys.readouterr().err
+    assert "Traceback" in told
+    assert told.endswith(
+        "gslcosim: expected no error of its own, was ZeroDivisionError. This is a mistake in gslcosim: please report "
+        "it with the lines above.\n"
+    )
+
+
+def called(words, shell_end):
+    """Call the command through a shell that closes or fills a stream."""
+    call = f"{shlex.join([sys.executable, '-m', 'gslcosim', *words])} {shell_end}"
+    return subprocess.run(["sh", "-c", call], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("words", [["list", "gases"], ["list", "gases", "--json"], ["--version"]])
+@pytest.mark.parametrize(
+    ("end", "reason"), [("> /dev/full", "no space left on device"), (">&-", "bad file descriptor")]
+)
+def test_an_output_that_cannot_be_written_returns_3_and_is_one_sentence(words, end, reason):
+    ended = called(words, end)
+    told = f"standard output: expected to take the result, was {reason}. "
+    remedy = "Send it to a file on a disk with room, or to a terminal.\n"
+    assert (ended.returncode, ended.stderr) == (3, told + remedy)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("end", ["2> /dev/full", "2>&-", "<&- 2>&-"])
+def test_a_note_that_nobody_can_read_changes_nothing(end):
+    assert called(["validate", "none.yaml"], end).returncode == 2
+    assert called(["list", "gases"], end).stdout.startswith("name ")
 
 
 def test_an_interruption_returns_130(capsys, monkeypatch):

@@ -1,0 +1,114 @@
+"""What the machine refuses, told as one sentence with a remedy: no room, no permission, no memory."""
+
+import errno
+import os
+import traceback
+from pathlib import Path
+
+from gslcosim.errors import GslCosimError, MachineError
+
+_FREE_ROOM = "Free room there, or choose another disk."
+_CHOOSE_ANOTHER = "Change its permissions, or choose another place."
+_IN_THE_WAY = "A file is where a folder should be, or the other way round: move it away, or choose another place."
+_REMEDIES = {
+    errno.ENOSPC: _FREE_ROOM,
+    errno.EDQUOT: _FREE_ROOM,
+    errno.EFBIG: "Raise the limit on the size of a file (ulimit -f), or choose another disk.",
+    errno.EROFS: "Choose a place on a disk that can be written.",
+    errno.EACCES: _CHOOSE_ANOTHER,
+    errno.EPERM: _CHOOSE_ANOTHER,
+    errno.ENOENT: "Make it, or choose another place.",
+    errno.ENOTDIR: _IN_THE_WAY,
+    errno.EEXIST: _IN_THE_WAY,
+    errno.EISDIR: _IN_THE_WAY,
+    errno.ELOOP: "A symbolic link is where a file or folder of its own should be: take it away.",
+    errno.EMFILE: "Raise the limit on open files (ulimit -n).",
+    errno.ENFILE: "Close programs.",
+    errno.ENOMEM: "Close programs, or raise the limit on memory (ulimit -v).",
+    errno.EAGAIN: "Close programs, or raise the limit on processes (ulimit -u).",
+    errno.EIO: "Check the disk.",
+}
+# What Python and packages say instead of an error of a class of its own.
+_LACKS_MEMORY = (
+    "can't start new thread",
+    "resource temporarily unavailable",
+    "cannot allocate memory",
+    "failed to map segment",
+    "out of memory",
+)
+
+
+def reason_of(error: OSError | MemoryError) -> str:
+    """Return what the machine says, as part of a sentence."""
+    if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
+        return "out of memory"
+    return (error.strerror or str(error) or type(error).__name__).rstrip(".").lower()
+
+
+def remedy_of(error: OSError | MemoryError) -> str:
+    """Return what helps against what the machine says, as a sentence."""
+    number = errno.ENOMEM if isinstance(error, MemoryError) else error.errno
+    return _REMEDIES.get(number or 0, "Look at what it says, then try again.")
+
+
+def machine_error(
+    error: OSError | MemoryError,
+    place: str,
+    expected: str,
+    *,
+    path: Path | str | None = None,
+    remedy: str = "",
+) -> MachineError:
+    """Return an error for a person, made of what the machine said.
+
+    Args:
+        error: What the machine said.
+        place: What could not be used.
+        expected: What it should have been, for example `a folder that can be written`.
+        path: The file or folder; by default the one that the error names.
+        remedy: What to do; by default what helps against this kind of error.
+    """
+    return MachineError(machine_text(error, place, expected, path=path, remedy=remedy))
+
+
+def machine_text(
+    error: OSError | MemoryError, place: str, expected: str, *, path: Path | str | None = None, remedy: str = ""
+) -> str:
+    """Return the text of `machine_error`."""
+    named = error.filename if path is None and isinstance(error, OSError) else path
+    told = f"{place}: expected {expected}, was {reason_of(error)}. {remedy or remedy_of(error)}"
+    return told if named is None else f"{told}\nFile: {os.fspath(named)}"
+
+
+def unforeseen(error: BaseException) -> MachineError | None:
+    """Return an error for a person where the machine has refused something that nobody has foreseen, else None."""
+    if isinstance(error, MachineError):
+        return error
+    if isinstance(error, OSError) and _comes_from(error, "numba"):
+        remedy = "Free room there, or set GSLCOSIM_CACHE to a folder that can be written."
+        return machine_error(error, "cache of compiled kernels", "a folder that can be written", remedy=remedy)
+    if isinstance(error, OSError | MemoryError):
+        return machine_error(error, "the machine", "it to do what was asked")
+    said = str(error).lower()
+    if isinstance(error, RuntimeError | ImportError | SystemError) and any(word in said for word in _LACKS_MEMORY):
+        return machine_error(MemoryError(), "the machine", "memory for one thing more")
+    return None
+
+
+# Numba does not say which file it was.
+def _comes_from(error: BaseException, package: str) -> bool:
+    frames = [frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return bool(frames) and str(frames[-1]).partition(".")[0] == package
+
+
+def fault_text(error: BaseException, trace: str) -> str:
+    """Return what to say of an error that ends a run.
+
+    Args:
+        error: The error.
+        trace: Its traceback, which is told where the error is nobody's but ours.
+    """
+    if isinstance(error, GslCosimError):
+        return str(error)
+    refused = unforeseen(error)
+    return trace if refused is None else str(refused)

@@ -1,0 +1,104 @@
+"""Files that are written where others can write too: no link is followed, and none is ever seen half written."""
+
+import contextlib
+import errno
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from pathlib import Path, PurePath
+
+# Absent on systems other than Linux and macOS, where links are followed as everywhere.
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+_FOLDER = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | _NO_LINK
+# Opening a pipe that somebody has put there must not wait for its reader.
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0)
+_HAS_FOLDERS = os.open in os.supports_dir_fd
+
+
+def write_all(fd: int, data: bytes | memoryview) -> None:
+    """Write all of the bytes.
+
+    Raises:
+        OSError: the machine refuses some of them.
+    """
+    left = memoryview(data)
+    while left:
+        left = left[os.write(fd, left) :]
+
+
+def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int:
+    """Open a file below a folder, made where there is none, and return its descriptor.
+
+    Args:
+        root: The folder.
+        name: The file's path below it, with `/`; neither it nor a folder on the way may be a link.
+        is_appended: Whether to write behind what is there, in place of it.
+
+    Raises:
+        OSError: it cannot be opened, is a link, or is no plain file.
+    """
+    flags = os.O_WRONLY | os.O_CREAT | (os.O_APPEND if is_appended else 0)
+    with _folder_of(root, name) as (folder, last):
+        fd = os.open(last, flags | _NO_LINK | _AT_ONCE, 0o644, dir_fd=folder)
+    try:
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            raise OSError(errno.EEXIST, "something that is no file", str(root / name))
+        if not is_appended:
+            os.ftruncate(fd, 0)
+        if _AT_ONCE:
+            os.set_blocking(fd, True)
+    except BaseException:
+        os.close(fd)
+        raise
+    return fd
+
+
+def append_to(root: Path, name: str, data: bytes) -> None:
+    """Write bytes behind what a file below a folder holds.
+
+    Raises:
+        OSError: as `open_for_writing` and `write_all`.
+    """
+    fd = open_for_writing(root, name, is_appended=True)
+    try:
+        write_all(fd, data)
+    finally:
+        os.close(fd)
+
+
+def replace_file(root: Path, name: str, data: bytes) -> None:
+    """Write a file below a folder at once: whoever looks sees the old one or the new one, never a part.
+
+    Raises:
+        OSError: it cannot be written; then nothing is changed.
+    """
+    with _folder_of(root, name) as (folder, last):
+        beside = str(PurePath(last).with_name(f".{PurePath(last).name}.{secrets.token_hex(4)}"))
+        fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK, 0o644, dir_fd=folder)
+        try:
+            try:
+                write_all(fd, data)
+            finally:
+                os.close(fd)
+            os.replace(beside, last, src_dir_fd=folder, dst_dir_fd=folder)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(beside, dir_fd=folder)
+            raise
+
+
+# The folder as a descriptor and the file's name in it; where there are no such descriptors None and the whole path.
+@contextlib.contextmanager
+def _folder_of(root: Path, name: str) -> Iterator[tuple[int | None, str]]:
+    if not _HAS_FOLDERS:
+        yield None, str(root / name)
+        return
+    *between, last = name.split("/")
+    with contextlib.ExitStack() as stack:
+        folder = os.open(root, _FOLDER)
+        stack.callback(os.close, folder)
+        for part in between:
+            folder = os.open(part, _FOLDER, dir_fd=folder)
+            stack.callback(os.close, folder)
+        yield folder, last

@@ -1,0 +1,97 @@
+"""Temporary folders that do not outlive their owner: what a killed one has left is removed by the next."""
+
+import contextlib
+import os
+import secrets
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Self
+
+from gslcosim.machine import machine_error
+
+if sys.platform != "win32":
+    import fcntl
+
+PREFIX = "gslcosim-"
+# Locked by the owner for as long as it lives; the lock ends with its process, however that ends.
+OWNER = ".owner"
+
+
+class ScratchFolder:
+    """A private temporary folder. `close` removes it; if its process is killed, the next one that is made does.
+
+    On Windows what a killed process has left stays.
+
+    Args:
+        kind: Part of its name.
+        parent: Where it is; by default the temporary directory.
+
+    Raises:
+        MachineError: it cannot be made.
+    """
+
+    def __init__(self, kind: str = "", *, parent: Path | None = None) -> None:
+        try:
+            place = parent or Path(tempfile.gettempdir())
+            _remove_leftovers(place)
+            self.path = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{kind}-" if kind else PREFIX, dir=place))
+            self._lock = _mark_as_owned(self.path)
+        except OSError as error:
+            raise no_temporary_directory(error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove the folder with all that is in it."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            os.close(lock)
+
+
+def no_temporary_directory(error: OSError) -> Exception:
+    """Return the error for a person where nothing can be written to the temporary directory."""
+    remedy = "Free room there, or set TMPDIR to a folder that can be written."
+    return machine_error(error, "temporary directory", "a folder that can be written", remedy=remedy)
+
+
+# It has its name only once it is locked, so that nobody finds a folder whose owner is just about to lock it.
+def _mark_as_owned(folder: Path) -> int | None:
+    if sys.platform == "win32":
+        return None
+    unnamed = folder / f"{OWNER}.{secrets.token_hex(4)}"
+    lock = os.open(unnamed, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        unnamed.rename(folder / OWNER)
+    except OSError:
+        os.close(lock)
+        raise
+    return lock
+
+
+def _remove_leftovers(place: Path) -> None:
+    if sys.platform == "win32":
+        return
+    with contextlib.suppress(OSError):
+        for entry in list(os.scandir(place)):
+            if entry.name.startswith(PREFIX) and entry.is_dir(follow_symlinks=False):
+                with contextlib.suppress(OSError):
+                    _remove_if_left(Path(entry.path))
+
+
+def _remove_if_left(folder: Path) -> None:
+    if sys.platform == "win32" or folder.lstat().st_uid != os.getuid():
+        return
+    lock = os.open(folder / OWNER, os.O_RDWR | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        shutil.rmtree(folder, ignore_errors=True)
+    finally:
+        os.close(lock)

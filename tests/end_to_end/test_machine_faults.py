@@ -1,0 +1,181 @@
+"""What the machine refuses ends a run with exit code 3, one sentence with a remedy, and a result that says so."""
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import pytest
+from flights import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
+
+SHORT = ("--set", "referee.stop.time_limit_s=20", "--set", "agents[0].vehicle.hold_s=0.5")
+BOTH = pytest.mark.parametrize("processes", ["separate", "one"])
+
+
+def sized(n_bytes):
+    """Run a command under a limit on the size of files."""
+    return ("prlimit", f"--fsize={n_bytes}")
+
+
+def told(agent, *arguments):
+    """Return the override that starts a test agent with arguments."""
+    command = [sys.executable, str(AGENTS / f"{agent}.py"), *map(str, arguments)]
+    return "--set", f"agents[0].start={{command: {json.dumps(command)}}}"
+
+
+@contextlib.contextmanager
+def mounted(folder, options):
+    """Mount a file system in memory, or skip the test where that is not allowed."""
+    folder.mkdir()
+    call = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(call, capture_output=True, check=False).returncode != 0:
+        pytest.skip("mounting is not allowed here")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def saved_result(ended):
+    return json.loads((ended.run_dir / "result.json").read_text())
+
+
+@BOTH
+def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_path, processes):
+    """The result fits below the limit, and says what happened."""
+    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(200_000), is_recorded=True)
+    assert ended.exit_code == 3
+    result = saved_result(ended)
+    assert result["valid"] is False
+    assert result["end_reason"] == "simulation_fault"
+    [fault] = result["faults"]
+    assert fault["participant"] == "recorder"
+    assert "recording.rrd: expected to write" in fault["text"]
+    assert "was file too large. Raise the limit on the size of a file (ulimit -f)" in fault["text"]
+    assert "Traceback" not in ended.errors
+
+
+@BOTH
+def test_a_recorder_that_cannot_write_from_the_start_is_told_at_once(tmp_path, processes):
+    began_at = time.monotonic()
+    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(4_000), is_recorded=True)
+    assert time.monotonic() - began_at < 30
+    assert ended.exit_code == 3
+    assert saved_result(ended)["faults"][0]["participant"] == "recorder"
+    assert "recording.rrd: expected to write" in ended.errors
+
+
+@BOTH
+def test_a_disk_that_fills_in_flight_is_told_in_the_result_on_that_disk(tmp_path, processes):
+    """Room for the result was kept."""
+    with mounted(tmp_path / "small", "size=300k") as runs_dir:
+        ended = fly(TINY_ROOM, runs_dir, "--processes", processes, is_recorded=True)
+        assert ended.exit_code == 3
+        [fault] = saved_result(ended)["faults"]
+    assert fault["participant"] == "recorder"
+    assert "was no space left on device. Free room there" in fault["text"]
+    assert "What was written is kept, and gslcosim view shows it." in fault["text"]
+
+
+@BOTH
+def test_a_disk_without_any_room_is_told_before_anything_starts(tmp_path, processes):
+    with mounted(tmp_path / "full", "size=4k") as runs_dir:
+        ended = fly(TINY_ROOM, runs_dir, "--processes", processes)
+    assert ended.exit_code == 3
+    assert "was no space left on device. Free room there" in ended.errors
+    assert "Traceback" not in ended.errors
+
+
+@pytest.mark.parametrize("reason", ["read-only file system", "not a directory", "file exists", "no such file"])
+def test_a_runs_directory_that_cannot_be_made_is_told(tmp_path, reason):
+    """A dangling link was tried again and again."""
+    place = tmp_path / "runs"
+    with contextlib.ExitStack() as stack:
+        if reason == "read-only file system":
+            stack.enter_context(mounted(place, "ro"))
+        elif reason == "not a directory":
+            place.touch()
+        elif reason == "file exists":
+            place.symlink_to(tmp_path / "nowhere" / "at all")
+        else:
+            place = tmp_path.__class__("/proc/runs")
+        call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(place)]
+        ended = subprocess.run(call, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 3
+    assert ended.stderr.startswith(f"runs directory: expected a folder that can be written, was {reason}")
+    assert "--runs-dir chooses another." in ended.stderr
+
+
+@pytest.mark.parametrize("options", ["ro", "size=20k"])
+def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, options):
+    with mounted(tmp_path / "cache", options) as cache:
+        monkeypatch.setenv("GSLCOSIM_CACHE", str(cache))
+        ended = fly(TINY_ROOM, tmp_path / "runs")
+    assert ended.exit_code == 3
+    assert "Free room there, or set GSLCOSIM_CACHE to a folder that can be written." in ended.errors
+    assert "Traceback" not in ended.errors
+
+
+def test_without_a_temporary_directory_nothing_begins(tmp_path):
+    ended = fly(TINY_ROOM, tmp_path, prefix=sized(0))
+    assert ended.exit_code == 3
+    assert "temporary directory: expected a folder that can be written" in ended.errors
+    assert "or set TMPDIR to a folder that can be written." in ended.errors
+
+
+def test_too_little_memory_is_told_as_such(tmp_path):
+    """Below what the programs need, the limit is met while packages are loaded."""
+    ended = fly(TINY_ROOM, tmp_path, "--in-process", prefix=("prlimit", f"--as={500_000_000}"))
+    assert ended.exit_code == 3
+    assert "the machine: expected" in ended.errors
+    assert "Traceback" not in ended.errors
+
+
+def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
+    runs_dir = tmp_path / "runs"
+    ended = fly(TINY_ROOM, runs_dir, *SHORT, *told("taking_away", runs_dir))
+    assert ended.exit_code == 3
+    assert "inputs.log: expected the run's folder, was gone. Something has taken it away" in ended.errors
+    assert ended.result["faults"][0]["participant"] == "supervisor"
+    assert ended.result["valid"] is False
+
+
+def test_results_are_not_written_through_links(tmp_path):
+    foreign = tmp_path / "foreign"
+    foreign.write_text("kept")
+    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *told("linking", tmp_path / "runs", foreign))
+    assert ended.exit_code == 1, ended.errors
+    assert foreign.read_text() == "kept"
+    assert saved_result(ended)["valid"] is True
+    assert not (ended.run_dir / "digest.json").is_symlink()
+
+
+@pytest.mark.parametrize("end", ["> /dev/full", ">&-"])
+def test_a_run_whose_result_cannot_be_shown_has_it_in_its_folder(tmp_path, end):
+    call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(tmp_path), "--set", "recording.enabled=false"]
+    ended = subprocess.run(["sh", "-c", f'"$@" {end}', "sh", *call], capture_output=True, text=True, check=False)
+    assert ended.returncode == 3
+    assert "standard output: expected to take the result" in ended.stderr
+    [run_dir] = tmp_path.iterdir()
+    assert json.loads((run_dir / "result.json").read_text())["valid"] is True
+
+
+def test_what_a_killed_supervisor_has_left_is_removed_by_the_next_run(tmp_path, monkeypatch):
+    scratch = tmp_path / "tmp"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
+    long = ("--set", "referee.stop.time_limit_s=3000", "--set", "agents[0].vehicle.hold_s=0.5")
+    flight = start(TINY_ROOM, tmp_path / "killed", *long, *with_agent("silent_after_one"))
+    flight.wait_until_flying()
+    flight.process.kill()
+    flight.process.communicate()
+    left = list(scratch.glob("gslcosim-*"))
+    assert left
+    fly(TINY_ROOM, tmp_path / "next", *SHORT)
+    assert not any(path.exists() for path in left)
+    shutil.rmtree(scratch)
