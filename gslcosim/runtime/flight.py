@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError, RecordingError
 from gslcosim.generation import prepare_environment
@@ -17,6 +18,7 @@ from gslcosim.runtime.over_bus.launch import fly_over_bus
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.scenario import Scenario
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
 from gslcosim.scenario.models.scenario import Processes
 
@@ -55,18 +57,55 @@ def fly(
         scenario_dir=loaded.directory,
         progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
     )
-    run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
-    run_dir.scenario.write_text(dump_resolved(scenario))
-    setup = Setup(
-        run_dir=run_dir,
-        scenario=scenario,
-        environment_dir=environment_dir.resolve(),
-        environment=load_environment(environment_dir),
-    )
-    setup.save()
-    run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, processes=processes)
+    environment = load_environment(environment_dir)
+    setup = begin(scenario, environment_dir.resolve(), environment, runs_dir=runs_dir, processes=processes)
     report(FlightStatus(state="starting"))
     outcome = _outcome(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+    return conclude(setup, outcome, began=began, report=report)
+
+
+def begin(
+    scenario: Scenario,
+    environment_dir: Path,
+    environment: Environment,
+    *,
+    runs_dir: Path,
+    processes: Processes,
+    origin: RunDir | None = None,
+) -> Setup:
+    """Make the folder of a run, with all that decides its result.
+
+    Args:
+        scenario: What is flown.
+        environment_dir: Where its room is.
+        environment: Its room.
+        runs_dir: Where the folder is made.
+        processes: How the run is spread over processes.
+        origin: The run that is flown again.
+    """
+    run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
+    run_dir.scenario.write_text(dump_resolved(scenario))
+    setup = Setup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)
+    setup.save()
+    run_dir.save_manifest(
+        seed=scenario.seed,
+        environment_hash=environment.content_hash,
+        processes=processes,
+        replay_of=None if origin is None else origin.run_id,
+    )
+    return setup
+
+
+def conclude(setup: Setup, outcome: Outcome, *, began: float, report: Callable[[FlightStatus], None]) -> FlightResult:
+    """Write what a flight has come to into its folder.
+
+    Args:
+        setup: The run.
+        outcome: What it has come to.
+        began: When it began, by `time.perf_counter` [s].
+        report: Is told that it has ended.
+    """
+    run_dir, scenario = setup.run_dir, setup.scenario
     _repair(run_dir, outcome)
     if outcome.digest is not None:
         outcome.digest.save(run_dir.digest)

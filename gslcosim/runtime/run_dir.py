@@ -13,11 +13,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 import gslcosim
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
-from gslcosim.scenario.models.scenario import Processes
+from gslcosim.scenario.models.scenario import Processes, Scenario
 
 PACKAGES = ("eclipse-zenoh", "numpy", "numba", "mujoco", "rerun-sdk", "msgpack", "pyyaml", "pydantic")
 
@@ -66,6 +68,15 @@ class RunDir:
         """What a service needs to build its core; see `gslcosim.runtime.assembly`."""
         return self.path / "setup.json"
 
+    @property
+    def inputs(self) -> Path:
+        """The commands that took effect, one JSON object a line."""
+        return self.path / "inputs.log"
+
+    def load_scenario(self) -> Scenario:
+        """Read the scenario as resolved; its agents' relative paths start elsewhere."""
+        return Scenario.model_validate(yaml.safe_load(self.scenario.read_text()))
+
     def log(self, participant: str) -> Path:
         """Return the log file of a participant."""
         return self.path / "logs" / f"{participant}.log"
@@ -78,12 +89,15 @@ class RunDir:
             return ""
         return "\n".join(line[:300] for line in lines[-n_lines:])
 
-    def save_manifest(self, *, seed: int, environment_hash: str, processes: Processes) -> None:
-        """Write `manifest.json`: all that the determinism contract depends on."""
+    def save_manifest(
+        self, *, seed: int, environment_hash: str, processes: Processes, replay_of: str | None = None
+    ) -> None:
+        """Write `manifest.json`: all that the determinism contract depends on, and which run is flown again."""
         manifest = {
             "run_id": self.run_id,
             "seed": seed,
             "processes": processes,
+            **({} if replay_of is None else {"replay_of": replay_of}),
             "environment_hash": environment_hash,
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
             "contract_hash": contract_hash(),
@@ -103,7 +117,7 @@ class RunDir:
     def log_command(self, agent: str, command: Command) -> None:
         """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text."""
         line = {"agent": agent, **command.model_dump(exclude_none=True)}
-        with (self.path / "inputs.log").open("a") as log:
+        with self.inputs.open("a") as log:
             log.write(json.dumps(line, default=codec.base64_text) + "\n")
 
 
