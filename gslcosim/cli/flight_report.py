@@ -28,6 +28,7 @@ _ENDINGS = {
     "declared": "The agent declared the source",
     "out_of_bounds": "A vehicle left the room",
     "interrupted": "Interrupted",
+    "cut": "The replay ended as asked",
     "timeout": "Nothing moved any more",
     "simulation_fault": "The simulation failed",
 }

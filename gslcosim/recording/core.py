@@ -1,5 +1,6 @@
 """The recorder as a participant: reads everything, writes one Rerun file."""
 
+import sys
 from pathlib import Path
 from typing import cast
 
@@ -15,6 +16,7 @@ from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.run_recording import RunRecording
 from gslcosim.recording.summary import title
 from gslcosim.scenario import Scenario
+from gslcosim.ticks import ticks_from_seconds
 
 # Rows are sent together: a call costs some 100 us, whether it carries one row or many.
 FLUSH_TICKS = 512
@@ -24,8 +26,9 @@ class RecorderCore:
     """Writes a run into one .rrd file that opens with a layout of its own.
 
     Reads every port of the run with delay 0, writes none. Draws nothing random and reads no clock, so equal runs give
-    equal content. What comes after the verdict is not recorded. The file exists from `reset` on and is whole when
-    `close` has returned. Steps only append; every `FLUSH_TICKS` ticks the rows are sent to the file.
+    equal content. What comes after the verdict is not recorded, nor what is not within `recording.from_s` and `to_s`.
+    The file exists from `reset` on and is whole when `close` has returned. Steps only append; every `FLUSH_TICKS` ticks
+    the rows are sent to the file.
 
     Raises RecordingError when the file cannot be written; the runtime then stops the run.
     """
@@ -42,6 +45,9 @@ class RecorderCore:
         self._scenario = scenario
         self._environment = environment
         self._path = path
+        self._first_tick = ticks_from_seconds(scenario.recording.from_s, scenario.tick_ns)
+        to_s = scenario.recording.to_s
+        self._last_tick = sys.maxsize if to_s is None else ticks_from_seconds(to_s, scenario.tick_ns)
         self._run_id = run_id or path.resolve().parent.name
         self._spec = recorder_spec(scenario)
         self._wind_layer = WindLayer(environment, scenario.slice_height_m)
@@ -75,7 +81,8 @@ class RecorderCore:
         recording = self._recording
         if recording is None or recording.is_over:
             return {}
-        recording.note(tick, inbox)
+        if self._first_tick <= tick <= self._last_tick:
+            recording.note(tick, inbox)
         verdict = cast(Verdict | None, inbox.get(keys.VERDICT))
         if verdict is not None:
             recording.end(verdict)

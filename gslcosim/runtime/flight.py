@@ -60,6 +60,42 @@ def fly(
         scenario_dir=loaded.directory,
         progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
     )
+
+    def fly_it(setup: Setup) -> Outcome:
+        return _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+
+    _, result = fly_into_folder(
+        scenario, environment_dir, fly_it, runs_dir=runs_dir, processes=processes, began=began, report=report
+    )
+    return result
+
+
+def fly_into_folder(
+    scenario: Scenario,
+    environment_dir: Path,
+    fly_it: Callable[[Setup], Outcome],
+    *,
+    runs_dir: Path,
+    processes: Processes,
+    began: float,
+    report: Callable[[FlightStatus], None],
+    origin: RunDir | None = None,
+) -> tuple[Outcome, FlightResult]:
+    """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
+
+    Args:
+        scenario: What is flown.
+        environment_dir: Where its room is.
+        fly_it: Flies.
+        runs_dir: Where the folder is made.
+        processes: How the run is spread over processes.
+        began: When it began, by `time.perf_counter` [s].
+        report: Is told how the flight goes.
+        origin: The run that is flown again.
+
+    Raises:
+        MachineError: the folder cannot be made.
+    """
     run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
 
     def outcome_of_flight() -> Outcome:
@@ -71,16 +107,21 @@ def fly(
             environment=load_environment(environment_dir),
         )
         setup.save()
-        run_dir.save_manifest(seed=scenario.seed, environment_hash=setup.environment.content_hash, processes=processes)
+        run_dir.save_manifest(
+            seed=scenario.seed,
+            environment_hash=setup.environment.content_hash,
+            processes=processes,
+            replay_of=None if origin is None else origin.run_id,
+        )
         report(FlightStatus(state="starting"))
-        return _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+        return fly_it(setup)
 
     outcome = _or_fault(outcome_of_flight)
     _repair(run_dir, outcome)
     _save_digest(run_dir, outcome)
     result = _saved_result(run_dir, outcome, scenario, began)
     report(FlightStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
-    return FlightResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
+    return outcome, FlightResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
 
 
 def _flown(

@@ -42,6 +42,7 @@ class InProcessFlight:
     """Flies a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
+    The flight ends with the verdict, or after `until_tick` if that comes first.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class InProcessFlight:
         events: "queue.SimpleQueue[AgentEvent]",
         report: Callable[[FlightStatus], None],
         watch: Watch | None = None,
+        until_tick: int | None = None,
     ) -> None:
         self._watch = watch
         self._events = events
@@ -66,6 +68,8 @@ class InProcessFlight:
             port: [s for s in self._steppers.values() if any(read.port == port for read in s.spec.reads)]
             for port in self._dataflow.writes
         }
+        for stepper in self._steppers.values():
+            stepper.gate.final_tick = until_tick
         # In one thread nobody runs ahead, so credit is never needed.
         for name in order:
             for reader in self._dataflow.readers_of(name):
@@ -91,7 +95,8 @@ class InProcessFlight:
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
             text = fault_text(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
-        outcome.is_interrupted = self._verdict is None and outcome.fault is None
+        outcome.is_cut = self._verdict is None and outcome.fault is None and not self._tick_is_open()
+        outcome.is_interrupted = self._verdict is None and outcome.fault is None and not outcome.is_cut
         self._close(outcome)
         outcome.flight_wall_s = time.perf_counter() - flying_since
         outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
@@ -99,8 +104,8 @@ class InProcessFlight:
         outcome.decisions_s = [taken_s for desk in self._desks.values() for taken_s in desk.decisions_s]
         outcome.agent_faults = faults_of(desk.door for desk in self._desks.values())
         outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
-        if self._verdict and outcome.fault is None:
-            outcome.digest = self._digest(self._verdict.tick)
+        if outcome.is_cut or (self._verdict and outcome.fault is None):
+            outcome.digest = self._digest(outcome.ticks_flown)
         return outcome
 
     @property

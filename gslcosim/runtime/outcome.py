@@ -40,6 +40,8 @@ class Outcome:
     digest: RunDigest | None = None
     fault: ServiceFault | None = None
     is_interrupted: bool = False
+    # Whether the flight ended where it was asked to, before its verdict.
+    is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
     # What each decision of an agent took by the clock; only where the agents fly in this process.
@@ -57,6 +59,8 @@ class Outcome:
             return ExitCode.INTERRUPTED
         if self.fault is not None:
             return self.fault.exit_code
+        if self.is_cut:
+            return ExitCode.SUCCESS
         if self.verdict is None or self.digest is None:
             return ExitCode.FAULT
         return ExitCode.SUCCESS if self.verdict.end_reason == "success" else ExitCode.AGENT_FAILED
@@ -101,6 +105,8 @@ class Outcome:
     def _end_reason(self) -> str:
         if self.is_interrupted:
             return "interrupted"
+        if self.is_cut:
+            return "cut"
         if self.fault is not None:
             return "timeout" if self.fault.exit_code is ExitCode.TIMEOUT else "simulation_fault"
         return self.verdict.end_reason if self.verdict else "simulation_fault"

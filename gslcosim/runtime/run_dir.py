@@ -15,6 +15,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 import gslcosim
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
@@ -22,7 +24,7 @@ from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import RunFolderError
 from gslcosim.machine import machine_error, machine_text, remedy_of
 from gslcosim.safe_files import append_to, open_for_writing, replace_file
-from gslcosim.scenario.models.scenario import Processes
+from gslcosim.scenario.models.scenario import Processes, Scenario
 
 # Room kept free for the result: where a disk runs full in flight, this is what can still be written.
 RESERVE = ".reserve"
@@ -94,6 +96,15 @@ class RunDir:
         """What a service needs to build its core; see `gslcosim.runtime.assembly`."""
         return self.path / "setup.json"
 
+    @property
+    def inputs(self) -> Path:
+        """The commands that took effect, one JSON object a line."""
+        return self.path / INPUTS
+
+    def load_scenario(self) -> Scenario:
+        """Read the scenario as resolved; its agents' relative paths start elsewhere."""
+        return Scenario.model_validate(yaml.safe_load(self.scenario.read_text()))
+
     def log(self, participant: str) -> Path:
         """Return the log file of a participant."""
         return self.path / "logs" / f"{participant}.log"
@@ -106,8 +117,10 @@ class RunDir:
             return ""
         return "\n".join(line[:300] for line in lines[-n_lines:])
 
-    def save_manifest(self, *, seed: int, environment_hash: str, processes: Processes) -> None:
-        """Write `manifest.json`: all that the determinism contract depends on.
+    def save_manifest(
+        self, *, seed: int, environment_hash: str, processes: Processes, replay_of: str | None = None
+    ) -> None:
+        """Write `manifest.json`: all that the determinism contract depends on, and which run is flown again.
 
         Raises:
             RunFolderError: it cannot be written.
@@ -116,6 +129,7 @@ class RunDir:
             "run_id": self.run_id,
             "seed": seed,
             "processes": processes,
+            **({} if replay_of is None else {"replay_of": replay_of}),
             "environment_hash": environment_hash,
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
             "contract_hash": contract_hash(),

@@ -4,8 +4,6 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
@@ -35,7 +33,7 @@ class Setup:
     def load(cls, path: Path) -> "Setup":
         """Read what `save` wrote into a run directory."""
         run_dir = RunDir(path)
-        scenario = Scenario.model_validate(yaml.safe_load(run_dir.scenario.read_text()))
+        scenario = run_dir.load_scenario()
         environment_dir = Path(json.loads(run_dir.setup.read_text())["environment"])
         return cls(
             run_dir=run_dir,

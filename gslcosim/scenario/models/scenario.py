@@ -314,11 +314,24 @@ class RefereeSpec(Spec):
 
 
 class RecordingSpec(Spec):
-    """What is recorded, and how often [s of simulated time]."""
+    """What is recorded, how often, and from when to when [s of simulated time]; `to_s` absent: to the end."""
 
     enabled: bool = True
     gas_every_s: Positive = 1.0
     slice_cell_m: Positive = 0.25
+    from_s: NonNegative = 0.0
+    to_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise broken_rule(
+                key="to_s",
+                expected=f"a time after from_s, {self.from_s:g} s",
+                found=f"{self.to_s:g} s",
+                remedy="Leave to_s out to record up to the end.",
+            )
+        return self
 
 
 # Which services share a process; see `Scenario`.

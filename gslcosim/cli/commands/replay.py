@@ -1,0 +1,85 @@
+"""`gslcosim replay`: fly a run again from its inputs."""
+
+import argparse
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import add_runs_dir_option, find_in_run
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+
+EXAMPLES = """  gslcosim replay runs/warehouse_empty-seed7-20250101T120000-abc123
+  gslcosim replay warehouse_empty-seed7-2025 --gas-every 0.1 --slice-cell 0.1
+  gslcosim replay runs/night_42 --from 100 --to 130 --gas-every 0.1 --until 130"""
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", metavar="RUN", nargs="?", help="a run: its folder or its id (default: the newest)")
+    parser.add_argument(
+        "--gas-every", type=float, metavar="S", help="record the gas every so many seconds of simulated time"
+    )
+    parser.add_argument(
+        "--slice-cell", type=float, metavar="M", help="record slices of the gas with cells of so many metres"
+    )
+    parser.add_argument("--from", type=float, metavar="S", dest="from_s", help="record from this simulated time on")
+    parser.add_argument("--to", type=float, metavar="S", dest="to_s", help="record up to this simulated time")
+    parser.add_argument("--no-recording", action="store_true", help="only fly and compare")
+    parser.add_argument("--until", type=float, metavar="S", help="end at this simulated time")
+    parser.add_argument("--quiet", action="store_true", help="print errors and what differs only")
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.cli.flight_report import summary, watched_flight
+    from gslcosim.runtime.replaying import PastRun, replay
+
+    manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
+    past = PastRun.load(manifest.parent)
+    with watched_flight(f"replay of {past.run_dir.run_id}", is_quiet=arguments.quiet or arguments.json) as report:
+        replayed = replay(
+            past,
+            runs_dir=arguments.runs_dir,
+            recording=_recording(arguments),
+            until_s=arguments.until,
+            report=report,
+        )
+    flight, divergence = replayed.flight, replayed.divergence
+    if arguments.json:
+        comparison = {
+            "replay_of": past.run_dir.run_id,
+            "ticks_compared": replayed.n_ticks,
+            "equal": divergence is None and replayed.n_ticks > 0,
+            "divergence": divergence and vars(divergence),
+        }
+        write_json({**flight.result, "comparison": comparison})
+    elif not arguments.quiet:
+        write(summary(flight))
+        if replayed.n_ticks == 0:
+            write("compared   with nothing: the past run or this one came to no digest")
+        elif divergence is None:
+            write(f"compared   equal to {past.run_dir.path} in all {replayed.n_ticks} ticks")
+    if divergence is not None:
+        write_note(
+            f"Different from {past.run_dir.path} from tick {divergence.tick} on: participant "
+            f"{divergence.participant}, port {divergence.port}: {divergence.text}."
+        )
+    return replayed.exit_code
+
+
+def _recording(arguments: argparse.Namespace) -> dict[str, float | bool]:
+    asked: dict[str, float | bool | None] = {
+        "gas_every_s": arguments.gas_every,
+        "slice_cell_m": arguments.slice_cell,
+        "from_s": arguments.from_s,
+        "to_s": arguments.to_s,
+        "enabled": False if arguments.no_recording else None,
+    }
+    return {key: value for key, value in asked.items() if value is not None}
+
+
+COMMAND = Command(
+    name="replay",
+    summary="fly a run again from its inputs, without its agents, compare it to the bit, and record it anew",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)
