@@ -1,4 +1,8 @@
-"""Pictures of a MuJoCo scene without a screen: EGL where there is one, else OSMesa."""
+"""Pictures of a MuJoCo scene without a screen: EGL where there is one, else OSMesa.
+
+`python -m gslcosim.cameras.offscreen` tells whether that works here, as a process of its own, since drivers may crash:
+exit code 0, or 1 with the reason.
+"""
 # MuJoCo is compiled and comes without stubs; OpenGL's contexts are chosen while running.
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 
@@ -16,6 +20,7 @@ from gslcosim.errors import ModelError
 # Modules of MuJoCo with a `GLContext`, in the order in which they are tried, and the package of Debian for each.
 _WAYS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 _MAX_GEOMS = 20_000
+_PROBE_PX = 8
 
 
 class OffscreenView:
@@ -102,3 +107,15 @@ def _open_context(width_px: int, height_px: int) -> Any:
         f"cameras: expected EGL or OSMesa to draw with, was none ({'; '.join(reasons)}). "
         f"On Debian: sudo apt-get install {', or '.join(_WAYS.values())}."
     )
+
+
+def main() -> None:
+    """Exit with 0 if something can be drawn here, with the reason otherwise."""
+    try:
+        _open_context(_PROBE_PX, _PROBE_PX).free()
+    except ModelError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

@@ -34,11 +34,13 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     from gslcosim.environment.of_scenario.random_places import draw_places
     from gslcosim.scenario import load_scenario
 
+    # Where services are started elsewhere, pictures are drawn there too.
+    draws_here = not getattr(arguments, "no_services", False)
     return load_scenario(
         arguments.scenario,
         overrides=arguments.set,
         seed=arguments.seed,
-        checks=(check_places, check_methods),
+        checks=(check_places, check_methods, check_stored_gas, *((check_drawing,) if draws_here else ())),
         placer=draw_places,
     )
 
@@ -55,3 +57,19 @@ def check_methods(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLik
     from gslcosim.sensing.method_checks import problems_of_methods
 
     return problems_of_methods(scenario, directory)
+
+
+def check_stored_gas(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+    """Return why the gas that a scenario plays back, if it does, cannot be its gas."""
+    if scenario.gas.stored is None:
+        return ()  # what reads gas is slow to import
+    from gslcosim.fields.models.playback_gas import problems_of_stored_gas
+
+    return problems_of_stored_gas(scenario, directory)
+
+
+def check_drawing(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+    """Return which cameras there are where nothing can be drawn."""
+    from gslcosim.cli.machine_checks import problems_of_drawing
+
+    return problems_of_drawing(scenario, directory)

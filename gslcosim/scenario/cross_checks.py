@@ -1,13 +1,14 @@
 """Rules between distant parts of a scenario, checked on its plain values so that other problems do not hide them."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.quantities import PHYSICS_STEP_MS
 from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, Spec, StopSpec
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec, has_estimates, sensor_names
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec, has_estimates, mox_sensor_names, sensor_names
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
 from gslcosim.scenario.suggestions import did_you_mean
@@ -197,8 +198,10 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
     for i, block in _blocks(gas, "define"):
         for j, law in _blocks(block, "mox"):
             sensor = law.get("sensor")
-            if isinstance(sensor, str) and sensor not in sensor_names():
-                yield _unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, sensor_names())
+            if isinstance(sensor, str) and sensor not in mox_sensor_names():
+                problem = _unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, mox_sensor_names())
+                is_other = sensor in sensor_names()
+                yield replace(problem, remedy=f"A {sensor} is no MOX sensor.") if is_other else problem
 
 
 # What is estimated from a MOX sensor's reading is told under the sensor's name with an ending.

@@ -11,6 +11,10 @@ from gslcosim.scenario.suggestions import did_you_mean
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
 """Endings by which the second word of a command is known as a file."""
 
+_EXECUTABLE_BITS = 0o111
+# Linux reads no more of it.
+_MAX_FIRST_LINE_BYTES = 256
+
 
 def problem_of_python(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
     """Return what is wrong with `start.python`, or nothing when the agent's file is there.
@@ -46,8 +50,10 @@ def problem_of_command(command: tuple[str, ...], *, directory: Path, path: str) 
     found = f"'{command[0]}'"
     place = child_path(path, 0)
     if "/" not in command[0]:
-        if shutil.which(command[0]):
-            return _problem_of_script(command, directory, path)
+        if where := shutil.which(command[0]):
+            return _problem_of_interpreter(Path(where), directory, place, found) or _problem_of_script(
+                command, directory, path
+            )
         is_beside = (directory / command[0]).is_file()
         remedy = f"Did you mean ./{command[0]}?" if is_beside else "Is it installed?"
         return Problem(
@@ -57,10 +63,40 @@ def problem_of_command(command: tuple[str, ...], *, directory: Path, path: str) 
     if not file.is_file():
         return Problem(path=place, expected="a program", found=found, remedy=f"There is no {file}.")
     if not os.access(file, os.X_OK):
-        return Problem(
-            path=place, expected="a program that may be executed", found=found, remedy=f"Run: chmod +x {file}"
+        is_mounted_so = file.stat().st_mode & _EXECUTABLE_BITS != 0
+        remedy = f"The file system of {file} is mounted noexec." if is_mounted_so else f"Run: chmod +x {file}"
+        return Problem(path=place, expected="a program that may be executed", found=found, remedy=remedy)
+    return _problem_of_interpreter(file, directory, place, found) or _problem_of_script(command, directory, path)
+
+
+# A script names its interpreter in its first line; the system says only "no such file" where that is missing.
+def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str) -> Problem | None:
+    try:
+        with file.open("rb") as program:
+            line = program.readline(_MAX_FIRST_LINE_BYTES)
+    except OSError:
+        return None  # what may be executed need not be readable
+    if not line.startswith(b"#!"):
+        return None
+    words = line[2:].strip(b" \t\n").decode(errors="replace").split()
+    interpreter = words[0] if words else ""
+    missing, remedy = interpreter, f"Install it, or correct the first line of {file}."
+    if interpreter.endswith("/env") and os.access(interpreter, os.X_OK):
+        asked = next((word for word in words[1:] if not word.startswith("-") and "=" not in word), "")
+        missing = "" if not asked or shutil.which(asked) else asked
+    elif (directory / interpreter).is_file() and os.access(directory / interpreter, os.X_OK):
+        missing = ""
+    elif not interpreter:
+        missing, remedy = "nothing", f"Name one in the first line of {file}, for example #!/bin/sh."
+    if line.endswith(b"\r\n"):
+        missing, remedy = (
+            missing or interpreter,
+            f"The lines of {file} end as on Windows; run: sed -i 's/\\r$//' {file}",
         )
-    return _problem_of_script(command, directory, path)
+    if not missing:
+        return None
+    expected = "a script whose interpreter is there"
+    return Problem(path=place, expected=expected, found=f"{found} with #!{' '.join(words)}", remedy=remedy)
 
 
 def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> Problem | None:

@@ -3,7 +3,8 @@
 import math
 from pathlib import Path
 
-from gslcosim.errors import ScenarioError
+from gslcosim.environment.grid import point_text
+from gslcosim.errors import EnvironmentDataError, ScenarioError
 from gslcosim.fields.gas_field import GasField, Sight
 from gslcosim.fields.gas_setup import GasSetup, gas_field_of_block, gases_in
 from gslcosim.fields.models.formula_fields import PlaybackField
@@ -12,6 +13,8 @@ from gslcosim.fields.stored.frame import GasFrame
 from gslcosim.fields.stored.movie import MOVIE_SUFFIX, GasMovie
 from gslcosim.fields.stored.playback import GasPlayback, usual_period_s
 from gslcosim.scenario.models.gas import GasSpec, PlaybackGasSpec, PlaybackSpec
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.problems import Problem
 
 # Heads of stored frames name a source to a few decimetres (GSL-Bench's 004 and 006 are 0.2 m off).
 _SOURCE_TOLERANCE_M = 1.0
@@ -22,10 +25,10 @@ def _playback_field(gas: PlaybackGasSpec, setup: GasSetup) -> GasField:
     spec = gas.playback
     assert spec is not None, "a GasSpec has it with this model"
     path = Path(spec.folder)
-    stored = GasMovie(path, is_looping=spec.loop) if path.suffix == MOVIE_SUFFIX else _frames(path, spec)
-    first = stored.frame(stored.numbers[0]) if isinstance(stored, GasPlayback) else None
-    if first is not None:
-        _check_frame(first, gas)
+    stored = _stored(path, spec)
+    if problems := _problems_of_first(stored, gas):
+        told = (f"{p.path}: expected {p.expected}, was {p.found}. {p.remedy}".rstrip() for p in problems)
+        raise ScenarioError("\n".join(told))
     gases = gases_in(gas)
     return PlaybackField(
         stored,
@@ -37,20 +40,53 @@ def _playback_field(gas: PlaybackGasSpec, setup: GasSetup) -> GasField:
     )
 
 
-def _frames(folder: Path, spec: PlaybackSpec) -> GasPlayback:
-    return GasPlayback(folder, period_s=spec.period_s or usual_period_s(folder), is_looping=spec.loop)
+def problems_of_stored_gas(scenario: Scenario, directory: Path) -> list[Problem]:
+    """Return why the stored gas of a scenario, if it plays any, cannot be its gas.
+
+    Args:
+        scenario: Its gas and sources.
+        directory: The scenario's folder, where a relative path of the gas starts.
+    """
+    spec = scenario.gas.stored
+    if spec is None:
+        return []
+    try:
+        return _problems_of_first(_stored(directory / Path(spec.folder).expanduser(), spec), scenario.gas)
+    except EnvironmentDataError as error:
+        expected, remedy = "frames of gas, or a movie, that can be read", str(error).replace("\n", " ")
+        return [Problem(path="gas.playback.folder", expected=expected, found=spec.folder, remedy=remedy)]
+
+
+def _stored(path: Path, spec: PlaybackSpec) -> GasMovie | GasPlayback:
+    if path.suffix == MOVIE_SUFFIX:
+        return GasMovie(path, is_looping=spec.loop)
+    return GasPlayback(path, period_s=spec.period_s or usual_period_s(path), is_looping=spec.loop)
+
+
+# A movie does not say which gas it shows, and from where.
+def _problems_of_first(stored: GasMovie | GasPlayback, gas: GasSpec) -> list[Problem]:
+    return _problems_of_frame(stored.frame(stored.numbers[0]), gas) if isinstance(stored, GasPlayback) else []
 
 
 # The run is judged by the scenario's source, and the sensors respond to the scenario's gas.
-def _check_frame(frame: GasFrame, gas: GasSpec) -> None:
+def _problems_of_frame(frame: GasFrame, gas: GasSpec) -> list[Problem]:
+    problems: list[Problem] = []
     if frame.gas is not None and frame.gas != gas.gas:
-        raise ScenarioError(f"gas.gas: expected {frame.gas}, the gas of the stored frames, was {gas.gas}.")
+        expected = f"{frame.gas}, the gas of the stored frames"
+        remedy = f"Write gas: {frame.gas}."
+        problems.append(Problem(path="gas.gas", expected=expected, found=gas.gas, remedy=remedy))
     place_m = frame.source_position_m
     if place_m is None:
-        return
-    gap_m = min(math.dist(place_m, source.position_m) for source in gas.sources)
-    if gap_m > _SOURCE_TOLERANCE_M:
-        raise ScenarioError(
-            f"gas.sources: expected one at {place_m} m, where the stored frames have theirs; the nearest is "
-            f"{gap_m:.3g} m away."
+        return problems
+    gaps_m = [math.dist(place_m, source.position_m) for source in gas.sources]
+    i = gaps_m.index(min(gaps_m))
+    if gaps_m[i] > _SOURCE_TOLERANCE_M:
+        problems.append(
+            Problem(
+                path=f"gas.sources[{i}].position_m",
+                expected=f"the place of the source in the stored frames, within {_SOURCE_TOLERANCE_M:g} m",
+                found=f"{point_text(gas.sources[i].position_m)}, which is {gaps_m[i]:.3g} m from it",
+                remedy=f"Write position_m: {point_text(place_m)}.",
+            )
         )
+    return problems

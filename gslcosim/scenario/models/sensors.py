@@ -5,12 +5,13 @@ from typing import Annotated, Any
 
 from pydantic import SerializeAsAny, TypeAdapter
 
-from gslcosim.offers import Offers
+from gslcosim.offers import OfferError, Offers
 from gslcosim.scenario.models import gas_sensors as gas
 from gslcosim.scenario.models import onboard
 from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
 from gslcosim.scenario.models.sensor_base import SensorSpec as SensorSpec
+from gslcosim.scenario.models.spec import Spec
 
 # The block of settings of each model; what the models do is in gslcosim.sensing.
 SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
@@ -58,6 +59,19 @@ _ONE_OF = OneOf(tag_key="model", base=SensorSpec, own=SENSOR_BLOCKS, offers=SENS
 def sensor_names() -> tuple[str, ...]:
     """Return the names of all sensor models: gslcosim's and those of installed packages."""
     return _ONE_OF.names()
+
+
+@cache
+def mox_sensor_names() -> tuple[str, ...]:
+    """Return the names of all MOX sensors: gslcosim's and those of installed packages that can be imported."""
+    return tuple(name for name in sensor_names() if issubclass(_block_of(name), gas.MoxSensorSpec))
+
+
+def _block_of(model: str) -> type[Spec]:
+    try:
+        return _ONE_OF.block_of(model) or SensorSpec
+    except OfferError:
+        return SensorSpec
 
 
 def has_estimates(model: str) -> bool:

@@ -201,7 +201,7 @@ def test_frames_are_played_at_their_period(played):
 def test_stored_gas_of_another_name_or_place_is_refused(played):
     with pytest.raises(ScenarioError, match=r"gas\.gas: expected methane, the gas of the stored frames, was ethanol"):
         played(gas="ethanol")
-    with pytest.raises(ScenarioError, match=r"gas\.sources: expected one at \(0\.5, 3\.0, 1\.0\) m"):
+    with pytest.raises(ScenarioError, match=r"gas\.sources\[0\]\.position_m: .* Write position_m: \[0\.5, 3, 1\]\."):
         played(source_m=(5.0, 5.0, 2.0))
 
 

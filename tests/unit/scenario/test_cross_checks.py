@@ -193,6 +193,9 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
         ("gas:", "gas:\n  define: [{name: ethanol, specific_gravity: 2}]",
          "hall.yaml:6: gas.define[0].name: expected a name that no other gas has, was 'ethanol'. For example "
          "my_ethanol."),
+        ("gas:", "gas:\n  define: [{name: steam, specific_gravity: 0.6, mox: [{sensor: pid, a: 1, b: -1}]}]",
+         "hall.yaml:6: gas.define[0].mox[0].sensor: expected one of tgs2600, tgs2602, tgs2610, tgs2611, tgs2612 or "
+         "tgs2620, was 'pid'. A pid is no MOX sensor."),
         ("gas:", "gas:\n  gas: freon\n  define: [{name: freom, specific_gravity: 3}]",
          "hall.yaml:6: gas.gas: expected one of ethanol, methane, hydrogen, propanol, chlorine, fluorine, acetone, "
          "neon, helium, biogas, butane, carbon_dioxide, carbon_monoxide, smoke or freom, was 'freon'. Did you mean "

@@ -52,6 +52,34 @@ def test_a_missing_program_is_one_problem_with_a_remedy(agent_files, told, start
     assert told((PYTHON, start)) == [told_line]
 
 
+@pytest.mark.parametrize(
+    ("first_line", "end"),
+    [
+        ("#!/opt/none/python3\n", "'./prog' with #!/opt/none/python3. Install it, or correct the first line of prog."),
+        ("#!/usr/bin/env no-such-interpreter\n",
+         "'./prog' with #!/usr/bin/env no-such-interpreter. Install it, or correct the first line of prog."),
+        ("#!/usr/bin/env -S no-such-interpreter -u\n",
+         "'./prog' with #!/usr/bin/env -S no-such-interpreter -u. Install it, or correct the first line of prog."),
+        ("#!/bin/sh\r\n", "'./prog' with #!/bin/sh. The lines of prog end as on Windows; run: sed -i 's/\\r$//' prog"),
+        ("#!\n", "'./prog' with #!. Name one in the first line of prog, for example #!/bin/sh."),
+    ],
+)  # fmt: skip
+def test_a_script_without_its_interpreter_is_a_problem(agent_files, tmp_path, told, first_line, end):
+    (tmp_path / "prog").write_bytes(first_line.encode())
+    (line,) = told((PYTHON, "{command: [./prog]}"))
+    assert line == f"{PLACE}.command[0]: expected a script whose interpreter is there, was {end}"
+
+
+@pytest.mark.parametrize(
+    "first_line", ["#!/usr/bin/env sh", "#!/usr/bin/env -S A=1 sh -e", "#! /bin/sh -e", "#!./prog2"]
+)
+def test_a_script_with_its_interpreter_is_accepted(agent_files, tmp_path, scenario_file, first_line):
+    (tmp_path / "prog").write_text(f"{first_line}\n")
+    (tmp_path / "prog2").write_text("#!/bin/sh\n")
+    (tmp_path / "prog2").chmod(0o755)
+    assert load_scenario(scenario_file((PYTHON, "{command: [./prog]}"))).scenario.agents[0].start
+
+
 def test_bundled_scenarios_and_agents_are_found_by_name():
     assert {"warehouse_empty", "tiny_room"} <= set(bundled_scenarios())
     assert bundled_agents()["dung_beetle"].name == "agent.py"

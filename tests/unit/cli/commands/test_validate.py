@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from gslcosim.cli import machine_checks
 from gslcosim.cli.main import main
 from gslcosim.scenario import Scenario, load_scenario
 
@@ -82,3 +83,39 @@ def test_problems_of_places_and_others_come_together(capsys):
     assert [line.partition(": expected")[0] for line in lines[1:]] == [
         "--set: agents[0].sensors[0].model", "--set: gas.sources[0].position_m", "--set: name"
     ]  # fmt: skip
+
+
+CAMERAS = ["agents[0].sensors[0]={model: camera, name: eye}", "agents[0].sensors[1]={model: depth_camera, name: depth}"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["validate", "up"])
+def test_cameras_where_nothing_draws_are_problems_of_the_scenario(capsys, monkeypatch, command):
+    """With a screen's driver chosen there is neither EGL nor OSMesa."""
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "glx")
+    changes = [f"--set={change}" for change in (*CAMERAS, "agents[0].start={attach: true}")]
+    assert main([command, "tiny_room", *changes]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(", was")[0] for line in lines[1:]] == [
+        f"--set: agents[0].sensors[{i}].model: expected no {model} on a machine without EGL and OSMesa, which draw its "
+        "pictures"
+        for i, model in enumerate(("camera", "depth_camera"))
+    ]
+    assert "apt-get install" in lines[1]
+
+
+def test_a_driver_that_crashes_is_told(monkeypatch):
+    monkeypatch.setattr(machine_checks.sys, "executable", "false")
+    assert machine_checks.why_nothing_can_be_drawn() == "The driver crashed; `gslcosim doctor` tells more."
+
+
+@pytest.mark.parametrize("command", ["validate", "up"])
+def test_vehicles_that_start_within_each_other_and_programs_are_told_together(capsys, command):
+    changes = [
+        "agents[1].vehicle.start_m=[3, 3, 0.2]", "agents[0].vehicle.start_m=[3.1, 3, 0.2]",
+        "agents[0].start={command: [no-such-program]}",
+    ]  # fmt: skip
+    assert main([command, "swarm_tiny", *(f"--set={change}" for change in changes)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert "--set: agents[1].vehicle.start_m: expected at least 0.14 m" in "\n".join(lines)
+    assert "--set: agents[0].start.command[0]: expected a program on the PATH" in "\n".join(lines)
