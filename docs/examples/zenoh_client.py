@@ -39,13 +39,23 @@ publisher = session.declare_publisher(
     congestion_control=zenoh.CongestionControl.BLOCK,
     express=True,
 )
+
+
+# A link that is lost is the end as well.
+def on_transport(event) -> None:  # noqa: ANN001
+    """Note that the router is gone."""
+    if event.kind == zenoh.SampleKind.DELETE:
+        inbox.put(("lost", b""))
+
+
+held.append(session.info.declare_transport_events_listener(on_transport))
 held.append(session.liveliness().declare_token(f"{home}/alive"))
 
 # 4. Answer each observation that awaits a command; one that comes again gets the same bytes again.
 height_m, answered_tick, answer = 0.0, -1, b""
 while True:
     kind, payload = inbox.get()
-    if kind == "ending":
+    if kind in ("ending", "lost"):
         break
     message = msgpack.unpackb(payload)
     if kind == "briefing":

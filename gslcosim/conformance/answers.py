@@ -8,6 +8,7 @@ from typing import Any
 
 import msgpack
 
+from gslcosim.conformance.diagnosis import remedy_of_bytes, remedy_of_fields, remedy_of_refusal, start_of
 from gslcosim.contract import codec
 from gslcosim.contract.commands import AGENT_KINDS
 from gslcosim.contract.compatibility import check_contract
@@ -22,11 +23,12 @@ SANE_MIN, SANE_MAX = 1e-9, 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """What is wrong with something the agent sent."""
+    """What is wrong with something the agent sent; `remedy` says more than that of the rule, where more is known."""
 
     rule: str
     expected: str
     got: str
+    remedy: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +61,10 @@ def read_answer(payload: bytes) -> Answer:
     try:
         fields = _unpacked(payload)
     except ContractError as error:
-        expected = "a msgpack map with texts as keys"
-        return Answer(problem=Problem(rule="encoding", expected=expected, got=str(error)), payload=payload)
+        expected = "one msgpack map with texts as keys, each once"
+        remedy = remedy_of_bytes(payload, str(error))
+        problem = Problem(rule="encoding", expected=expected, got=str(error), remedy=remedy)
+        return Answer(problem=problem, payload=payload)
     tick = fields.get("tick")
     read = Answer(tick=tick if type(tick) is int else None, payload=payload)
     problem = _contract_problem(fields) or _integer_problem(tick) or _finite_problem(fields)
@@ -75,17 +79,36 @@ def refused_answer(text: str) -> Answer:
     """Return what the gateway could not even read, judged by its text."""
     is_size = "expected at most" in text or "expected a line of at most" in text
     expected = text.partition("expected ")[2].partition(", was")[0] or "one command"
-    return Answer(problem=Problem(rule="size" if is_size else "encoding", expected=expected, got=_cut(text)))
+    rule = "size" if is_size else "encoding"
+    remedy = "" if is_size else remedy_of_refusal(text)
+    return Answer(problem=Problem(rule=rule, expected=expected, got=_cut(text), remedy=remedy))
 
 
 def _unpacked(payload: bytes) -> dict[str, Any]:
     try:
-        fields = msgpack.unpackb(payload, raw=False, strict_map_key=True)
-    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
-        raise ContractError(f"{len(payload)} bytes starting {_start(payload)} ({_cut(str(error))})") from error
-    if not isinstance(fields, dict):
-        raise ContractError(f"msgpack of a {type(fields).__name__}, {_cut(repr(fields))}, not of a map")
+        return _with_text_keys(codec.unpack_foreign("Command", payload, has_lists=True))
+    except ContractError as error:
+        value = _value(payload)
+        if value is not None and not isinstance(value, dict):
+            raise ContractError(f"msgpack of a {type(value).__name__}, {_cut(repr(value))}, not of a map") from error
+        said = _cut(str(error).removeprefix("Command: "))
+        raise ContractError(said if value is not None else f"bytes starting {start_of(payload)}: {said}") from error
+
+
+# Bytes as keys are no text: a run finds none of the keys that it looks for.
+def _with_text_keys(fields: dict[Any, Any]) -> dict[str, Any]:
+    bytes_key = next((key for key in fields if isinstance(key, bytes)), None)
+    if bytes_key is not None:
+        raise ContractError(f"the key {bytes_key!r} as bytes (bin), not as text (str)")
     return fields
+
+
+# What the bytes say, whatever else is wrong with them; None where they say nothing.
+def _value(payload: bytes) -> object:
+    try:
+        return msgpack.unpackb(payload, raw=False, strict_map_key=False)
+    except (ValueError, TypeError, RecursionError, msgpack.UnpackException):
+        return None
 
 
 def _contract_problem(fields: dict[str, Any]) -> Problem | None:
@@ -114,12 +137,12 @@ def _finite_problem(fields: dict[str, Any]) -> Problem | None:
 
 def _command(payload: bytes, fields: dict[str, Any]) -> tuple[Command | None, Problem | None]:
     try:
-        command = codec.decode(Command, payload)
+        command = codec.decode_foreign(Command, payload)
     except ContractError as error:
         got = str(error)
         is_raw = isinstance(fields.get("position_world_m"), bytes | dict)
         hint = " A position is a list of three numbers, not an array of bytes." if is_raw else ""
-        return None, Problem(rule="schema", expected="a valid Command", got=got + hint)
+        return None, Problem(rule="schema", expected="a valid Command", got=got + hint, remedy=remedy_of_fields(fields))
     if command.kind == "failed":
         expected = f"kind {', '.join(AGENT_KINDS[:-1])} or {AGENT_KINDS[-1]}"
         return None, Problem(rule="schema", expected=expected, got="kind 'failed', which only the runtime writes")
@@ -167,12 +190,6 @@ def _kind(value: object) -> str:
     return {"float": "real number", "str": "text", "bool": "truth value"}.get(
         type(value).__name__, type(value).__name__
     )
-
-
-def _start(payload: bytes) -> str:
-    shown = payload[:16].hex()
-    is_text = payload[:16].isascii() and payload[:1].isascii() and payload[:16].decode(errors="replace").isprintable()
-    return f"{shown} ({payload[:16].decode()!r} as text)" if payload and is_text else shown
 
 
 def _cut(text: str) -> str:

@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 from gslcosim.conformance.rules import RULES, Rule
@@ -16,13 +17,17 @@ _INDENT = " " * 16
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """One break of a rule: in which flight, what was sent to the agent, what was expected of it, and what came."""
+    """One break of a rule: in which flight, what was sent to the agent, what was expected of it, and what came.
+
+    `remedy` is what to change, where more is known than what the rule says of all its breaks.
+    """
 
     rule: str
     flight: str
     sent: str
     expected: str
     got: str
+    remedy: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +44,7 @@ class Finding:
         fields: dict[str, Any] = {"id": self.rule.id, "sentence": self.rule.sentence, "status": self.status}
         if self.failure is not None:
             fields |= {name: value for name, value in vars(self.failure).items() if name != "rule"}
-            fields["remedy"] = self.rule.remedy
+            fields["remedy"] = self.failure.remedy or self.rule.remedy
         if self.note:
             fields["note"] = self.note
         return fields
@@ -50,7 +55,7 @@ class Finding:
         if self.note:
             lines[0] += f" ({self.note})"
         if self.failure is not None:
-            parts = {**vars(self.failure), "remedy": self.rule.remedy}
+            parts = {**vars(self.failure), "remedy": self.failure.remedy or self.rule.remedy}
             for name in ("flight", "sent", "expected", "got", "remedy"):
                 lines += _wrapped(f"      {name:<10}", str(parts[name]))
         return lines
@@ -101,7 +106,11 @@ class CheckReport:
 
 
 def findings_of(
-    door: str, failures: Mapping[str, Failure], unjudged: Mapping[str, str], notes: Mapping[str, str]
+    door: str,
+    failures: Mapping[str, Failure],
+    unjudged: Mapping[str, str],
+    notes: Mapping[str, str],
+    beyond: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[Finding, ...]:
     """Return one finding for each rule.
 
@@ -110,8 +119,14 @@ def findings_of(
         failures: The breaks by rule.
         unjudged: Why a rule was not judged, by rule; a break goes first.
         notes: Worth knowing about a rule that was kept.
+        beyond: Why a rule cannot be judged on this machine at all, by rule.
     """
-    return tuple(_finding(rule, door, failures, unjudged, notes) for rule in RULES.values())
+    return tuple(
+        Finding(rule=rule, status="not_applicable", note=beyond[rule.id])
+        if rule.id in beyond
+        else _finding(rule, door, failures, unjudged, notes)
+        for rule in RULES.values()
+    )
 
 
 def _finding(

@@ -40,11 +40,19 @@ class FlightLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class Script:
-    """What is played: under which name, with which seed, and what is special."""
+    """What is played: under which name, with which seed, and what is special.
+
+    `start_s` is how long the agent may need to start, where it does not show that it has [s].
+    """
 
     name: str
     seed: int
     variation: Variation = "plain"
+    start_s: float = 0.0
+
+    def exit_within_s(self, limits: FlightLimits) -> float:
+        """Return how long after it was told the end the agent has to exit [s]."""
+        return limits.exit_s + self.start_s
 
 
 @dataclass
@@ -90,6 +98,7 @@ class Transcript:
     is_given_up: bool = False
     end_told_at_s: float | None = None
     last_words: str = ""
+    left_over: tuple[str, ...] = ()
 
     def answers_to(self, question: Question) -> list[Arrival]:
         """Return the valid commands with a question's tick; none if the first came only when it was no longer open."""
@@ -133,6 +142,7 @@ class Flight:
                 self._end()
         finally:
             transcript.last_words = self._wire.stop()
+            transcript.left_over = self._wire.left_over
         return transcript
 
     def _fly(self) -> None:
@@ -163,7 +173,8 @@ class Flight:
             else:
                 ending = Ending(tick=max(transcript.told_ticks, default=0), reason=END_REASON)
                 self._wire.end(ending, self._payload(ending))
-            self._await(lambda: transcript.exited_at_s is not None, self._limits.exit_s)
+            limit_s = transcript.script.exit_within_s(self._limits)
+            self._await(lambda: transcript.exited_at_s is not None, limit_s)
         elif transcript.exited_at_s is None:
             self._await(lambda: transcript.exited_at_s is not None, self._limits.settle_s)
 

@@ -34,6 +34,9 @@ def flight_failures(transcript: Transcript, limits: FlightLimits) -> dict[str, F
     found: dict[str, Failure] = {}
     for failure in _in_order(transcript, limits):
         found.setdefault(failure.rule, failure)
+    if transcript.left_over:
+        got = f"{', '.join(transcript.left_over)}, which the check has ended"
+        found |= _one(transcript, "leaves-nothing", sent="", expected="no process of it after its end", got=got)
     return found
 
 
@@ -43,8 +46,10 @@ def ending_failures(transcript: Transcript, limits: FlightLimits) -> dict[str, F
         return {}
     sent = "Ending" if transcript.script.variation != "lost link" else "nothing; the link was cut"
     if transcript.exited_at_s is None:
-        got = f"it still runs {limits.exit_s:g} s later, and was ended by force"
-        return _one(transcript, "ending", sent=sent, expected=f"an exit within {limits.exit_s:g} s", got=got)
+        limit_s, start_s = transcript.script.exit_within_s(limits), transcript.script.start_s
+        starting = f" ({start_s:.1f} s of them to start, as before)" if start_s else ""
+        expected, got = f"an exit within {limit_s:.3g} s{starting}", f"it still runs {limit_s:.3g} s later"
+        return _one(transcript, "ending", sent=sent, expected=expected, got=f"{got}, and was ended by force")
     if transcript.exit_code:
         got = exit_text(transcript.exit_code) + _words(transcript)
         return _one(transcript, "exit-code", sent=sent, expected="exit code 0", got=got)
@@ -159,7 +164,9 @@ def _question_failures(transcript: Transcript, question: Question, limits: Fligh
     for arrival in (*answers[:1], *others):
         if problem := arrival.answer.problem:
             got = _with_fault(problem.got, arrival)
-            yield _failure(transcript, problem.rule, sent=sent, expected=problem.expected, got=got)
+            yield _failure(
+                transcript, problem.rule, sent=sent, expected=problem.expected, got=got, remedy=problem.remedy
+            )
     if answers:
         waited_s = answers[0].at_s - question.sent_at_s
         if waited_s > limits.answer_s:
@@ -183,8 +190,8 @@ def _unasked_failures(transcript: Transcript) -> Iterator[Failure]:
     for arrival in transcript.arrivals:
         answer = arrival.answer
         if arrival.open_tick is None and answer.problem is not None:
-            got = _with_fault(answer.problem.got, arrival)
-            yield _failure(transcript, answer.problem.rule, sent="", expected=answer.problem.expected, got=got)
+            problem, got = answer.problem, _with_fault(answer.problem.got, arrival)
+            yield _failure(transcript, problem.rule, sent="", expected=problem.expected, got=got, remedy=problem.remedy)
         elif answer.command is not None and answer.tick not in asked and arrival.open_tick in {None, *answered}:
             sent = (
                 "the briefing"
@@ -252,9 +259,9 @@ def _one(transcript: Transcript, rule: str, *, sent: str, expected: str, got: st
     return {rule: _failure(transcript, rule, sent=sent, expected=expected, got=got)}
 
 
-def _failure(transcript: Transcript, rule: str, *, sent: str, expected: str, got: str) -> Failure:
+def _failure(transcript: Transcript, rule: str, *, sent: str, expected: str, got: str, remedy: str = "") -> Failure:
     sent = sent or "the briefing and observations"
-    return Failure(rule=rule, flight=transcript.script.name, sent=sent, expected=expected, got=got)
+    return Failure(rule=rule, flight=transcript.script.name, sent=sent, expected=expected, got=got, remedy=remedy)
 
 
 def _as(rule: str, failure: Failure) -> Failure:
@@ -264,6 +271,7 @@ def _as(rule: str, failure: Failure) -> Failure:
         sent=failure.sent,
         expected=failure.expected,
         got=f"{failure.got} ({failure.rule})",
+        remedy=failure.remedy,
     )
 
 

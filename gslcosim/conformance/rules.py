@@ -140,6 +140,12 @@ _ALL = (
         remedy="Let the program return normally; another code says that it failed.",
     ),
     Rule(
+        id="leaves-nothing",
+        sentence="leaves no process behind when it has ended",
+        remedy="End each program that it has started, and wait for it; a run ends with the agent what the agent "
+        "started, be it by setsid, nohup or two forks.",
+    ),
+    Rule(
         id="restart",
         sentence="starts and flies a second time",
         remedy="Leave nothing behind that stands in the way of the next start: lock files, fixed ports, half files.",

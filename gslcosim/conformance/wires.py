@@ -6,6 +6,7 @@ from gslcosim.agent_kit.framed import AGENT_VARIABLE
 from gslcosim.bus.port import Join
 from gslcosim.bus.zenoh_bus import AgentUser, new_password
 from gslcosim.bus.zenoh_witness import ZenohWitness
+from gslcosim.conformance.orphans import Orphans
 from gslcosim.conformance.scripted_world import AGENT, OTHER_AGENT
 from gslcosim.conformance.wiring import AgentExited, AgentGivenUp, QuestionAsked, StrayCame, Wire, WireEvent, Wiring
 from gslcosim.contract import codec, keys
@@ -43,7 +44,7 @@ def open_wire(wiring: Wiring) -> Wire:
 
 
 class _Started:
-    """What both wires share: a private folder, the process, and its end as an event."""
+    """What both wires share: a private folder, the process, its end as an event, and what it leaves behind."""
 
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
@@ -52,6 +53,8 @@ class _Started:
         self.folder = self._scratch.path
         self.log = self.folder / "log"
         self.children = Children(lambda _, code: self.events.put(AgentExited(code)))
+        self.orphans = Orphans(str(self.folder))
+        self.left_over: tuple[str, ...] = ()
 
     def command(self) -> list[str]:
         program, *arguments = self.wiring.command
@@ -60,6 +63,7 @@ class _Started:
 
     def end_process(self) -> str:
         self.children.end()
+        self.left_over = self.orphans.end()
         lines = self.log.read_text(errors="replace").splitlines() if self.log.exists() else []
         self._scratch.close()
         return "\n".join(line[:200] for line in lines if line.strip()[:1] not in ("", "^", "~"))[-N_LAST_LINES * 200 :]
@@ -97,7 +101,9 @@ class ZenohWire(_Started):
             user=self._user.user,
             password=self._user.password,
         )
-        self.children.start(AGENT, self.command(), join=join, log=self.log, cwd=self.wiring.directory)
+        self.orphans.begin()
+        places = {"log": self.log, "cwd": self.wiring.directory}
+        self.children.start(AGENT, self.command(), join=join, variables=self.orphans.variables, **places)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Publish the briefing; see `AgentLink`."""
@@ -191,7 +197,8 @@ class GatewayWire(_Started):
 
     def start(self) -> None:
         """Start the agent, and listen for it where it connects; see `Wire`."""
-        variables = {AGENT_VARIABLE: AGENT}
+        self.orphans.begin()
+        variables = {AGENT_VARIABLE: AGENT, **self.orphans.variables}
         places = {"log": self.log, "cwd": self.wiring.directory}
         if self.wiring.door == "stdio":
             pipes = self.children.start_piped(AGENT, self.command(), variables=variables, **places)

@@ -89,11 +89,13 @@ class Wire(AgentLink, Protocol):
     """One start of an agent, and the link to it. `events` holds what it does, in order.
 
     Payloads need not be those of a run: a check may add to them. `repeat` sends briefing and last question again,
-    whatever the link; `joins_by_start` says that an agent joins by being started, without a word of its own.
+    whatever the link; `joins_by_start` says that an agent joins by being started, without a word of its own;
+    `left_over`, after `stop`, are processes that had outlived the agent.
     """
 
     events: "queue.SimpleQueue[WireEvent]"
     joins_by_start: bool
+    left_over: tuple[str, ...]
 
     def start(self) -> None:
         """Start the agent's process."""

@@ -1,7 +1,9 @@
 """Messages to msgpack bytes or JSON text and back, with errors that say what was expected."""
 
 import base64
+import contextlib
 import json
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, cast, get_args
 
@@ -17,6 +19,8 @@ MAJOR_VERSION = 1
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
+# How deep lists and maps of a foreign message may lie in each other; those of a command lie four deep.
+MAX_LEVELS = 32
 
 
 def encode(message: Message) -> bytes:
@@ -34,6 +38,85 @@ def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = M
     if len(payload) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(payload)}.")
     return from_fields(message_type, _unpack_map(name, payload))
+
+
+def decode_foreign(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
+    """Return the message in a payload that a foreign process wrote; see `unpack_foreign` for what is refused beside.
+
+    Raises:
+        ContractError: as `decode`; or a key is there twice, or lists and maps are too deep.
+    """
+    name = message_type.__name__
+    if len(payload) > max_bytes:
+        raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(payload)}.")
+    return from_fields(message_type, unpack_foreign(name, payload))
+
+
+def unpack_foreign(name: str, payload: bytes, *, has_lists: bool = False) -> dict[str, Any]:
+    """Return the map in a payload that a foreign process wrote.
+
+    Each key is there once, and lists and maps are at most `MAX_LEVELS` deep. Our own services write neither, and are
+    not asked: looking costs time.
+
+    Args:
+        name: What the map is, for the error.
+        payload: One msgpack map.
+        has_lists: Whether arrays become lists, as of JSON, and not tuples, as messages have them.
+
+    Raises:
+        ContractError: it is not one msgpack map, or breaks one of the two rules.
+    """
+    fields = _unpack_map(name, payload, has_lists=has_lists, object_pairs_hook=_unique_keys)
+    check_levels(name, fields)
+    return fields
+
+
+def load_json_foreign(name: str, text: str) -> Any:
+    """Return the value in a JSON text that a foreign process wrote; the rules of `unpack_foreign` hold.
+
+    Raises:
+        ContractError: a key is there twice, or lists and objects are too deep.
+        ValueError: it is not JSON.
+    """
+    try:
+        value = json.loads(text, object_pairs_hook=_unique_keys)
+    except _KeyTwiceError as error:
+        raise ContractError(f"{name}: {error}") from error
+    check_levels(name, value)
+    return value
+
+
+def check_levels(name: str, value: object) -> None:
+    """Check how deep the lists and maps of a value lie in each other.
+
+    Raises:
+        ContractError: deeper than `MAX_LEVELS`.
+    """
+    level = [value]
+    for _ in range(MAX_LEVELS):
+        level = [item for outer in level if isinstance(outer, dict | list | tuple) for item in _items(outer)]
+        if not level:
+            return
+    if any(isinstance(item, dict | list | tuple) for item in level):
+        raise ContractError(f"{name}: expected lists and maps at most {MAX_LEVELS} deep, were deeper.")
+
+
+def _items(outer: Any) -> Iterable[object]:
+    return outer.values() if isinstance(outer, dict) else outer  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
+
+
+class _KeyTwiceError(ValueError):
+    pass
+
+
+# Which of two counts differs from reader to reader: Python takes the last, others the first.
+def _unique_keys(pairs: list[tuple[Any, object]]) -> dict[Any, object]:
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise _KeyTwiceError(f"expected each key once, was {_short(twice)} {keys.count(twice)} times.")
+    return fields
 
 
 def encode_json(message: Message) -> bytes:
@@ -92,14 +175,16 @@ def _paths_of_bytes(record: type[BaseModel]) -> tuple[tuple[str, ...], ...]:
 
 
 def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
-    """Return the message in a JSON object; the same rules hold as for msgpack.
+    """Return the message in a JSON object that a foreign process wrote; the rules are those of `decode_foreign`.
 
     Raises:
-        ContractError: too large, not UTF-8, not a JSON object, or not what the message's schema says.
+        ContractError: too large, not UTF-8, not a JSON object, a key is there twice, or not what the schema says.
     """
     name = message_type.__name__
     if len(text) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(text)}.")
+    with contextlib.suppress(ValueError, RecursionError):  # no JSON is told below, with the reader's words
+        load_json_foreign(name, text.decode())
     try:
         return message_type.model_validate_json(text)
     except ValidationError as error:
@@ -112,12 +197,12 @@ def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int =
 
 
 def peek_tick(payload: bytes) -> int:
-    """Return the tick of a message without judging the rest of it.
+    """Return the tick of a foreign message without judging the rest of it.
 
     Raises:
-        ContractError: not a msgpack map with an integer `tick`.
+        ContractError: not a msgpack map that `unpack_foreign` takes, with an integer `tick`.
     """
-    tick = _unpack_map("message", payload).get("tick")
+    tick = unpack_foreign("message", payload).get("tick")
     if type(tick) is not int:
         raise ContractError(f"message: tick: expected an integer, was {_short(tick)}.")
     return tick
@@ -146,7 +231,7 @@ def peek_observation(payload: bytes) -> ObservationHead:
 def peek_contract(payload: bytes) -> str | None:
     """Return what an agent's command says about its contract, without judging the rest; None when it says nothing."""
     try:
-        told = _unpack_map("message", payload).get("contract")
+        told = unpack_foreign("message", payload).get("contract")
     except ContractError:
         return None
     return told if isinstance(told, str) else None
@@ -169,9 +254,11 @@ def encoding_of(message_type: type[Message]) -> str:
     return f"application/msgpack;gslcosim.{message_type.__name__}/{MAJOR_VERSION}"
 
 
-def _unpack_map(name: str, payload: bytes) -> dict[str, Any]:
+def _unpack_map(name: str, payload: bytes, *, has_lists: bool = False, **hooks: Any) -> dict[str, Any]:
     try:
-        fields = _msgpack.unpackb(payload, raw=False, strict_map_key=True, use_list=False)
+        fields = _msgpack.unpackb(payload, raw=False, strict_map_key=True, use_list=has_lists, **hooks)
+    except _KeyTwiceError as error:
+        raise ContractError(f"{name}: {error}") from error
     except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
         raise ContractError(
             f"{name}: expected a msgpack map, was {len(payload)} bytes starting {payload[:16].hex()} ({error})."

@@ -5,7 +5,6 @@ line, in UTF-8, ended by a line feed. What the gateway sends is a message's map 
 its type. What an agent sends is a `Command`'s map.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, cast
@@ -24,6 +23,7 @@ MAX_SKIPPED_BYTES = 128 * 1024 * 1024
 MESSAGE_KEY = "message"
 _LINE_FEED = b"\n"
 _MAX_SMALL_MAP = 15
+_HEADS_OF_MAPS = (*range(0x80, 0x90), 0xDE, 0xDF)
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
 
@@ -167,17 +167,12 @@ def fields_of_frame(frame_format: FrameFormat, frame: bytes) -> dict[str, Any]:
     """Return the map in a frame.
 
     Raises:
-        ContractError: it is not one object of JSON, or not one msgpack map with texts as keys.
+        ContractError: it is not one object of JSON, or not one msgpack map with texts as keys; a key is there twice; or
+            lists and maps are too deep.
     """
     if frame_format == "json":
-        return _fields_of_line(frame)
-    try:
-        fields: Any = _msgpack.unpackb(frame, raw=False, strict_map_key=True)
-    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
-        raise ContractError(f"expected a msgpack map, was {_start_of(frame)} ({error}).") from error
-    if not isinstance(fields, dict):
-        raise ContractError(f"expected a msgpack map, was {type(fields).__name__}.")
-    return cast(dict[str, Any], fields)
+        return _fields_of_line("frame", frame)
+    return codec.unpack_foreign("frame", frame, has_lists=True)
 
 
 def payload_of_frame(frame_format: FrameFormat, frame: bytes) -> bytes:
@@ -186,11 +181,12 @@ def payload_of_frame(frame_format: FrameFormat, frame: bytes) -> bytes:
     A msgpack frame is passed on as it is; an object of JSON becomes the same map in msgpack.
 
     Raises:
-        ContractError: it is not one object of JSON, or holds a number or text that msgpack cannot.
+        ContractError: it is not one object of JSON, has a key twice, is too deep, or holds a number or text that
+            msgpack cannot.
     """
     if frame_format == "msgpack":
         return frame
-    fields = codec.with_bytes(Command, _fields_of_line(frame))
+    fields = codec.with_bytes(Command, _fields_of_line("Command", frame))
     try:
         return _msgpack.packb(fields, use_bin_type=True)
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
@@ -207,10 +203,15 @@ def agent_of_payload(payload: bytes) -> str | None:
     return name if isinstance(name, str) else None
 
 
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
 # NaN and Infinity, which Python's parser takes although JSON has none, are left to the door: it names the field.
-def _fields_of_line(line: bytes) -> dict[str, Any]:
+def _fields_of_line(name: str, line: bytes) -> dict[str, Any]:
+    if line.startswith(_BYTE_ORDER_MARK):
+        raise ContractError(f"expected a line in UTF-8 without a byte order mark, was {_start_of(line)}.")
     try:
-        fields: Any = json.loads(line.decode())
+        fields = codec.load_json_foreign(name, line.decode())
     except UnicodeDecodeError as error:
         raise ContractError(f"expected a line in UTF-8, was {_start_of(line)} ({error.reason}).") from error
     except (ValueError, RecursionError) as error:
@@ -243,7 +244,12 @@ def _bad_length(length: int, header: bytes) -> str:
     text = f"expected the length of a frame in 4 bytes, big-endian, at most {MAX_SKIPPED_BYTES}, was {length}."
     if length == 0 or not all(0x20 <= byte < 0x7F or byte in b"\t\r\n" for byte in header):
         little = int.from_bytes(header, "little")
-        return f"{text} As little-endian it is {little}." if little <= MAX_FRAME_BYTES else text
+        if little <= MAX_FRAME_BYTES:
+            return f"{text} As little-endian it is {little}."
+        is_map = header[0] in _HEADS_OF_MAPS
+        return (
+            f"{text} Its bytes {header.hex()} begin a msgpack map: is the length before it missing?" if is_map else text
+        )
     hint = "Is it JSON? Then set format: json." if header.lstrip()[:1] == b"{" else "Only commands belong here."
     return f"{text} It is the text {header.decode()!r}. {hint}"
 

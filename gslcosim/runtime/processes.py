@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol, cast
 
 from gslcosim.bus.port import JOIN_VARIABLE, Join
@@ -76,7 +77,16 @@ class Children:
     def __exit__(self, *_: object) -> None:
         self.end()
 
-    def start(self, name: str, command: Sequence[str], *, join: Join, log: Path, cwd: Path | None = None) -> None:
+    def start(
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        join: Join,
+        log: Path,
+        cwd: Path | None = None,
+        variables: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         """Start a process with its join data; its output goes to a log file, and its end is reported at once.
 
         Raises:
@@ -86,7 +96,7 @@ class Children:
             self._start(
                 name,
                 command,
-                {JOIN_VARIABLE: join.model_dump_json(exclude_none=True)},
+                {JOIN_VARIABLE: join.model_dump_json(exclude_none=True), **variables},
                 cwd,
                 streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT),
             )

@@ -36,7 +36,7 @@ def schema_of(message):
 def forms_of(case):
     """Return each form of a case with the function that reads it."""
     if "msgpack" in case:
-        yield codec.decode, bytes.fromhex(case["msgpack"])
+        yield codec.decode_foreign, bytes.fromhex(case["msgpack"])
     if "json" in case:
         yield codec.decode_json, case["json"].encode()
     if "json_hex" in case:
@@ -102,7 +102,7 @@ def test_the_schema_finds_what_the_vectors_say_it_finds(message, case):
 
 def through_the_gateway(text):
     """Return the command in a line of JSON, on the way that it takes in a run."""
-    return codec.decode(TYPES["Command"], framing.payload_of_frame("json", text))
+    return codec.decode_foreign(TYPES["Command"], framing.payload_of_frame("json", text))
 
 
 @pytest.mark.parametrize(("message", "case"), [case for case in vectors("accept") if case.values[0] == "Command"])

@@ -23,8 +23,11 @@ OVER_PIPES = {
     "thread_left_over": (["ending"], "it still runs 2 s later"),
     "ignores_stream_end": (["stream-end"], "it still runs 2 s later"),
     "exits_with_3": (["exit-code"], "ended with exit code 3"),
-    "waits_for_a_question": (["early-ending"], "it still runs 2 s later"),
+    "waits_for_a_question": (["early-ending"], "s later, and was ended by force"),
     "lock_file": (["restart"], "running.lock"),
+    "leaves_a_daemon": (["leaves-nothing"], "sleep 1000 (process "),
+    "key_twice": (["encoding"], "expected each key once, was 'tick' 2 times"),
+    "without_length": (["encoding"], "is the length before it missing?"),
     "tick_plus_one": (["tick"], '"tick":5'),
     "tick_minus_one": (["tick"], '"tick":3'),
     "tick_counted": (["tick"], '"tick":0'),
@@ -64,8 +67,12 @@ IN_JSON = {
     "tick_float": (["integers"], "tick 4.0, a real number"),
     "prints": (["encoding"], "deciding for tick 4"),
     "two_objects_on_a_line": (["encoding"], "Extra data"),
+    "key_twice": (["encoding"], "expected each key once, was 'tick' 2 times"),
+    "in_latin_1": (["encoding"], "expected a line in UTF-8"),
 }
 OVER_ZENOH = {
+    "leaves_a_daemon": (["leaves-nothing"], "sleep 1000 (process "),
+    "key_twice": (["encoding"], "expected each key once, was 'tick' 2 times"),
     "not_msgpack": (["encoding"], "c120676172"),
     "huge": (["size"], "8000"),
     "floods": (["flood"], "messages, and then the check gave up"),
@@ -90,7 +97,12 @@ CASES = {
     **{(name, "stdio", "json"): IN_JSON[name] for name in IN_JSON},
     **{(name, "zenoh", "msgpack"): OVER_ZENOH[name] for name in OVER_ZENOH},
 }
-RIGHT = [("right", "stdio", "msgpack"), ("right", "stdio", "json"), ("right", "zenoh", "msgpack")]
+RIGHT = [
+    ("right", "stdio", "msgpack"),
+    ("right", "stdio", "json"),
+    ("right", "zenoh", "msgpack"),
+    ("waits_for_its_helper", "stdio", "msgpack"),
+]
 # A check mostly waits: for processes, deadlines and exits.
 N_AT_ONCE = 5
 

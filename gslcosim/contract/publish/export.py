@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from gslcosim.contract.codec import MAX_LEVELS
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.publish.asyncapi import asyncapi_yaml
 from gslcosim.contract.publish.vectors import vectors_of
@@ -26,6 +27,8 @@ In a vectors file `msgpack` is hexadecimal and `json` is text; both say what `fi
 Where `canonical` is true they are exactly what gslcosim writes; the others are what a reader has to accept as well.
 `schema_refuses` tells whether the JSON Schema already finds what is wrong.
 In `fields` and in JSON, bytes are base64 text.
+
+In what an agent writes each key is there once, and lists and maps are at most {MAX_LEVELS} deep.
 
 An agent meets four messages: `Briefing`, `Observation`, `Command` and `Ending`; the others are between services.
 """

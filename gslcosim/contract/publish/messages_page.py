@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.channels import CHANNELS, Channel
+from gslcosim.contract.codec import MAX_LEVELS
 from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
 from gslcosim.contract.schema import message_types
 
@@ -24,6 +25,7 @@ _HEAD = f"""# Keys and messages, contract {CONTRACT_VERSION}
 A message is a msgpack map with string keys; its encoding header is `application/msgpack;gslcosim.<Message>/1`.
 Reals are float64, or whole numbers where a language has no others; NaN and infinity are refused.
 Unknown keys are ignored; a key with a default may be absent; a changed meaning gets a new name.
+In a command each key is there once, and lists and maps are at most {MAX_LEVELS} deep.
 [notation.md](notation.md) has frames, units and words.
 The same for programs, as JSON Schema, AsyncAPI and golden bytes, is in [agents/contract](../agents/contract/README.md).
 """
@@ -72,9 +74,7 @@ def _section(record: type[Record] | type[NumericArray]) -> str:
 
 def _row(name: str, field: FieldInfo) -> str:
     default = "" if field.is_required() else f"`{json.dumps(field.default)}`".replace("null", "nil")
-    limits = "".join(f", {text}" for text in _limits(tuple(field.metadata)))
-    if typing.get_origin(field.annotation) is tuple:
-        limits = limits.replace("characters", "items")
+    limits = "".join(f", {text}" for text in _limits(field.annotation, tuple(field.metadata)))
     return f"| `{name}` | {_type_text(field.annotation)}{limits} | {default} |"
 
 
@@ -95,7 +95,7 @@ def _parts(found: tuple[type[Message], ...]) -> list[type[Record] | type[Numeric
 def _type_text(annotation: Any) -> str:
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
-        return "".join([_type_text(arguments[0]), *(f", {text}" for text in _limits(arguments[1:]))])
+        return "".join([_type_text(arguments[0]), *(f", {text}" for text in _limits(arguments[0], arguments[1:]))])
     if origin is typing.Literal:
         return " or ".join(f"`{value}`" for value in arguments)
     if origin in (typing.Union, types.UnionType):
@@ -125,14 +125,17 @@ _LIMIT_WORDS = {
     "le": "at most {}",
     "lt": "below {}",
     "pattern": "`{}`",
-    "max_length": "at most {} characters",
+    "min_length": "at least {} {counted}",
+    "max_length": "at most {} {counted}",
 }
 
 
-def _limits(metadata: tuple[Any, ...]) -> list[str]:
+def _limits(annotation: Any, metadata: tuple[Any, ...]) -> list[str]:
+    counted = "items" if typing.get_origin(annotation) is tuple else "characters"
     flat = [item for entry in metadata for item in (getattr(entry, "metadata", None) or [entry])]
     texts = [(words, getattr(item, name, None)) for item in flat for name, words in _LIMIT_WORDS.items()]
-    return [words.format(value) for words, value in texts if value is not None]
+    said = [words.format(value, counted=counted) for words, value in texts if value is not None]
+    return [text.replace(" 1 items", " 1 item") for text in said]
 
 
 if __name__ == "__main__":

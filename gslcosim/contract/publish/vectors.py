@@ -14,7 +14,7 @@ from typing import Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import CONTRACT_VERSION, Message
+from gslcosim.contract.messages import CONTRACT_VERSION, Command, Message
 from gslcosim.contract.publish.examples import EXAMPLES
 
 # Without type stubs, so its functions are Any.
@@ -90,11 +90,33 @@ def rejected_of(message_type: type[Message]) -> Iterator[Rejected]:
         msgpack=(whole + b"\xc0").hex(),
         json=codec.encode_json(example).decode() + "{}",
     )
+    yield from _rejected_of_foreign(example)
     yield Rejected(name="no_map", reason="an array, not a map", schema_refuses=True, msgpack="9107", json="[7]")
     yield Rejected(name="nothing", reason="no bytes at all", schema_refuses=True, msgpack="", json="")
     yield Rejected(name="number_as_key", reason="keys are text", schema_refuses=True, msgpack="810707")
     yield Rejected(name="never_used_byte", reason="c1 begins nothing in msgpack", schema_refuses=True, msgpack="c1")
     yield Rejected(name="not_utf_8", reason="text is UTF-8", schema_refuses=True, msgpack="81a1ff07", json_hex="22ff22")
+
+
+# Only what agents write is looked at so closely: see `codec.unpack_foreign`.
+def _rejected_of_foreign(example: Message) -> Iterator[Rejected]:
+    if not isinstance(example, Command):
+        return
+    fields = example.model_dump()
+    twice: bytes = _msgpack.Packer(use_bin_type=True).pack_map_pairs([("tick", 8), *fields.items()])
+    yield Rejected(
+        name="key_twice",
+        reason="a key is there once",
+        schema_refuses=False,
+        msgpack=twice.hex(),
+        json='{"tick":8,' + codec.encode_json(example).decode()[1:],
+    )
+    nested: list[Any] = []
+    for _ in range(codec.MAX_LEVELS - 1):
+        nested = [nested]
+    reason = f"lists and maps are at most {codec.MAX_LEVELS} deep"
+    fault = _Fault(name="too_deep", reason=reason, change={"later": nested}, schema_refuses=False)
+    yield _rejected(fault, {**fields, **fault.change})
 
 
 # ---------------------------------------------------------------- other ways to write the same

@@ -128,7 +128,7 @@ class Door:
             return []
         try:
             self._check_contract(codec.peek_contract(payload))
-            command = codec.decode(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+            command = codec.decode_foreign(Command, payload, max_bytes=MAX_COMMAND_BYTES)
         except OtherContractError as error:
             return self.lost(str(error))
         except ContractError as error:
@@ -227,7 +227,7 @@ def _tick_of(payload: bytes) -> int | None:
 
 def _unreadable_text(payload: bytes) -> str:
     try:
-        codec.decode(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+        codec.decode_foreign(Command, payload, max_bytes=MAX_COMMAND_BYTES)
     except ContractError as error:
         return str(error)
     return "expected no command now (no observation awaits one), one came."

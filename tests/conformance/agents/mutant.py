@@ -6,6 +6,7 @@ import math
 import os
 import queue
 import struct
+import subprocess
 import sys
 import threading
 import time
@@ -269,6 +270,37 @@ class waits_for_a_question(RightAgent):
         return 0
 
 
+@mutant
+class slow_starter(RightAgent):
+    """Right, but it loads a large model first: longer than an agent has to exit."""
+
+    def prepare(self):
+        time.sleep(1.5)
+
+
+@mutant
+class leaves_a_daemon(RightAgent):
+    def prepare(self):
+        subprocess.Popen(["sleep", "1000"], start_new_session=True, stdin=-3, stdout=-3, stderr=-3)
+
+
+@mutant
+class leaves_a_nameless_daemon(RightAgent):
+    """Forked twice, and without an environment that could tell whose it is."""
+
+    def prepare(self):
+        program = "import os; os.fork() or (os.setsid(), os.execve('/bin/sleep', ['sleep', '1000'], {}))"
+        subprocess.run([sys.executable, "-c", program], check=True, stdin=-3, stdout=-3, stderr=-3)
+
+
+@mutant
+class waits_for_its_helper(RightAgent):
+    """Right: what it starts has ended before it."""
+
+    def end(self):
+        return subprocess.run(["true"], start_new_session=True, check=True).returncode
+
+
 # ---------------------------------------------------------------- what it sends
 
 
@@ -351,6 +383,29 @@ class position_as_big_endian_array(RightAgent):
 class not_msgpack(RightAgent):
     def reply(self, command):
         self.wire.send_bytes(b"\xc1 garbage")
+
+
+@mutant
+class key_twice(RightAgent):
+    """As of a writer that joins pieces of text."""
+
+    def reply(self, command):
+        pairs = [("tick", command["tick"] - 1), *command.items()]
+        text = ",".join(f"{json.dumps(key)}:{json.dumps(value)}" for key, value in pairs)
+        is_json = isinstance(self.wire, Pipes) and self.wire.format == "json"
+        self.wire.send_bytes(f"{{{text}}}".encode() if is_json else msgpack.Packer().pack_map_pairs(pairs))
+
+
+@mutant
+class without_length(RightAgent):
+    def reply(self, command):
+        self.wire.send_raw(msgpack.packb(command))
+
+
+@mutant
+class in_latin_1(RightAgent):
+    def reply(self, command):
+        self.wire.send_bytes(json.dumps(command | {"reason": "größe"}, ensure_ascii=False).encode("latin-1"))
 
 
 @mutant

@@ -6,6 +6,7 @@ import pytest
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending, Observation, Score
 from gslcosim.errors import ContractError
+from gslcosim.runtime.agents.door import Door
 
 
 def packed(**fields) -> bytes:
@@ -56,6 +57,65 @@ MUST_REJECT = {
     "length_beyond_the_end": (b"\xdf\xff\xff\xff\xff", "expected a msgpack map"),
     "deep_nesting": (nested(100_000), "expected a msgpack map"),
 }
+
+
+def twice(*pairs) -> bytes:
+    """A map with keys in a row, whether there twice or not."""
+    return msgpack.Packer().pack_map_pairs(pairs)
+
+
+FOREIGN_MUST_REJECT = {
+    "tick_twice": (twice(("tick", 3), ("kind", "noop"), ("tick", 4)), "expected each key once, was 'tick' 2 times"),
+    "equal_values": (twice(("tick", 3), ("kind", "noop"), ("tick", 3)), "expected each key once, was 'tick' 2 times"),
+    "twice_within": (
+        msgpack.packb({"tick": 3, "kind": "noop"})[:1].replace(b"\x82", b"\x83")
+        + msgpack.packb({"tick": 3, "kind": "noop"})[1:]
+        + msgpack.packb("later")
+        + twice(("a", 1), ("a", 2)),
+        "expected each key once, was 'a' 2 times",
+    ),
+    "too_deep": (nested(codec.MAX_LEVELS), "expected lists and maps at most 32 deep, were deeper"),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN_MUST_REJECT)
+def test_a_foreign_message_has_each_key_once_and_is_not_deep(name):
+    payload, expected_text = FOREIGN_MUST_REJECT[name]
+    assert codec.decode(Command, payload).kind == "noop"  # of our own services nobody asks
+    with pytest.raises(ContractError) as caught:
+        codec.decode_foreign(Command, payload)
+    assert str(caught.value) == f"Command: {expected_text}."
+    with pytest.raises(ContractError):
+        codec.peek_tick(payload)
+    (hold,) = _asked_door().received(payload)
+    assert (hold.kind, hold.reason) == ("hold", f"refused: Command: {expected_text}.")
+
+
+def _asked_door() -> Door:
+    door = Door("agent")
+    door.observed(codec.ObservationHead(tick=3, awaiting_command=True))
+    return door
+
+
+def test_the_deepest_that_is_allowed_is_taken():
+    assert codec.decode_foreign(Command, nested(codec.MAX_LEVELS - 1)).tick == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (b'{"tick":1,"kind":"noop","tick":2}', "Command: expected each key once, was 'tick' 2 times."),
+        (b'{"tick":1,"kind":"noop","later":{"a":1,"a":1}}', "Command: expected each key once, was 'a' 2 times."),
+        (
+            b'{"tick":1,"kind":"noop","later":' + b"[" * 32 + b"]" * 32 + b"}",
+            "Command: expected lists and maps at most 32 deep, were deeper.",
+        ),
+    ],
+)
+def test_json_has_each_key_once_and_is_not_deep(text, told):
+    with pytest.raises(ContractError) as caught:
+        codec.decode_json(Command, text)
+    assert str(caught.value) == told
 
 
 @pytest.mark.parametrize("name", MUST_REJECT)

@@ -76,6 +76,9 @@ def test_json_becomes_the_map_that_msgpack_would_have_been():
         (b'{"reason": "\\ud800"}', "texts in UTF-8"),
         (b"[" * 100_000, "expected one JSON object a line"),
         (b'{"a":' * 100_000, "expected one JSON object a line"),
+        (b'{"tick": 1, "tick": 2}', "Command: expected each key once, was 'tick' 2 times."),
+        (b'{"a": ' + b"[" * 32 + b"]" * 32 + b"}", "Command: expected lists and maps at most 32 deep, were deeper."),
+        (b'\xef\xbb\xbf{"tick": 1}', "expected a line in UTF-8 without a byte order mark"),
     ],
 )
 def test_a_line_that_is_no_object_is_refused_in_words(line, told):
@@ -120,6 +123,7 @@ def test_the_longest_frame_is_taken():
         (b"Hell", "It is the text 'Hell'. Only commands belong here."),
         (b'{"ti', "Is it JSON? Then set format: json."),
         (b"\x2a\x00\x00\x00", "As little-endian it is 42."),
+        (b"\x82\xa4ti", "Its bytes 82a47469 begin a msgpack map: is the length before it missing?"),
         (b"\xff\xff\xff\xff", "was 4294967295."),
     ],
 )
@@ -163,3 +167,15 @@ def test_a_stream_may_end_between_frames_only():
     line = JsonSplitter()
     line.feed(b"{}\n{")
     assert line.rest() == "expected a line feed after each object, the stream ended 1 bytes into a line."
+
+
+def test_lines_may_end_as_on_windows():
+    items = JsonSplitter().feed(b'{"tick": 1}\r\n\r\n{"tick": 2}\r\n')
+    assert [framing.fields_of_frame("json", item.payload)["tick"] for item in items] == [1, 2]
+
+
+def test_a_token_frame_has_each_key_once():
+    with pytest.raises(ContractError, match="frame: expected each key once"):
+        framing.fields_of_frame("json", b'{"token": "a", "token": "b"}')
+    with pytest.raises(ContractError, match="frame: expected each key once"):
+        framing.fields_of_frame("msgpack", b"\x82\xa1t\x01\xa1t\x02")
