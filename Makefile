@@ -71,6 +71,7 @@ golden: .venv/ready-dev     # rewrite the golden files; review the diff
 
 docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python -m gslcosim.contract.publish.messages_page > docs/messages.md
+	$(BIN)/python -m gslcosim.scenario.keys_page > docs/scenario.md
 	$(BIN)/python -m gslcosim.sensing.sensors_page docs/sensors.md
 	$(BIN)/python -m gslcosim.methods.page agents docs
 	$(BIN)/python -m gslcosim.methods.blocks_page > docs/search.md

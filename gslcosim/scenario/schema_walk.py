@@ -89,6 +89,23 @@ def tag_key_of(annotation: Any) -> str:
     return next(name for name, field in model.model_fields.items() if typing.get_args(field.annotation) == (tag,))
 
 
+def default_kind_of(annotation: Any) -> str | None:
+    """Return the kind of a block that does not say its kind; nothing where it has to."""
+    if one_of := _one_of(annotation):
+        return one_of.default
+    return next(iter(_variants(annotation)), None)
+
+
+def annotation_of(field: FieldInfo) -> Any:
+    """Return the annotation of a field with all that it says about kinds of blocks."""
+    return _split(_annotation_of(field))[0]
+
+
+def item_annotation_of(annotation: Any) -> Any:
+    """Return the annotation of the items of a list that belongs here; nothing where no list does."""
+    return _split(_item_annotation(annotation))[0]
+
+
 def model_of(annotation: Any) -> type[BaseModel] | None:
     """Return the model of the block that belongs here, if it is one block of one kind."""
     return _model_in(annotation)
@@ -219,13 +236,18 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
         return _describe_list(typing.get_args(kind), constraints, unit)
     if typing.get_origin(kind) is dict:
         key, value = typing.get_args(kind)
+        if typing.get_origin(key) is not Literal:
+            return f"a block with names as keys, of which each is {_describe(value, (), '')}"
         name = typing.get_args(key)[0]
         return f"{{{name}: a text}}" if value is str else f"{{{name}: N}} with N {_describe(value, (), '')}"
     if model := _model_in(kind):
         return f"a block with the keys {_join(keys_of(model), 'and')}"
     words = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
-    if kind is str and any(isinstance(constraint, StringConstraints) for constraint in constraints):
+    texts = [constraint for constraint in constraints if isinstance(constraint, StringConstraints)]
+    if kind is str and any(text.pattern for text in texts):
         return "a name: a small letter, then small letters, digits and _, at most 40 in all"
+    if kind is str and texts:
+        return f"a text of at most {texts[0].max_length} characters"
     return f"{words[kind]}{_range(constraints)}{in_unit}"
 
 
@@ -233,17 +255,27 @@ def _describe_list(items: tuple[Any, ...], constraints: tuple[Any, ...], unit: s
     if items[-1] is not Ellipsis:
         words = _describe(items[0], (), unit).removeprefix("a ")
         return f"a list of {len(items)} {_plural(words)}"
-    at_least = "of at least one " if any(isinstance(c, annotated_types.MinLen) for c in constraints) else "of "
-    what = "text"
-    if model := _model_in(items[0]):
-        what = f"block with the keys {_join(keys_of(model), 'and')}"
-    elif _variants(items[0]):
-        what = f"block with the key {tag_key_of(items[0])} and what belongs to it"
-    return f"a list {at_least}{what if 'one' in at_least else _plural(what)}"
+    least = max((c.min_length for c in constraints if isinstance(c, annotated_types.MinLen)), default=0)
+    what = _describe_item(items[0], unit)
+    if least == 1:
+        return f"a list of at least one {what}"
+    return f"a list of {f'at least {least} ' if least else ''}{_plural(what)}"
+
+
+def _describe_item(item: Any, unit: str) -> str:
+    if model := _model_in(item):
+        return f"block with the keys {_join(keys_of(model), 'and')}"
+    if _one_of(item) or _variants(item):
+        return f"block with the key {tag_key_of(item)} and what belongs to it"
+    if _kinds_of_union(item):
+        return "value of these kinds"
+    return _describe(item, (), unit).removeprefix("a ").partition(":")[0]
 
 
 def _plural(words: str) -> str:
     first, _, rest = words.partition(" ")
+    if first == "whole":
+        return f"whole {_plural(rest)}"
     return f"{first}s {rest}".rstrip()
 
 
@@ -263,6 +295,8 @@ def _range(constraints: tuple[Any, ...]) -> str:
                 pass
     if low.startswith("from") and not high:
         low = low.replace("from", "of at least", 1)
+    if high.startswith("to") and not low:
+        high = high.replace("to", "of at most", 1)
     return f" {f'{low} {high}'.strip()}" if low or high else ""
 
 

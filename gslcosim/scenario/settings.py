@@ -45,24 +45,36 @@ def _settings(block: type[BaseModel], prefix: str) -> Iterator[SettingRow]:
         if inner is not None:
             yield from _settings(inner, f"{key}.")
             continue
-        yield SettingRow(key=key, unit=_unit(name), default=_default(field), meaning=_meaning(field))
+        yield SettingRow(key=key, unit=unit_text(name), default=default_text(field), meaning=_meaning(field))
 
 
-# An ending such as that of `hits_per_s_per_ppm` is a part of a unit only; the meaning says the rest.
-def _unit(name: str) -> str:
+def unit_text(name: str) -> str:
+    """Return what a number under a key counts; empty where the key's name does not say it or only a part of it.
+
+    An ending such as that of `hits_per_s_per_ppm` is a part of a unit only; the meaning says the rest.
+    """
     return "" if "_per_" in name.removesuffix("_per_s") else unit_of(name)
 
 
-def _default(field: FieldInfo) -> str:
-    if field.default is PydanticUndefined:
-        return "required"
-    return _shown(field.default)
+def default_text(field: FieldInfo) -> str:
+    """Return the default of a field as a scenario file has it, `required`, or in a word."""
+    if field.default_factory is not None:
+        return "see meaning"
+    return "required" if field.default is PydanticUndefined else _shown(field.default)
+
+
+def meaning_of(block: type[BaseModel], name: str) -> str:
+    """Return what a field of a block means: its own words, or those of the block that it derives from."""
+    bases = (base for base in block.__mro__ if issubclass(base, BaseModel) and name in base.model_fields)
+    return next((text for base in bases if (text := base.model_fields[name].description)), "")
 
 
 def _shown(value: Any) -> str:
     match value:
         case None:
             return "absent"
+        case BaseModel():
+            return "its defaults"
         case bool():
             return str(value).lower()
         case float():

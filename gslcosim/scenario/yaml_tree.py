@@ -21,6 +21,8 @@ from gslcosim.yaml_core import TAG, CoreLoader
 
 # Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
 MAX_VALUES = 100_000
+# How deep lists and blocks may lie in each other; those of a scenario lie seven deep.
+MAX_LEVELS = 32
 
 _KNOWNTAGS = ("map", "seq", "str", "null", "bool", "int", "float")
 
@@ -64,7 +66,8 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
     except yaml.YAMLError as error:
         raise _syntax_error(error, text, source) from error
     except RecursionError as error:
-        problem = Problem(path="", expected="values some levels deep", found="a nest of hundreds of levels")
+        expected = f"lists and blocks at most {MAX_LEVELS} deep"
+        problem = Problem(path="", expected=expected, found="a nest of hundreds of levels")
         raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
     marks = Marks(root, reader.places)
     return YamlTree(values, marks, locate(reader.problems, marks))
@@ -90,6 +93,8 @@ class _NodeReader:
             if self._n_values == MAX_VALUES + 1:
                 self._refuse("", f"at most {MAX_VALUES} values", "more", "Are there aliases of aliases?")
             return None
+        if len(self._open) >= MAX_LEVELS and not isinstance(node, yaml.ScalarNode):
+            return self._refuse(path, f"lists and blocks at most {MAX_LEVELS} deep", "a deeper one")
         self._open.append(node)
         value = self._read_by_kind(node, path)
         self._open.pop()

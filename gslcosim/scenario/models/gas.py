@@ -36,9 +36,9 @@ class PlumeSpec(Spec):
     wind_m_s: Vec3 | None = Field(default=None, description="even wind (absent: the room's at the first source)")
     has_ground: bool = Field(default=True, description="the plume is mirrored at z = 0")
     instantaneous_frac: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.5, description="width at any moment as a share of the mean one"
+        default=0.5, description="width of a meandering plume at any moment as a share of the mean one"
     )
-    meander_s: Positive = Field(default=20.0, description="correlation time of the meandering")
+    meander_s: Positive = Field(default=20.0, description="correlation time of a meandering plume")
 
 
 class FarrellSpec(Spec):

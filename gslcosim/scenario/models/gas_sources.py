@@ -82,7 +82,7 @@ class SourceSpec(Spec):
     `gas` is this source's gas where it differs from the one that is searched for.
     """
 
-    position_m: Vec3 = Field(description="its place in the world")
+    position_m: Vec3 = Field(description="its place in the world; random: drawn by the seed in free air")
     filaments_per_s: Positive = Field(default=10.0, description="mean rate of release")
     ppm: Positive = Field(default=10.0, description="mixing ratio at the centre of a filament at birth")
     sigma_m: Positive = Field(default=0.1, description="size of a filament at birth")

@@ -13,8 +13,8 @@ from gslcosim.scenario.models.spec import Name, Positive, Spec
 class ExtentSpec(Spec):
     """A box by two opposite corners, world frame [m]; it may be flat along one axis where it stands for a surface."""
 
-    min_m: Vec3
-    max_m: Vec3
+    min_m: Vec3 = Field(description="its lower corner")
+    max_m: Vec3 = Field(description="its upper corner")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -25,8 +25,8 @@ class ExtentSpec(Spec):
 class BoundsSpec(Spec):
     """The box of air to keep, world frame [m]; its sides are walls where no opening is."""
 
-    min_m: Vec3
-    max_m: Vec3
+    min_m: Vec3 = Field(description="its lower corner")
+    max_m: Vec3 = Field(description="its upper corner")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -41,11 +41,15 @@ class GeometryOpeningSpec(Spec):
     on. `velocity_m_s` is an inlet's; without it the wind of `wind.inlet_velocity_m_s`, straight inwards.
     """
 
-    name: Name
-    kind: Literal["inlet", "outlet", "open"]
-    box: ExtentSpec | None = None
-    surface: str | None = None
-    velocity_m_s: Vec3 | None = None
+    name: Name = Field(description="what the opening is called")
+    kind: Literal["inlet", "outlet", "open"] = Field(
+        description="whether air comes in, goes out, or the outdoors go on"
+    )
+    box: ExtentSpec | None = Field(default=None, description="a box around it")
+    surface: str | None = Field(default=None, description="its name in the files")
+    velocity_m_s: Vec3 | None = Field(
+        default=None, description="wind of an inlet (absent: that of `wind.inlet_velocity_m_s`, straight inwards)"
+    )
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
@@ -70,13 +74,19 @@ class GeometrySpec(Spec):
     openings, then in the middle. Without `bounds_m` the geometry has to close the air in, except at openings.
     """
 
-    files: Annotated[tuple[str, ...], Field(min_length=1)]
-    scale: Positive = 1.0
-    up: Literal["y", "z"] | None = None
-    translate_m: Vec3 = (0.0, 0.0, 0.0)
-    free_point_m: Vec3 | None = None
-    bounds_m: BoundsSpec | None = None
-    openings: tuple[GeometryOpeningSpec, ...] = ()
+    files: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        description="STL, OBJ, glTF or MJCF, relative to the scenario's folder"
+    )
+    scale: Positive = Field(default=1.0, description="turns the unit of the files into metres")
+    up: Literal["y", "z"] | None = Field(
+        default=None, description="axis that points up in the files (absent: y in glTF, z in the others)"
+    )
+    translate_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="is added to the scaled and turned geometry")
+    free_point_m: Vec3 | None = Field(default=None, description="a point known to be air (absent: it is sought)")
+    bounds_m: BoundsSpec | None = Field(
+        default=None, description="the air to keep (absent: what the geometry closes in)"
+    )
+    openings: tuple[GeometryOpeningSpec, ...] = Field(default=(), description="where air comes in or goes out")
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:

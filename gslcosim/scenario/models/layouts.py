@@ -21,9 +21,9 @@ DEFAULT_KIND = "warehouse_empty"
 class BoxSpec(Spec):
     """A solid box in the room, corners in the world frame [m]."""
 
-    name: Name
-    min_m: Vec3
-    max_m: Vec3
+    name: Name = Field(description="what the box is called")
+    min_m: Vec3 = Field(description="its lower corner")
+    max_m: Vec3 = Field(description="its upper corner")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -34,8 +34,8 @@ class BoxSpec(Spec):
 class OpeningSpec(Spec):
     """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
 
-    min_m: Vec3
-    max_m: Vec3
+    min_m: Vec3 = Field(description="its lower corner")
+    max_m: Vec3 = Field(description="its upper corner, at the same place along one axis")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -50,9 +50,13 @@ class FurtherOpeningSpec(OpeningSpec):
     draws air out. `open` is a side where the outdoors go on.
     """
 
-    name: Name
-    kind: Literal["inlet", "outlet", "open"]
-    velocity_m_s: Vec3 | None = None
+    name: Name = Field(description="what the opening is called")
+    kind: Literal["inlet", "outlet", "open"] = Field(
+        description="whether air comes in, goes out, or the outdoors go on"
+    )
+    velocity_m_s: Vec3 | None = Field(
+        default=None, description="wind of an inlet (absent: that of the scenario's wind)"
+    )
 
     @model_validator(mode="after")
     def _check_velocity(self) -> Self:
@@ -69,18 +73,24 @@ class RoomSpec(Spec):
     along x and y below the ceiling, by default one for about every 6 m.
     """
 
-    kind: str
-    size_m: tuple[Positive, Positive, Positive]
-    seed: Annotated[int, Field(ge=0)] = 1
-    wall_m: Positive = 0.2
-    inlet: OpeningSpec | None = None
-    outlet: OpeningSpec | None = None
-    obstacles: tuple[BoxSpec, ...] = ()
-    inlet_size_m: tuple[Positive, Positive] | None = None
-    outlet_size_m: tuple[Positive, Positive] | None = None
-    walls: Literal["white", "white_yellow"] = "white"
-    openings: tuple[FurtherOpeningSpec, ...] = ()
-    lights: tuple[Count, Count] | None = None
+    kind: str = Field(description="which layout it is")
+    size_m: tuple[Positive, Positive, Positive] = Field(description="inner size along x, y and z")
+    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="decides all that is drawn at random in the room")
+    wall_m: Positive = Field(default=0.2, description="thickness of the outer walls")
+    inlet: OpeningSpec | None = Field(default=None, description="the inlet (absent: where the layout has it)")
+    outlet: OpeningSpec | None = Field(default=None, description="the outlet (absent: where the layout has it)")
+    obstacles: tuple[BoxSpec, ...] = Field(default=(), description="boxes beside what the layout furnishes")
+    inlet_size_m: tuple[Positive, Positive] | None = Field(
+        default=None, description="width and height of the layout's own inlet"
+    )
+    outlet_size_m: tuple[Positive, Positive] | None = Field(
+        default=None, description="width and height of the layout's own outlet"
+    )
+    walls: Literal["white", "white_yellow"] = Field(default="white", description="colours of the walls")
+    openings: tuple[FurtherOpeningSpec, ...] = Field(default=(), description="openings beside inlet and outlet")
+    lights: tuple[Count, Count] | None = Field(
+        default=None, description="lamps along x and y (absent: one for about every 6 m)"
+    )
 
     @model_validator(mode="after")
     def _check_openings(self) -> Self:
@@ -111,10 +121,14 @@ class RacksSpec(RoomSpec):
     """
 
     size_m: tuple[Positive, Positive, Positive] = (15.0, 15.0, 8.0)
-    filled_least_frac: Fraction = 0.2
-    rack_size_m: tuple[Positive, Positive, Positive] = (1.0, 4.0, 3.0)
-    rack_aisle_m: Positive = 3.0
-    end_aisle_m: Positive | None = None
+    filled_least_frac: Fraction = Field(default=0.2, description="share of the racks that are filled at least")
+    rack_size_m: tuple[Positive, Positive, Positive] = Field(
+        default=(1.0, 4.0, 3.0), description="size of a rack across, along and high"
+    )
+    rack_aisle_m: Positive = Field(default=3.0, description="least width between rows")
+    end_aisle_m: Positive | None = Field(
+        default=None, description="width between the ends of rows and the wall (absent: the wider opening and 2 m)"
+    )
 
 
 class SimpleWarehouseSpec(RacksSpec):
@@ -131,10 +145,12 @@ class ComplexWarehouseSpec(RacksSpec):
     """
 
     kind: Literal["warehouse_complex"] = "warehouse_complex"  # pyright: ignore
-    side_aisle_m: Positive = 1.6
-    n_forklifts: Count = 1
-    n_piles: Count = 5
-    n_pallets: Count = 3
+    side_aisle_m: Positive = Field(
+        default=1.6, description="least width between the turned rows' ends and the rows at the walls"
+    )
+    n_forklifts: Count = Field(default=1, description="forklifts, where there is place")
+    n_piles: Count = Field(default=5, description="piles of goods, where there is place")
+    n_pallets: Count = Field(default=3, description="pallets, where there is place")
 
 
 class OfficeSpec(RoomSpec):
@@ -145,12 +161,16 @@ class OfficeSpec(RoomSpec):
 
     kind: Literal["office"] = "office"  # pyright: ignore
     size_m: tuple[Positive, Positive, Positive] = (16.0, 12.0, 3.0)
-    rooms_per_side: Annotated[int, Field(ge=1, le=20)] = 4
-    corridor_m: Positive = 2.0
-    door_m: tuple[Positive, Positive] = (1.0, 2.0)
-    partition_m: Positive = 0.2
-    outline: Literal["rectangle", "l_shape"] = "rectangle"
-    has_furniture: bool = True
+    rooms_per_side: Annotated[int, Field(ge=1, le=20)] = Field(
+        default=4, description="rooms on each side of the corridor"
+    )
+    corridor_m: Positive = Field(default=2.0, description="width of the corridor")
+    door_m: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="width and height of doors")
+    partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
+    outline: Literal["rectangle", "l_shape"] = Field(
+        default="rectangle", description="l_shape takes away the rooms of the upper right"
+    )
+    has_furniture: bool = Field(default=True, description="whether there are desks")
 
 
 class HomeSpec(RoomSpec):
@@ -161,11 +181,13 @@ class HomeSpec(RoomSpec):
 
     kind: Literal["home"] = "home"  # pyright: ignore
     size_m: tuple[Positive, Positive, Positive] = (10.0, 8.0, 2.6)
-    n_rooms: Annotated[int, Field(ge=1, le=30)] = 5
-    least_room_m: Positive = 2.4
-    door_m: tuple[Positive, Positive] = (1.0, 2.0)
-    partition_m: Positive = 0.2
-    has_furniture: bool = True
+    n_rooms: Annotated[int, Field(ge=1, le=30)] = Field(
+        default=5, description="rooms, fewer where there is no place for another"
+    )
+    least_room_m: Positive = Field(default=2.4, description="least width of a room")
+    door_m: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="width and height of doors")
+    partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
+    has_furniture: bool = Field(default=True, description="whether there is furniture")
 
 
 class ClutteredRoomsSpec(RoomSpec):
@@ -177,11 +199,13 @@ class ClutteredRoomsSpec(RoomSpec):
 
     kind: Literal["cluttered_rooms"] = "cluttered_rooms"  # pyright: ignore
     size_m: tuple[Positive, Positive, Positive] = (10.0, 10.0, 3.0)
-    n_rooms: tuple[Annotated[int, Field(ge=1, le=20)], Annotated[int, Field(ge=1, le=20)]] = (3, 3)
-    passage_m: Positive = 1.4
-    partition_m: Positive = 0.2
-    extra_passage_frac: Fraction = 0.3
-    n_clutter: Count = 6
+    n_rooms: tuple[Annotated[int, Field(ge=1, le=20)], Annotated[int, Field(ge=1, le=20)]] = Field(
+        default=(3, 3), description="rooms along x and y"
+    )
+    passage_m: Positive = Field(default=1.4, description="width of passages")
+    partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
+    extra_passage_frac: Fraction = Field(default=0.3, description="share of the other walls that have a passage too")
+    n_clutter: Count = Field(default=6, description="boxes that stand about")
 
 
 class PlantSpec(RoomSpec):
@@ -193,10 +217,12 @@ class PlantSpec(RoomSpec):
 
     kind: Literal["plant"] = "plant"  # pyright: ignore
     size_m: tuple[Positive, Positive, Positive] = (24.0, 18.0, 8.0)
-    n_tanks: Count = 4
-    n_buildings: Count = 2
-    roughness_m: Positive = 0.03
-    reference_height_m: Positive = 10.0
+    n_tanks: Count = Field(default=4, description="tanks")
+    n_buildings: Count = Field(default=2, description="buildings")
+    roughness_m: Positive = Field(default=0.03, description="roughness length of the ground")
+    reference_height_m: Positive = Field(
+        default=10.0, description="height at which the wind is `wind.inlet_velocity_m_s`"
+    )
 
 
 class WindTunnelSpec(RoomSpec):
@@ -204,9 +230,9 @@ class WindTunnelSpec(RoomSpec):
 
     kind: Literal["wind_tunnel"] = "wind_tunnel"  # pyright: ignore
     size_m: tuple[Positive, Positive, Positive] = (8.0, 2.0, 2.0)
-    n_blocks: Count = 0
-    block_m: Positive = 0.4
-    gap_m: NonNegative = 1.2
+    n_blocks: Count = Field(default=0, description="blocks in a row across the middle line")
+    block_m: Positive = Field(default=0.4, description="edge of a block")
+    gap_m: NonNegative = Field(default=1.2, description="gap between blocks")
 
 
 def _kind_of(value: Any) -> str | None:

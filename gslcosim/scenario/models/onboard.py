@@ -131,31 +131,31 @@ class ColourPictureSpec(PictureSpec):
 class ImuSensorSpec(OnBoardSensorSpec):
     """An inertial measurement unit."""
 
-    imu: ImuSpec = ImuSpec()
+    imu: ImuSpec = Field(default=ImuSpec(), description="its errors")
 
 
 class GpsSensorSpec(OnBoardSensorSpec):
     """A GPS receiver."""
 
-    gps: GpsSpec = GpsSpec()
+    gps: GpsSpec = Field(default=GpsSpec(), description="its errors")
 
 
 class BarometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
     """A barometer."""
 
-    barometer: BarometerSpec = BarometerSpec()
+    barometer: BarometerSpec = Field(default=BarometerSpec(), description="its errors")
 
 
 class MagnetometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
     """A magnetometer."""
 
-    magnetometer: MagnetometerSpec = MagnetometerSpec()
+    magnetometer: MagnetometerSpec = Field(default=MagnetometerSpec(), description="the field and its errors")
 
 
 class PoseSensorSpec(OnBoardSensorSpec):
     """A localization system; the pose that an agent is told is then this one."""
 
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = Field(default=PoseSpec(), description="its errors")
 
 
 class RangeFinderSpec(MeasuringSensorSpec, RaySensorSpec, BeamSensorSpec):
@@ -169,7 +169,7 @@ class FourRangeFindersSpec(MeasuringSensorSpec, RaySensorSpec):
 class LidarSensorSpec(RaySensorSpec):
     """A lidar of one level."""
 
-    lidar: AzimuthsSpec = AzimuthsSpec()
+    lidar: AzimuthsSpec = Field(default=AzimuthsSpec(), description="its rays")
 
 
 class Lidar3dSensorSpec(LidarSensorSpec):
@@ -185,7 +185,7 @@ class BumpSensorSpec(OnBoardSensorSpec):
 class CameraSensorSpec(TurnedSensorSpec, OnBoardSensorSpec):
     """A camera of any kind."""
 
-    camera: PictureSpec = PictureSpec()
+    camera: PictureSpec = Field(default=PictureSpec(), description="its picture")
 
 
 class ColourCameraSpec(CameraSensorSpec):

@@ -41,11 +41,15 @@ class EnvironmentSpec(Spec):
     AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`; the user's own `geometry`.
     """
 
-    layout: Layout | None = None
-    path: str | None = None
-    gsl_bench: str | None = None
-    gaden: str | None = None
-    geometry: GeometrySpec | None = None
+    layout: Layout | None = Field(default=None, description="a room to generate")
+    path: str | None = Field(
+        default=None, description="folder of an environment that was made before, relative to the scenario's folder"
+    )
+    gsl_bench: str | None = Field(default=None, description="folder of an environment of GSL-Bench or AutoGDM+")
+    gaden: str | None = Field(
+        default=None, description="folder of an environment of GADEN, with its OccupancyGrid3D.csv"
+    )
+    geometry: GeometrySpec | None = Field(default=None, description="a room from files of geometry")
 
     @property
     def folder_key(self) -> str | None:
@@ -74,13 +78,24 @@ class StartSpec(Spec):
     `process_of` names another agent whose process flies this one too, through that agent's door.
     """
 
-    python: str | None = None
-    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    attach: bool = False
-    door: Literal["zenoh", "stdio", "tcp", "unix"] = "zenoh"
-    format: Literal["msgpack", "json"] = "msgpack"
-    observations: Literal["all", "asked"] = "all"
-    process_of: Name | None = None
+    python: str | None = Field(
+        default=None, description="a bundled agent by its name, or a Python file relative to the scenario's folder"
+    )
+    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="a program and its arguments: with a slash in the scenario's folder, else on the PATH",
+    )
+    attach: bool = Field(default=False, description="the agent is started by its user and attaches itself")
+    door: Literal["zenoh", "stdio", "tcp", "unix"] = Field(
+        default="zenoh", description="how it joins: over Zenoh, or through the gateway over one of the others"
+    )
+    format: Literal["msgpack", "json"] = Field(
+        default="msgpack", description="how frames through the gateway are written"
+    )
+    observations: Literal["all", "asked"] = Field(
+        default="all", description="which observations go through the gateway; asked: only those that await a command"
+    )
+    process_of: Name | None = Field(default=None, description="name of the agent whose process flies this one too")
 
     @property
     def is_behind_gateway(self) -> bool:
@@ -154,14 +169,25 @@ class VehicleSpec(Spec):
     those of other vehicles on its way to waypoints and at a velocity; 0: it does not look out for them.
     """
 
-    model: str = "iris"
-    start_m: Vec3
-    search_height_m: Positive = Field(default_factory=_usual_height_m)
-    hold_s: NonNegative = 2.0
-    max_speed_m_s: Positive = 1.0
-    max_acceleration_m_s2: Positive = 2.0
-    avoidance: Literal["none", "2d", "3d"] = "none"
-    separation_m: NonNegative = 0.0
+    model: str = Field(default="iris", description="which vehicle it is; `gslcosim list vehicles` names them")
+    start_m: Vec3 = Field(
+        description="where it starts, in the world; random: drawn by the seed where it can stand and rise"
+    )
+    search_height_m: Positive = Field(
+        default_factory=_usual_height_m,
+        description="height at which it searches (absent: 2; what drives has none)",
+    )
+    hold_s: NonNegative = Field(default=2.0, description="how long it holds at a waypoint before the agent is asked")
+    max_speed_m_s: Positive = Field(default=1.0, description="its greatest speed")
+    max_acceleration_m_s2: Positive = Field(default=2.0, description="its greatest acceleration")
+    avoidance: Literal["none", "2d", "3d"] = Field(
+        default="none",
+        description="how it plans its way around obstacles: not at all, at its height, or over and under them too",
+    )
+    separation_m: NonNegative = Field(
+        default=0.0,
+        description="how far its centre keeps from those of others in the air (0: it does not look out for them)",
+    )
 
     @property
     def drives(self) -> bool:
@@ -231,9 +257,11 @@ class KnowledgeSpec(Spec):
     upper bounds such as the oracle.
     """
 
-    map: bool | Literal["2d", "3d"] = False
-    plume: bool = False
-    source: bool = False
+    map: bool | Literal["2d", "3d"] = Field(
+        default=False, description="the occupancy of the room: true or 2d at the search height, 3d the whole"
+    )
+    plume: bool = Field(default=False, description="nominal figures of the plume: strength, spread, wind speed")
+    source: bool = Field(default=False, description="the places of the sources")
 
     @property
     def granted(self) -> tuple[str, ...]:
@@ -250,16 +278,21 @@ class AgentSpec(Spec):
     `{latency: N}` N ticks after each observation.
     """
 
-    name: Name
-    start: StartSpec
-    mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] = (
-        "on_request"
+    name: Name = Field(description="what the agent is called")
+    start: StartSpec = Field(description="how it comes to life")
+    mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] = Field(
+        default="on_request",
+        description="when time waits for it: at its waypoints, every tick, or N ticks after each observation",
     )
-    vehicle: VehicleSpec
-    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)]
-    answer_within_s: Positive = 30.0
-    parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - pydantic copies it
-    knows: KnowledgeSpec = KnowledgeSpec()
+    vehicle: VehicleSpec = Field(description="what it flies or drives")
+    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)] = Field(description="what it senses")
+    answer_within_s: Positive = Field(
+        default=30.0, description="how long the run waits for an answer, by the clock on the wall"
+    )
+    parameters: dict[Name, ParameterValue] = Field(
+        default={}, description="settings of its method, handed to it as they are"
+    )
+    knows: KnowledgeSpec = Field(default=KnowledgeSpec(), description="what it is told beyond its sensors")
 
     @property
     def latency_ticks(self) -> int:
@@ -291,36 +324,42 @@ class ChannelSpec(Spec):
     ticks later); `max_bytes` bounds a text in UTF-8.
     """
 
-    name: Name
-    members: Literal["all"] | Annotated[tuple[Name, ...], Field(min_length=1)] = "all"
-    range_m: Positive | None = None
-    loss_frac: Annotated[float, Field(ge=0, le=1)] = 0.0
-    delay_ticks: Annotated[int, Field(ge=1, le=1000)] = 1
-    max_bytes: Annotated[int, Field(ge=1, le=65536)] = 1024
+    name: Name = Field(description="what the channel is called")
+    members: Literal["all"] | Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
+        default="all", description="the agents that send and hear on it"
+    )
+    range_m: Positive | None = Field(default=None, description="how far it reaches (absent: everywhere)")
+    loss_frac: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0, description="share of the messages that are lost"
+    )
+    delay_ticks: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=1, description="ticks from the observation that the sender answered until it is heard"
+    )
+    max_bytes: Annotated[int, Field(ge=1, le=65536)] = Field(default=1024, description="longest text in UTF-8")
 
 
 class StopSpec(Spec):
     """What ends a run besides success: simulated time [s], or a collision."""
 
-    time_limit_s: Positive = 300.0
-    on_collision: bool = True
+    time_limit_s: Positive = Field(default=300.0, description="simulated time after which the run ends")
+    on_collision: bool = Field(default=True, description="a collision ends the run")
 
 
 class RefereeSpec(Spec):
     """How the run is judged."""
 
-    success: Success = SourceSuccess()
-    stop: StopSpec = StopSpec()
+    success: Success = Field(default=SourceSuccess(), description="what counts as success")
+    stop: StopSpec = Field(default=StopSpec(), description="what ends the run besides success")
 
 
 class RecordingSpec(Spec):
     """What is recorded, how often, and from when to when [s of simulated time]; `to_s` absent: to the end."""
 
-    enabled: bool = True
-    gas_every_s: Positive = 1.0
-    slice_cell_m: Positive = 0.25
-    from_s: NonNegative = 0.0
-    to_s: Positive | None = None
+    enabled: bool = Field(default=True, description="whether the run is recorded")
+    gas_every_s: Positive = Field(default=1.0, description="simulated time between pictures of the gas")
+    slice_cell_m: Positive = Field(default=0.25, description="edge of the cells of the slice through the gas")
+    from_s: NonNegative = Field(default=0.0, description="simulated time at which recording begins")
+    to_s: Positive | None = Field(default=None, description="simulated time at which it ends (absent: with the run)")
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
@@ -347,19 +386,23 @@ class Scenario(Spec):
     it says.
     """
 
-    schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema")
-    name: Name
-    seed: Annotated[int, Field(ge=0, le=2**31)] = 0
-    tick_ms: Annotated[int, Field(ge=1, le=1000)] = 100
-    environment: EnvironmentSpec
-    wind: Wind = WindSpec()
-    gas: Gas
-    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)]
-    referee: RefereeSpec = RefereeSpec()
-    recording: RecordingSpec = RecordingSpec()
-    channels: tuple[ChannelSpec, ...] = ()
-    services: tuple[Service, ...] = ()
-    processes: Processes = "separate"
+    schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema", description="which kind of file it is")
+    name: Name = Field(description="what the scenario is called")
+    seed: Annotated[int, Field(ge=0, le=2**31)] = Field(default=0, description="decides all that is drawn at random")
+    tick_ms: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=100, description="time between exchanges of messages, a multiple of 4"
+    )
+    environment: EnvironmentSpec = Field(description="where the run takes place")
+    wind: Wind = Field(default=WindSpec(), description="the air's motion")
+    gas: Gas = Field(description="the gas, its sources and how it spreads")
+    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)] = Field(description="who searches")
+    referee: RefereeSpec = Field(default=RefereeSpec(), description="how the run is judged")
+    recording: RecordingSpec = Field(default=RecordingSpec(), description="what is recorded")
+    channels: tuple[ChannelSpec, ...] = Field(default=(), description="channels on which agents send each other texts")
+    services: tuple[Service, ...] = Field(default=(), description="services of other packages that take part")
+    processes: Processes = Field(
+        default="separate", description="which services share a process, without influence on results"
+    )
 
     @model_validator(mode="after")
     def _check_driven_wind(self) -> Self:

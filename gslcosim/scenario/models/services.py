@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar
 
-from pydantic import SerializeAsAny
+from pydantic import Field, SerializeAsAny
 
 from gslcosim.offers import Offers
 from gslcosim.scenario.models.one_of import OneOf
@@ -25,7 +25,7 @@ class ServiceSpec(Spec):
     drives_wind: ClassVar[bool] = False
     recorded_ports: ClassVar[tuple[str, ...]] = ()
 
-    name: Name
+    name: Name = Field(description="which service it is")
 
 
 Service = Annotated[

@@ -24,8 +24,8 @@ class SuccessSpec(Spec):
     narrows `of` to its name, and says what its task is.
     """
 
-    within_m: Positive = 1.0
-    of: str
+    within_m: Positive = Field(default=1.0, description="success radius")
+    of: str = Field(description="which criterion it is")
 
     @property
     def is_horizontal(self) -> bool:
@@ -62,7 +62,7 @@ class SuccessSpec(Spec):
 
 
 class _PlaceSpec(SuccessSpec):
-    horizontal: bool = False
+    horizontal: bool = Field(default=False, description="heights do not count in distances")
 
     @property
     def is_horizontal(self) -> bool:
@@ -151,7 +151,9 @@ class MapSuccess(SuccessSpec):
     """
 
     of: Literal["map"] = "map"  # pyright: ignore[reportIncompatibleVariableOverride]
-    mass_at_least: Annotated[float, Field(gt=0, le=1)] = 0.5
+    mass_at_least: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.5, description="probability within the success radius that the last belief has to give"
+    )
 
     @property
     def met_text(self) -> str:

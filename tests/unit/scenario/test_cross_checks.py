@@ -144,7 +144,7 @@ def test_agents_are_listed_by_the_process_that_flies_them(scenario_file):
           "channels[0].members[1]: expected the name of an agent (moth, wasp, beetle), was 'waps'. Did "
           "you mean wasp?"]),
         ("[{name: radio, members: some}]",
-         ["channels[0].members: expected all or a list of at least one text, was 'some'."]),
+         ["channels[0].members: expected all or a list of at least one name, was 'some'."]),
         ("[{name: radio, loss_frac: 1.5, delay_ticks: 0}]",
          ["channels[0].loss_frac: expected a number from 0 to 1, was 1.5.",
           "channels[0].delay_ticks: expected a whole number from 1 to 1000, was 0."]),

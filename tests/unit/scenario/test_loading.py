@@ -65,6 +65,16 @@ def test_a_byte_order_mark_is_not_part_of_the_text(scenario_file):
     assert load_scenario(path).name == "hall"
 
 
+def test_line_ends_may_be_those_of_windows(scenario_file):
+    path = scenario_file()
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert load_scenario(path).scenario == load_scenario(scenario_file(name="other.yaml")).scenario
+    path.write_bytes(path.read_bytes().replace(b"name: hall", b"name: 5"))
+    with pytest.raises(InvalidScenarioError) as refusal:
+        load_scenario(path)
+    assert refusal.value.problems[0].place.line == 2
+
+
 def test_problems_come_in_the_order_of_the_file(told):
     lines = told(("name: hall", "name: 5"), ("15, 10", "-15, 10"), ("name: nose", "name: 6"), ("[5, 1, 2]", "[5, 1]"))
     assert [line.split(":")[1] for line in lines[1:]] == ["2", "4", "7", "13"]

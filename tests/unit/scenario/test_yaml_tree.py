@@ -53,7 +53,7 @@ def test_an_alias_stands_where_it_is_written_and_its_content_where_the_anchor_is
         ("a: [1\nb: 2", "f.yaml:2:2: expected YAML, was text that cannot be read (while parsing a flow sequence, "),
         ("a: b: c", "f.yaml:1:5: expected YAML, was text that cannot be read (mapping values are not allowed here)"),
         ("a: 'open", "f.yaml:1:9: expected YAML, was text that cannot be read (while scanning a quoted scalar"),
-        ("[" * 1100, "f.yaml:1: expected values some levels deep, was a nest of hundreds of levels."),
+        ("[" * 1100, "f.yaml:1: expected lists and blocks at most 32 deep, was a nest of hundreds of levels."),
     ],
 )
 def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, told):
@@ -70,6 +70,8 @@ def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, told):
         ("a: &x [*x]", "f.yaml:1: a[0]: expected values that do not contain themselves, was an alias of a value aro"),
         ("a: !!set {b}", "f.yaml:1: a: expected a plain value, was one with the tag tag:yaml.org,2002:set. Delete "
          "the t"),
+        ("a: 1\nb:\n  c: " + "[" * 31 + "]" * 31,
+         "f.yaml:3: b.c" + "[0]" * 30 + ": expected lists and blocks at most 32 deep, was a deeper one."),
         ("a: !mine 3", "f.yaml:1: a: expected a plain value, was one with the tag !mine. Delete the tag."),
         ("a:\n  ? [b]\n  : 1", "f.yaml:1: a: expected keys that are words, was a list or block as a key. Put it in "
          "quo"),
@@ -78,6 +80,10 @@ def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, told):
 def test_problems_of_the_text_are_collected(text, told):
     problems = read_yaml(text, source="f.yaml").problems
     assert [str(problem)[: len(told)] for problem in problems] == [told]
+
+
+def test_the_deepest_that_is_allowed_is_read():
+    assert read_yaml("a: " + "[" * 31 + "1" + "]" * 31, source="f.yaml").problems == ()
 
 
 def test_the_first_of_two_equal_keys_counts():
