@@ -28,6 +28,8 @@ _ANY_PART = 0
 _IN_SIGHT, _ANYWHERE = True, False
 # A path is looked at at least this often per cell.
 _LOOKS_PER_CELL = 4
+# What a vehicle keeps from obstacles beyond its radius: errors of its control [m].
+MARGIN_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

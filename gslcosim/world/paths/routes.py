@@ -8,11 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Environment
-from gslcosim.environment.paths.planning import FreeSpace, free_space
+from gslcosim.environment.paths.planning import MARGIN_M, FreeSpace, free_space
 from gslcosim.quantities import Vec3
-
-# What a vehicle keeps from obstacles beyond its radius: errors of its control [m].
-MARGIN_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)

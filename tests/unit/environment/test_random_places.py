@@ -108,3 +108,33 @@ def test_what_keeps_places_from_being_drawn_is_told_and_not_what_follows_from_it
     with pytest.raises(InvalidScenarioError) as caught:
         load(**changes)
     assert [located.problem.path for located in caught.value.problems] == [path]
+
+
+# A closet in a small hall: its door lets air through, and an Iris not.
+CLOSET = {
+    "layout": {
+        "kind": "warehouse_empty", "size_m": [6, 6, 3], "inlet_size_m": [1, 1], "outlet_size_m": [1, 1],
+        "obstacles": [
+            {"name": "north", "min_m": [1.5, 4.4, 0], "max_m": [4.5, 4.5, 3]},
+            {"name": "south", "min_m": [1.5, 1.5, 0], "max_m": [4.5, 1.6, 3]},
+            {"name": "east", "min_m": [4.4, 1.5, 0], "max_m": [4.5, 4.5, 3]},
+            {"name": "west", "min_m": [1.5, 1.5, 0], "max_m": [1.6, 4.0, 3]},
+        ],
+    }
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("avoidance", ["none", "2d", "3d"])
+def test_a_vehicle_that_plans_its_way_does_not_start_where_there_is_none(load, avoidance):
+    def is_in_closet(seed):
+        vehicle = {"start_m": "random", "search_height_m": 1.0, "avoidance": avoidance}
+        agent = {**SCENARIO["agents"][0], "vehicle": vehicle}
+        gas = {"sources": [{"position_m": [5.5, 5.5, 1]}]}
+        scenario = load(
+            seed=seed, environment=CLOSET, gas=gas, agents=[agent], wind={"solver": "uniform", "cell_m": 0.1}
+        )
+        x_m, y_m, _ = scenario.agents[0].vehicle.start_m
+        return 1.5 < x_m < 4.5 and 1.5 < y_m < 4.5
+
+    n_in_closet = sum(is_in_closet(seed) for seed in range(12))
+    assert (n_in_closet > 0) is (avoidance == "none")
