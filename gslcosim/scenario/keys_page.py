@@ -114,7 +114,7 @@ def rows_of(section: BlockSection) -> dict[KeyRow, list[str]]:
     kinds = _kinds_in(section)
     rows: dict[KeyRow, list[str]] = {}
     for kind, block in kinds.items():
-        belongs = block.belongs if issubclass(block, KindedSpec) else {}
+        belongs: Mapping[str, tuple[str, ...]] = block.belongs if issubclass(block, KindedSpec) else {}
         for name, field in block.model_fields.items():
             key = field.alias or name
             if not kind or kind in belongs.get(key, (kind,)):
