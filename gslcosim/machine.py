@@ -5,7 +5,7 @@ import os
 import traceback
 from pathlib import Path
 
-from gslcosim.errors import GslCosimError, MachineError
+from gslcosim.errors import GslCosimError, MachineError, UsageError
 
 _FREE_ROOM = "Free room there, or choose another disk."
 _CHOOSE_ANOTHER = "Change its permissions, or choose another place."
@@ -28,6 +28,7 @@ _REMEDIES = {
     errno.EAGAIN: "Close programs, or raise the limit on processes (ulimit -u).",
     errno.EIO: "Check the disk.",
 }
+_WRONG_PLACE = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)
 # What Python and packages say instead of an error of a class of its own.
 _LACKS_MEMORY = (
     "can't start new thread",
@@ -78,6 +79,22 @@ def machine_text(
     named = error.filename if path is None and isinstance(error, OSError) else path
     told = f"{place}: expected {expected}, was {reason_of(error)}. {remedy or remedy_of(error)}"
     return told if named is None else f"{told}\nFile: {os.fspath(named)}"
+
+
+def refused_place(error: OSError, place: str, expected: str, *, path: Path | str) -> GslCosimError:
+    """Return an error for a person about a place that the call itself has named.
+
+    Args:
+        error: What the machine said.
+        place: The option or argument.
+        expected: What it should have been.
+        path: The file or folder.
+
+    Returns:
+        UsageError where another place is all that is needed, MachineError where the machine lacks something.
+    """
+    text = machine_text(error, place, expected, path=path)
+    return UsageError(text) if error.errno in _WRONG_PLACE else MachineError(text)
 
 
 def unforeseen(error: BaseException) -> MachineError | None:

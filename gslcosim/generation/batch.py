@@ -10,9 +10,10 @@ from pathlib import Path
 
 from gslcosim.environment.model import Cell
 from gslcosim.environment.of_scenario.places import random_free_point_m
-from gslcosim.errors import GslCosimError
+from gslcosim.errors import GslCosimError, MachineError
 from gslcosim.generation.making import generate_environment
 from gslcosim.generation.winds import Progress, no_progress
+from gslcosim.machine import machine_error, refused_place
 from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
@@ -56,6 +57,7 @@ class MadeEnvironment:
     random_source_m: Vec3 | None = None
     notices: tuple[str, ...] = ()
     error: str | None = None
+    is_refused_by_machine: bool = False
 
 
 def orders_of(recipe: Recipe, folder: Path, *, n: int = 1, first_seed: int | None = None) -> tuple[Order, ...]:
@@ -142,8 +144,16 @@ def _made(order: Order, progress: Progress | None = None) -> MadeEnvironment:
         rng = stream(order.seed, "layout.random_source")
         random_source_m = random_free_point_m(made.environment, rng)
     except (GslCosimError, OSError, MemoryError) as error:
+        told = error
+        if isinstance(error, OSError):
+            told = refused_place(error, str(order.folder), "a folder that can be written", path=order.folder)
+        elif isinstance(error, MemoryError):
+            told = machine_error(error, str(order.folder), "memory to make it")
         return MadeEnvironment(
-            order=order, duration_s=time.perf_counter() - started_s, error=str(error) or type(error).__name__
+            order=order,
+            duration_s=time.perf_counter() - started_s,
+            error=str(told),
+            is_refused_by_machine=isinstance(told, MachineError),
         )
     environment = made.environment
     n_solid = int((environment.occupancy == Cell.SOLID).sum())

@@ -179,3 +179,23 @@ def test_what_a_killed_supervisor_has_left_is_removed_by_the_next_run(tmp_path, 
     fly(TINY_ROOM, tmp_path / "next", *SHORT)
     assert not any(path.exists() for path in left)
     shutil.rmtree(scratch)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["generate", "tiny_room", "--out", "{place}/room"],
+        ["export", "tiny_room", "--to", "vtk", "--out", "{place}/vtk"],
+        ["schema", "export", "{place}/contract"],
+        ["bench", "run", "smoke", "--results", "{place}/results"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_every_command_tells_a_disk_without_room(tmp_path, words):
+    with mounted(tmp_path / "full", "size=4k") as place:
+        (place / "filling").write_bytes(bytes(4096))
+        call = [*COMMAND, *(word.format(place=place) for word in words)]
+        ended = subprocess.run(call, capture_output=True, text=True, timeout=100, check=False)
+    assert ended.returncode == 3, ended.stderr
+    assert "was no space left on device. Free room there" in ended.stderr
+    assert "Traceback" not in ended.stderr

@@ -7,7 +7,7 @@ from gslcosim.benchmark.report.figures import write_figures
 from gslcosim.benchmark.report.page import page_of
 from gslcosim.benchmark.report.reading import read_material
 from gslcosim.benchmark.report.tables import leaderboard_json, summary_of, write_tables
-from gslcosim.errors import UsageError
+from gslcosim.machine import machine_error
 
 PAGE = "report.html"
 
@@ -23,7 +23,8 @@ def write_report(results_dir: Path, *, figures: bool = False) -> Path:
         figures: Whether to write `figures/*.svg` and `*.pdf` too, by matplotlib.
 
     Raises:
-        UsageError: the folder holds no results, a file is damaged or cannot be written, or matplotlib is missing.
+        UsageError: the folder holds no results, a file is damaged, or matplotlib is missing.
+        MachineError: a file cannot be written.
     """
     analysis = analyse(read_material(results_dir))
     page = results_dir / PAGE
@@ -35,8 +36,5 @@ def write_report(results_dir: Path, *, figures: bool = False) -> Path:
             write_figures(analysis, results_dir / "figures")
         page.write_text(page_of(analysis), encoding="utf-8")
     except OSError as error:
-        raise UsageError(
-            f"{results_dir}: expected a folder that can be written, was one that cannot ({error.strerror}). "
-            "Make room on the disk, or change its permissions."
-        ) from error
+        raise machine_error(error, str(results_dir), "a folder that can be written") from error
     return page

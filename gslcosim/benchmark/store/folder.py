@@ -13,9 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gslcosim.benchmark.store.columns import TRACKS, TRIALS
-from gslcosim.benchmark.store.journal import Entry, read_journal
+from gslcosim.benchmark.store.journal import Entry, cannot_write, read_journal
 from gslcosim.benchmark.store.tracks import SERIES, packed, unpacked
 from gslcosim.errors import UsageError
+from gslcosim.machine import machine_error, remedy_of
 
 RESULTS_SCHEMA = "gslcosim/results/1"
 
@@ -51,15 +52,19 @@ class ResultsFolder:
         """Hold the folder against a second run.
 
         Raises:
-            UsageError: another run holds it, or it cannot be written.
+            UsageError: another run holds it.
+            MachineError: it cannot be written.
         """
         path = self.path / ".lock"
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             lock = path.open("a+")
         except OSError as error:
-            raise UsageError(
-                f"{self.path}: expected a folder that can be written, was one that cannot ({error.strerror})."
+            raise machine_error(
+                error,
+                str(self.path),
+                "a folder that can be written",
+                remedy=f"{remedy_of(error)} --results chooses another.",
             ) from error
         with lock:
             try:
@@ -175,9 +180,6 @@ def _replace(path: Path, write: Any) -> None:
             os.fsync(file.fileno())
         beside.replace(path)
     except OSError as error:
-        raise UsageError(
-            f"{path.name}: expected a file that can be written, was one that cannot ({error.strerror}). Make room on "
-            f"the disk and give the same command again: what was flown is kept.\nFile: {path}"
-        ) from error
+        raise cannot_write(path, error) from error
     finally:
         beside.unlink(missing_ok=True)

@@ -10,7 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from gslcosim.errors import UsageError
+from gslcosim.errors import MachineError
+from gslcosim.machine import machine_error, remedy_of
 
 
 @dataclass(frozen=True)
@@ -28,14 +29,14 @@ class Journal:
         """Open or begin the file.
 
         Raises:
-            UsageError: it cannot be written.
+            MachineError: it cannot be written.
         """
         self._path = path
         try:
             _drop_torn_line(path)
             self._file = path.open("ab", buffering=0)
         except OSError as error:
-            raise _cannot_write(path, error) from error
+            raise cannot_write(path, error) from error
 
     def __enter__(self) -> "Journal":
         """Return the journal."""
@@ -51,7 +52,7 @@ class Journal:
         """Write a row, and see that it is on the disk.
 
         Raises:
-            UsageError: it cannot be written; the rows before it stay whole.
+            MachineError: it cannot be written; the rows before it stay whole.
         """
         fields = {"row": entry.row, "tracks": entry.tracks and base64.b64encode(entry.tracks).decode()}
         line = memoryview(json.dumps(fields, separators=(",", ":")).encode() + b"\n")
@@ -63,7 +64,7 @@ class Journal:
         except OSError as error:
             with suppress(OSError):
                 self._file.truncate(size)
-            raise _cannot_write(self._path, error) from error
+            raise cannot_write(self._path, error) from error
 
 
 def read_journal(path: Path) -> Iterator[Entry]:
@@ -90,8 +91,7 @@ def _drop_torn_line(path: Path) -> None:
         os.truncate(path, content_end)
 
 
-def _cannot_write(path: Path, error: OSError) -> UsageError:
-    return UsageError(
-        f"{path.name}: expected a file that can be written, was one that cannot ({error.strerror}). Make room on the "
-        f"disk and give the same command again: what was flown is kept.\nFile: {path}"
-    )
+def cannot_write(path: Path, error: OSError) -> MachineError:
+    """Return the error for a person where results cannot be written."""
+    remedy = f"{remedy_of(error)} Then give the same command again: what was flown is kept."
+    return machine_error(error, path.name, "a file that can be written", path=path, remedy=remedy)

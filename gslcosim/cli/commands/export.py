@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import UsageError
+from gslcosim.machine import refused_place
 
 if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
@@ -40,9 +40,7 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         export = export_environment(environment, arguments.out, arguments.to, gaden_wind=arguments.gaden_wind)
     except OSError as error:
-        raise UsageError(
-            f"--out: expected a folder that can be written, {error.strerror}. Folder: {arguments.out}"
-        ) from error
+        raise refused_place(error, "--out", "a folder that can be written", path=arguments.out) from error
     if arguments.json:
         files = [str(path) for path in export.files]
         write_json({"to": arguments.to, "out": str(arguments.out), "files": files, "notices": list(export.notices)})

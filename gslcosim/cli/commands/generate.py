@@ -114,6 +114,8 @@ def _run(arguments: argparse.Namespace) -> int:
         if outcome.error is not None:
             write_note(f"{outcome.order.folder}: {outcome.error}")
     n_failed = sum(outcome.error is not None for outcome in outcomes)
+    if any(outcome.is_refused_by_machine for outcome in outcomes):
+        return ExitCode.FAULT
     return 0 if not n_failed else ExitCode.USAGE if n_failed == len(outcomes) else ExitCode.FAULT
 
 

@@ -11,6 +11,7 @@ from gslcosim.cli.parsing import Command, whole_number
 from gslcosim.cli.run_dirs import add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json
 from gslcosim.errors import EnvironmentDataError, UsageError
+from gslcosim.machine import refused_place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -240,7 +241,7 @@ def _written(path: Path) -> Generator[None]:
     try:
         yield
     except OSError as error:
-        raise UsageError(f"--out: expected a file that can be written, {error.strerror}.\nFile: {path}") from error
+        raise refused_place(error, "--out", "a file that can be written", path=path) from error
 
 
 def _check_file_name(arguments: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import UsageError
+from gslcosim.machine import refused_place
 
 EXAMPLES = """  gslcosim schema export
   gslcosim schema export my_agent/contract
@@ -28,9 +28,8 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         paths = write_contract(arguments.directory)
     except OSError as error:
-        raise UsageError(
-            f"schema export: expected a folder that can be written, {error.strerror}.\nFile: {arguments.directory}"
-        ) from error
+        place, expected = "schema export", "a folder that can be written"
+        raise refused_place(error, place, expected, path=arguments.directory) from error
     if arguments.json:
         files = [path.relative_to(arguments.directory).as_posix() for path in paths]
         folder = str(arguments.directory)

@@ -166,8 +166,8 @@ def test_a_full_disk_is_told_and_costs_nothing_that_was_flown(smoke: Path, tmp_p
     shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))
     (folder / "rows.jsonl").symlink_to("/dev/full")
     ended = bench("run", "smoke", "--jobs", "1", "--no-report", cwd=tmp_path)
-    assert ended.returncode == 2
-    assert "No space left on device" in ended.stderr
+    assert ended.returncode == 3
+    assert "was no space left on device. Free room there" in ended.stderr
     assert "the same command again" in ended.stderr
     (folder / "rows.jsonl").unlink()
     assert bench("run", "smoke", "--no-report", cwd=tmp_path).returncode == 0
