@@ -24,6 +24,8 @@ config.insert_json5("transport/auth/usrpwd/user", json.dumps(join["user"]))
 config.insert_json5("transport/auth/usrpwd/password", json.dumps(join["password"]))
 config.insert_json5("scouting/multicast/enabled", "false")
 config.insert_json5("scouting/gossip/enabled", "false")
+if join.get("is_watched"):
+    config.insert_json5("transport/link/tx/lease", "86400000")
 session = zenoh.open(config)
 
 # 3. Listen first, then say that you are there: nothing is sent to you before.

@@ -32,7 +32,8 @@ class Join(BaseModel):
 
     `run_dir` is given to services only; agents never learn it. `tls_root_ca` is the PEM text of the certificate that
     vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
-    they are several; otherwise it flies the one of its `name`.
+    they are several; otherwise it flies the one of its `name`. `is_watched` says that whoever starts the run sees
+    whether the process ends or is stopped, so that nobody has to conclude it from silence.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -45,6 +46,7 @@ class Join(BaseModel):
     run_dir: str | None = None
     tls_root_ca: str | None = None
     agents: tuple[str, ...] | None = None
+    is_watched: bool = False
 
     @classmethod
     def from_environment(cls) -> "Join":

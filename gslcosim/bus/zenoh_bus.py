@@ -20,8 +20,15 @@ import zenoh.handlers
 from gslcosim.bus.port import Answerer, Certificate, Handler, Join
 from gslcosim.errors import SimulationFault
 
-# How soon others learn that a member hangs without its process having ended [ms].
+# How soon others learn that a member elsewhere hangs without its process having ended [ms].
 LEASE_MS = 2500
+# How long members elsewhere put up with a router that is silent, because the supervisor is paused [ms].
+ROUTER_LEASE_MS = 60_000
+# Processes of this machine are seen to end and to be stopped: their silence means nothing, and is not waited for.
+PATIENCE_MS = 24 * 60 * 60 * 1000
+# For so long the router waits for a member that does not read before it closes its link; longer than a process may be
+# stopped. Meanwhile others wait, too.
+UNREAD_LIMIT_MS = 10_000
 CLOSE_LIMIT_S = 5.0
 SERVICE_USER = "service"
 
@@ -67,7 +74,9 @@ class ZenohBus:
         Raises:
             SimulationFault: nothing answers at the endpoint, or name and password are refused.
         """
-        config = session_config(join.namespace)
+        config = session_config(join.namespace, lease_ms=PATIENCE_MS if join.is_watched else LEASE_MS)
+        if join.is_watched:
+            _set_unread_limit(config, PATIENCE_MS)
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
         config.insert_json5("listen/endpoints", "[]")
@@ -103,14 +112,16 @@ class ZenohBus:
         Raises:
             SimulationFault: an endpoint cannot be listened on.
         """
-        agents = list(agents)
+        agents, endpoints = list(agents), list(endpoints)
         accounts = secrets_dir / "accounts"
         accounts.touch(mode=0o600)
         lines = [f"{SERVICE_USER}:{service_password}", *(f"{a.user}:{a.password}" for a in agents)]
         accounts.write_text("\n".join(lines) + "\n")
-        config = session_config(namespace)
+        is_local = all(endpoint.startswith("unixsock-stream/") for endpoint in endpoints)
+        config = session_config(namespace, lease_ms=PATIENCE_MS if is_local else ROUTER_LEASE_MS)
+        _set_unread_limit(config, UNREAD_LIMIT_MS)
         config.insert_json5("mode", '"router"')
-        config.insert_json5("listen/endpoints", json.dumps(list(endpoints)))
+        config.insert_json5("listen/endpoints", json.dumps(endpoints))
         if tls is not None:
             config.insert_json5("transport/link/tls/listen_certificate", json.dumps(str(tls.certificate)))
             config.insert_json5("transport/link/tls/listen_private_key", json.dumps(str(tls.private_key)))
@@ -121,7 +132,7 @@ class ZenohBus:
         try:
             return cls(zenoh.open(config), namespace)
         except zenoh.ZError as error:
-            raise SimulationFault(f"router: expected to listen on {list(endpoints)}, could not: {error}") from error
+            raise SimulationFault(f"router: expected to listen on {endpoints}, could not: {error}") from error
         finally:
             # The router has read it; agents of the same user could.
             accounts.unlink()
@@ -240,8 +251,13 @@ def new_password() -> str:
     return secrets.token_urlsafe(18)
 
 
-def session_config(namespace: str | None) -> zenoh.Config:
-    """Return what all sessions of a run have in common; without a namespace their keys are whole."""
+def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.Config:
+    """Return what all sessions of a run have in common; without a namespace their keys are whole.
+
+    Args:
+        namespace: Comes before all keys.
+        lease_ms: How long the session may be silent before the other side gives it up; each side tells its own.
+    """
     # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.
     config = zenoh.Config()
     if namespace is not None:
@@ -251,9 +267,13 @@ def session_config(namespace: str | None) -> zenoh.Config:
     config.insert_json5("scouting/delay", "0")
     config.insert_json5("timestamping/enabled", "false")
     config.insert_json5("transport/shared_memory/enabled", "false")
-    config.insert_json5("transport/link/tx/lease", str(LEASE_MS))
+    config.insert_json5("transport/link/tx/lease", str(lease_ms))
     config.insert_json5("transport/link/tx/keep_alive", "4")
     return config
+
+
+def _set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
+    config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
 
 
 # Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only

@@ -88,7 +88,7 @@ class LiveLine:
 
 
 class PlainLines:
-    """One line for each piece of preparation and each state of the flight, for logs and pipes."""
+    """One line for each piece of preparation, each state of the flight, and what takes too long: for logs and pipes."""
 
     def __init__(self, title: str) -> None:
         self._title = title
@@ -96,7 +96,7 @@ class PlainLines:
 
     def __call__(self, status: "FlightStatus") -> None:
         """Write the status when it is a new one."""
-        piece = status_text(status) if status.state == "preparing" else status.state
+        piece = status_text(status) if status.state == "preparing" else f"{status.state} {status.is_late}"
         if piece == self._last:
             return
         self._last = piece

@@ -25,10 +25,12 @@ from gslcosim.runtime.gate import NO_LIMIT
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
+from gslcosim.runtime.pauses import Pauses
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stepper import Sent, Stepper
+from gslcosim.runtime.stops import ProcessWatch
 from gslcosim.scratch import ScratchFolder
 from gslcosim.ticks import seconds_from_ticks
 
@@ -76,6 +78,7 @@ class InProcessFlight:
                 self._steppers[name].gate.grant(reader.name, NO_LIMIT)
         self._verdict: Verdict | None = None
         self._culprit = "runtime"
+        self._pauses = Pauses()
 
     def fly(self, is_interrupted: Callable[[], bool]) -> Outcome:
         """Fly until the verdict, a fault or an interruption."""
@@ -137,10 +140,18 @@ class InProcessFlight:
         return not stepper.gate.is_finished and any(desk.owes_answer for desk in self._desks.values())
 
     def _wait_for_agent(self) -> None:
+        self._renew()
         with suppress(queue.Empty):
             self._hear(self._events.get(timeout=LOOK_EVERY_S))
+        self._renew()
         for desk in self._desks.values():
             self._deliver_all(desk.check_time())
+
+    # While this process stood still no agent was late.
+    def _renew(self) -> None:
+        if missed_s := self._pauses.missed_s(time.monotonic()):
+            for desk in self._desks.values():
+                desk.postpone(missed_s)
 
     # One round, so that an agent that never stops talking does not stop the run.
     def _hear_agents(self) -> None:
@@ -232,6 +243,7 @@ def fly_in_process(
         socket_dir = stack.enter_context(ScratchFolder()).path
         interruption = stack.enter_context(Interruption())
         children = stack.enter_context(Children(guests.exited))
+        stack.enter_context(ProcessWatch(lambda: children.pids, guests.stopped))
         stack.callback(guests.close)
         guests.start(children, socket_dir)
         _await_guests(guests, desks, events, interruption)
@@ -243,8 +255,9 @@ def fly_in_process(
 def _await_guests(
     guests: Guests, desks: Mapping[str, Desk], events: "queue.SimpleQueue[AgentEvent]", interruption: Interruption
 ) -> None:
-    deadline_s = time.monotonic() + JOIN_LIMIT_S
+    deadline_s, pauses = time.monotonic() + JOIN_LIMIT_S, Pauses()
     while not interruption.is_set() and (lacking := [desk for desk in desks.values() if desk.is_awaited]):
+        deadline_s += pauses.missed_s(time.monotonic())
         if time.monotonic() > deadline_s:
             for desk in lacking:
                 desk.lose(guests.absence_text(desk.agent))

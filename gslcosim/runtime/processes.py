@@ -32,7 +32,7 @@ class Process(Protocol):
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Its number, 0 where it has not begun."""
         ...
 
     def poll(self) -> int | None:
@@ -159,6 +159,12 @@ class Children:
         threading.Thread(target=self._wait_for, args=(name, process), daemon=True).start()
 
     @property
+    def pids(self) -> dict[str, int]:
+        """The numbers of the processes that have not ended, 0 where one has not begun."""
+        # A copy at once: processes are added while another thread asks.
+        return {child.name: child.process.pid for child in list(self._children.values()) if child.is_running}
+
+    @property
     def running(self) -> list[str]:
         """Names of the processes that have not ended."""
         return [child.name for child in self._children.values() if child.is_running]
@@ -180,7 +186,8 @@ class Children:
             self.wait(GRACE_S)
         for child in self._children.values():
             child.signal_group(signal.SIGKILL)
-            child.process.wait()
+        # Who forked one may be stopped and not tell its end; it is ended next, and Linux ends the forks with it.
+        self.wait(GRACE_S)
         for log in self._logs:
             log.wait(LOG_LIMIT_S)
         self._logs.clear()

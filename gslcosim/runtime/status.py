@@ -10,7 +10,8 @@ class FlightStatus:
     """One moment of a flight, for a person to watch.
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
-    piece of work (absent where nobody knows it); `text` is one short sentence.
+    piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
+    than it should.
     """
 
     state: str
@@ -18,6 +19,7 @@ class FlightStatus:
     fraction: float | None = None
     sim_time_s: float = 0.0
     real_time_factor: float = 0.0
+    is_late: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

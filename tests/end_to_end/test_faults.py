@@ -1,20 +1,25 @@
 """Whatever fails is named, the exit code says whose fault it was, and nothing is left running."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
-from flights import TINY_ROOM, fly, is_running, start, with_agent
+from flights import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
+
+from gslcosim.runtime.stops import STOP_LIMIT_S, can_see_stops
+
+linux = pytest.mark.skipif(not can_see_stops(), reason="only Linux tells which processes are stopped")
 
 # A run long enough to be interrupted: the vehicle only ever holds.
 LONG = ("--set", "referee.stop.time_limit_s=3000", "--set", "agents[0].vehicle.hold_s=0.5")
 
 
-def long_flight(tmp_path):
-    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent("silent_after_one"), is_recorded=True)
+def long_flight(tmp_path, agent="silent_after_one"):
+    flight = start(TINY_ROOM, tmp_path, *LONG, *with_agent(agent), is_recorded=True)
     flight.wait_until_flying()
     return flight
 
@@ -46,14 +51,82 @@ def test_a_killed_fork_server_is_named_and_leaves_nothing(tmp_path):
     assert not any(is_running(pid) for pid in services)
 
 
-def test_a_hanging_service_is_noticed_by_its_silence(tmp_path):
-    """A stopped process keeps its link; its liveliness token goes."""
-    flight = long_flight(tmp_path)
-    os.kill(flight.child("gslcosim_services fields"), signal.SIGSTOP)
+@linux
+def test_a_fork_server_that_is_killed_before_it_has_forked_is_named(tmp_path):
+    """It starts before the scenario is read, so it can be gone before anybody asks it for a service."""
+    flight = start(TINY_ROOM, tmp_path)
+    os.kill(flight.child("gslcosim_services --fork-server"), signal.SIGKILL)
     ended = flight.end()
     assert ended.exit_code == 3
-    assert ended.result["faults"][0]["participant"] == "fields"
-    assert "contact was lost" in ended.result["faults"][0]["text"]
+    assert ended.result["faults"][0]["participant"] == "fork_server"
+    assert "SIGKILL" in ended.result["faults"][0]["text"]
+
+
+@linux
+@pytest.mark.parametrize("name", ["fields", "recorder", "fork_server"])
+def test_a_stopped_service_is_named_and_nobody_else(tmp_path, name):
+    """It keeps its link, and others soon wait for it: who stands still is seen by the system, not by what follows."""
+    flight = long_flight(tmp_path, agent="holding")
+    os.kill(flight.child("gslcosim_services " + name.replace("fork_server", "--fork-server")), signal.SIGSTOP)
+    stopped_at = time.monotonic()
+    ended = flight.end()
+    assert time.monotonic() - stopped_at < STOP_LIMIT_S + 5 + 3  # the last three are for repairing the recording
+    assert ended.exit_code == 3
+    assert [fault["participant"] for fault in ended.result["faults"]] == [name]
+    assert "stopped by a signal" in ended.result["faults"][0]["text"]
+    assert_recording_is_whole(ended.run_dir)
+
+
+@linux
+@pytest.mark.parametrize(("name", "stop_s"), [("recorder", 2.5), ("supervisor", 6.0)])
+def test_who_is_continued_has_changed_nothing(tmp_path, name, stop_s):
+    """A service for a moment, the supervisor for as long as anybody likes: digest and exit code are as always."""
+    arguments = (*with_agent("holding"), "--set", "referee.stop.time_limit_s=100")
+    usual = fly(TINY_ROOM, tmp_path / "usual", *arguments, is_recorded=True)
+    flight = start(TINY_ROOM, tmp_path / "stopped", *arguments, is_recorded=True)
+    flight.wait_until_flying()
+    pid = flight.process.pid if name == "supervisor" else flight.child(f"gslcosim_services {name}")
+    os.kill(pid, signal.SIGSTOP)
+    until = time.monotonic() + stop_s
+    flight.wait_for(lambda: time.monotonic() > until)
+    os.kill(pid, signal.SIGCONT)
+    ended = flight.end()
+    assert usual.result["valid"] is True, usual.errors
+    assert ended.result["digest"] == usual.result["digest"], ended.errors
+    assert (ended.exit_code, ended.result["faults"]) == (usual.exit_code, [])
+
+
+@linux
+@pytest.mark.tour
+def test_a_service_that_is_stopped_before_it_joins_is_awaited_in_words_and_not_for_long(tmp_path):
+    """The log says who is missing, and the run ends when it is sure that nothing will come."""
+    call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(tmp_path)]
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    flight = Flight(process, tmp_path)
+    STARTED.append(flight)
+    os.kill(flight.child("gslcosim_services sensing"), signal.SIGSTOP)
+    stopped_at = time.monotonic()
+    ended = flight.end()
+    assert time.monotonic() - stopped_at < STOP_LIMIT_S + 5
+    assert ended.exit_code == 3
+    assert ended.result["faults"][0]["participant"] == "sensing"
+    assert "stopped by a signal" in ended.result["faults"][0]["text"]
+    assert re.search(r"waiting for .*sensing.*not here after 4 s", ended.errors)
+
+
+@linux
+@pytest.mark.parametrize("door", ["zenoh", "stdio"])
+def test_a_stopped_agent_is_a_result_of_a_valid_run(tmp_path, door):
+    """As one that was killed."""
+    command = f"{{command: [{sys.executable}, {AGENTS / 'holding.py'}], door: {door}}}"
+    flight = start(TINY_ROOM, tmp_path, *LONG, "--set", f"agents[0].start={command}")
+    flight.wait_until_flying()
+    os.kill(flight.child("holding.py"), signal.SIGSTOP)
+    ended = flight.end()
+    assert ended.exit_code == 1
+    assert ended.result["valid"] is True
+    assert ended.result["end_reason"] == "agent_failed"
+    assert "stopped by a signal" in ended.result["faults"][0]["text"]
 
 
 @pytest.mark.tour

@@ -90,6 +90,11 @@ class Desk:
             self.link.repeat()
         return []
 
+    def postpone(self, missed_s: float) -> None:
+        """Let the agent have its time again that this process has missed [s]."""
+        if self._asked_at_s is not None:
+            self._asked_at_s = min(self._asked_at_s + missed_s, time.monotonic())
+
     def end(self, ending: Ending) -> None:
         """Tell the agent that the run is over."""
         self.link.end(ending, codec.encode(ending))

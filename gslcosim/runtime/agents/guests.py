@@ -17,6 +17,7 @@ from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.processes import Children, exit_text
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.stops import stop_text
 from gslcosim.scenario.models.scenario import AgentSpec
 
 GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
@@ -51,6 +52,10 @@ class _GuestProcess:
         if self.is_open:
             self._has_stopped_talking.wait(LAST_WORDS_S)
         self._tell_gone(f"the agent's process {exit_text(code)} before the end of the run.")
+
+    def was_stopped(self) -> None:
+        """Take note that the process was stopped for too long, and is being killed."""
+        self._tell_gone(f"the agent's process {stop_text()}.")
 
     def _on_event(self, kind: EventKind, data: bytes) -> None:
         if kind == "command":
@@ -174,6 +179,14 @@ class Guests:
         for guest in self._processes():
             if door_name(guest.spec.name) == process:
                 guest.exited(code)
+                return True
+        return False
+
+    def stopped(self, process: str) -> bool:
+        """Take note, on any thread, that a process was stopped for too long; return whether it is one of these."""
+        for guest in self._processes():
+            if door_name(guest.spec.name) == process:
+                guest.was_stopped()
                 return True
         return False
 

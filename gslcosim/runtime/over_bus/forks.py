@@ -15,7 +15,7 @@ from typing import IO, Self
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import SimulationFault
-from gslcosim.runtime.processes import ending_with_parent, python_command
+from gslcosim.runtime.processes import ending_with_parent, exit_text, python_command
 from gslcosim.scratch import no_temporary_directory
 
 FORK_SERVER = "fork_server"
@@ -32,13 +32,11 @@ class ForkedProcess:
         self.name = name
         self._pid = 0
         self._code: int | None = None
-        self._has_started = threading.Event()
         self._has_ended = threading.Event()
 
     @property
     def pid(self) -> int:
-        """Its number, 0 where it never began; waits until the server has told it."""
-        self._has_started.wait()
+        """Its number, 0 until the server has told it."""
         return self._pid
 
     def poll(self) -> int | None:
@@ -59,12 +57,10 @@ class ForkedProcess:
     def has_started(self, pid: int) -> None:
         """Take note of its number."""
         self._pid = pid
-        self._has_started.set()
 
     def has_ended(self, code: int) -> None:
         """Take note of its end."""
         self._code = code
-        self._has_started.set()
         self._has_ended.set()
 
 
@@ -147,13 +143,13 @@ class ForkServer:
         }
         with self._lock:
             if self._is_gone:
-                raise SimulationFault(f"fork server: expected it to run, was at its end.{self.last_words()}")
+                raise SimulationFault(self._end_text())
             self._forked[name] = process
             try:
                 self._socket.sendall(json.dumps(request).encode() + b"\n")
             except OSError as error:
                 del self._forked[name]
-                raise SimulationFault(f"fork server: expected it to run, was gone ({error}).") from error
+                raise SimulationFault(self._end_text()) from error
         return process
 
     def last_words(self) -> str:
@@ -161,6 +157,11 @@ class ForkServer:
         self._log.seek(0)
         lines = self._log.read().decode(errors="replace").splitlines()[-5:]
         return "\n" + "\n".join(lines) if lines else ""
+
+    def wake(self) -> None:
+        """Let the server go on where it has been stopped: it tells how its forks end."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._process.pid, signal.SIGCONT)
 
     def wait_until_gone(self, limit_s: float) -> None:
         """Return when it has ended and all its forks with it, or after the limit."""
@@ -204,3 +205,10 @@ class ForkServer:
             process.has_started(int(answer["pid"]))
         else:
             process.has_ended(int(answer["code"]))
+
+    def _end_text(self) -> str:
+        try:
+            how = exit_text(self._process.wait(CLOSE_LIMIT_S))
+        except subprocess.TimeoutExpired:
+            how = "closed its socket"
+        return f"fork server: expected it to run, it {how}."

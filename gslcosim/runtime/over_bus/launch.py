@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from gslcosim.errors import MachineError, UsageError
+from gslcosim.errors import MachineError, SimulationFault, UsageError
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
@@ -16,13 +16,14 @@ from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import FORK_SERVER, ForkServer
-from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded
+from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded, ProcessStopped
 from gslcosim.runtime.over_bus.router import RunRouter
 from gslcosim.runtime.over_bus.supervisor import RunEndedError, Supervisor
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, python_command
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
+from gslcosim.runtime.stops import ProcessWatch, can_see_stops
 from gslcosim.scratch import ScratchFolder
 
 
@@ -62,6 +63,11 @@ def fly_over_bus(
         if not guests.exited(name, exit_code):
             notices.put(ProcessEnded(name, exit_code))
 
+    # On the thread of the watch.
+    def on_stopped(name: str) -> None:
+        if not guests.stopped(name):
+            notices.put(ProcessStopped(name))
+
     crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in guests}
     with ExitStack() as stack:
         socket_dir = stack.enter_context(ScratchFolder()).path
@@ -70,6 +76,7 @@ def fly_over_bus(
         if fork_server is None and network.starts_services and ForkServer.is_possible():
             fork_server = stack.enter_context(ForkServer())
         children = stack.enter_context(Children(on_exit))
+        stack.enter_context(ProcessWatch(lambda: _pids(children, fork_server), on_stopped))
         router = RunRouter(setup.run_dir, network, socket_dir, crews)
         bus = stack.enter_context(router.open())
         supervisor = Supervisor(setup, bus, guests, notices, report, groups)
@@ -86,7 +93,10 @@ def fly_over_bus(
             outcome.fault = supervisor.fault(str(error))
         outcome.is_interrupted = interruption.is_set() and outcome.fault is None
         supervisor.dismiss()
-        children.wait(EXIT_LIMIT_S)
+        if fork_server is not None:
+            fork_server.wake()
+        # Before its start nobody has anything to finish, and who has not joined yet hears nothing.
+        children.wait(EXIT_LIMIT_S if supervisor.has_begun else 0.0)
         supervisor.complete(outcome)
     return outcome
 
@@ -95,6 +105,12 @@ def _with_last_words(fault: ServiceFault, fork_server: ForkServer | None) -> Ser
     if fork_server is None or fault.participant != FORK_SERVER:
         return fault
     return replace(fault, text=f"{fault.text}{fork_server.last_words()}")
+
+
+def _pids(children: Children, fork_server: ForkServer | None) -> dict[str, int]:
+    # First, since nothing is known of its forks while it is stopped.
+    server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
+    return server | children.pids
 
 
 def _start(
@@ -111,16 +127,20 @@ def _start(
     # The last has most to import.
     for group in reversed(groups):
         name = process_name(group)
-        join = router.join_of_service(name)
+        join = router.join_of_service(name, is_watched=network.starts_services and can_see_stops())
         if not network.starts_services:
             network.write_join("services", join, run_dir.path)
         elif fork_server is not None:
-            children.adopt(name, fork_server.fork(name, group, join=join, log=run_dir.log(name)))
+            try:
+                children.adopt(name, fork_server.fork(name, group, join=join, log=run_dir.log(name)))
+            except SimulationFault as error:
+                raise RunEndedError(ServiceFault(participant=FORK_SERVER, tick=0, text=str(error))) from error
         else:
             command = python_command("-m", "gslcosim_services", *group)
             children.start(name, command, join=join, log=run_dir.log(name))
     for process in processes:
-        join, command = router.join_of_process(process), start_command(specs[process], directory)
+        command = start_command(specs[process], directory)
+        join = router.join_of_process(process, is_watched=command is not None and can_see_stops())
         if command is None:
             network.write_join("agents", join, run_dir.path)
         else:

@@ -104,6 +104,13 @@ class ProcessEnded:
 
 
 @dataclass(frozen=True)
+class ProcessStopped:
+    """A process that joins the bus has been stopped for too long, and is being killed."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class Interrupted:
     """Somebody wants the run to end."""
 
@@ -122,6 +129,7 @@ Notice = (
     | ServiceVanished
     | AgentVanished
     | ProcessEnded
+    | ProcessStopped
     | Interrupted
     | AgentEvent
 )

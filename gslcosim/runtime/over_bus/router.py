@@ -47,8 +47,8 @@ class RunRouter:
             tls=self._network.tls,
         )
 
-    def join_of_service(self, name: str) -> Join:
-        """Return how a service joins."""
+    def join_of_service(self, name: str, *, is_watched: bool) -> Join:
+        """Return how a service joins; `is_watched`: its process is a child of this one."""
         return Join(
             name=name,
             endpoint=self._endpoint,
@@ -56,10 +56,11 @@ class RunRouter:
             user=SERVICE_USER,
             password=self._service_password,
             run_dir=str(self._run_dir.path.resolve()),
+            is_watched=is_watched,
         )
 
-    def join_of_process(self, process: str) -> Join:
-        """Return how a process of agents joins."""
+    def join_of_process(self, process: str, *, is_watched: bool) -> Join:
+        """Return how a process of agents joins; `is_watched`: it is a child of this one."""
         account, agents = self._accounts[process], self._crews[process]
         return Join(
             name=process,
@@ -68,4 +69,5 @@ class RunRouter:
             user=account.user,
             password=account.password,
             agents=agents if len(agents) > 1 else None,
+            is_watched=is_watched,
         )

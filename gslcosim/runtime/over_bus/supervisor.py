@@ -33,6 +33,7 @@ from gslcosim.runtime.over_bus.notices import (
     Notice,
     ObservationCame,
     ProcessEnded,
+    ProcessStopped,
     ProgressTold,
     ServiceAppeared,
     ServiceDescribed,
@@ -40,13 +41,14 @@ from gslcosim.runtime.over_bus.notices import (
     VerdictCame,
     WaitingTold,
 )
+from gslcosim.runtime.over_bus.telling import Teller
 from gslcosim.runtime.over_bus.watchdog import LOST_CONTACT_GRACE_S, Watchdog
+from gslcosim.runtime.pauses import Pauses
 from gslcosim.runtime.processes import exit_text
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
-from gslcosim.ticks import seconds_from_ticks
+from gslcosim.runtime.stops import stop_text
 
-STATUS_EVERY_S = 0.1
 LOOK_EVERY_S = 0.1
 # Between two looks at the clock, however many messages an agent sends.
 MAX_NOTICES_AT_ONCE = 256
@@ -79,7 +81,7 @@ class Supervisor:
         self._bus = bus
         self._guests = guests
         self._notices = notices
-        self._report = report
+        self._teller = Teller(report, setup.scenario.tick_ns)
         self._dataflow = dataflow_of(setup.scenario)
         self._services = service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
@@ -93,9 +95,14 @@ class Supervisor:
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
         self._verdict: Verdict | None = None
-        self._told_at_s = 0.0
+        self._pauses = Pauses()
         self._started_at_s: float | None = None
         self._ended_at_s: float | None = None
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether simulated time has begun."""
+        return self._started_at_s is not None
 
     def listen(self) -> None:
         """Hear services and agents from now on."""
@@ -123,13 +130,15 @@ class Supervisor:
         Raises:
             RunEndedError: a service has not come in time, or has failed.
         """
-        deadline_s = time.monotonic() + JOIN_LIMIT_S
+        began_s = time.monotonic()
         while lacking := self._not_ready():
             if interruption.is_set():
                 return
-            if time.monotonic() > deadline_s:
+            began_s += self._renew()
+            waited_s = time.monotonic() - began_s
+            if waited_s > JOIN_LIMIT_S:
                 self._give_up_on(lacking)
-            self._tell(f"waiting for {', '.join(lacking)}", "starting")
+            self._teller.tell_awaited(lacking, waited_s)
             self._handle_next()
 
     def fly(self, interruption: Interruption) -> None:
@@ -146,7 +155,7 @@ class Supervisor:
         while not self._watchdog.are_done and not interruption.is_set():
             self._handle_next()
             self._check_time()
-            self._tell("", "flying" if self._verdict is None else "closing")
+            self._tell_flight()
 
     def fault(self, text: str) -> ServiceFault:
         """Return a fault of the supervisor's own, at the tick that all services have reached."""
@@ -215,8 +224,12 @@ class Supervisor:
                 self._doors[agent].brief(payload)
             case ObservationCame(agent, payload):
                 self._doors[agent].observe(payload)
-            case FaultTold() | ServiceAppeared() | ServiceDescribed() | ServiceVanished() | ProcessEnded():
+            case FaultTold() | ServiceAppeared() | ServiceDescribed() | ServiceVanished():
                 self._on_life(notice)
+            case ProcessEnded(name, exit_code):
+                self._on_end_of(name, exit_text(exit_code))
+            case ProcessStopped(name):
+                self._on_end_of(name, stop_text())
             case AgentVanished(agent):
                 # Its process may have ended too; that says more, and comes within a moment.
                 self._departed_at_s.setdefault(agent, time.monotonic())
@@ -225,20 +238,19 @@ class Supervisor:
             case _:
                 self._doors[notice.agent].handle(notice)
 
-    def _on_life(self, notice: FaultTold | ServiceAppeared | ServiceDescribed | ServiceVanished | ProcessEnded) -> None:
+    def _on_life(self, notice: FaultTold | ServiceAppeared | ServiceDescribed | ServiceVanished) -> None:
         match notice:
             case FaultTold(payload=payload):
                 note = control.FaultNote.from_bytes(payload)
                 raise RunEndedError(ServiceFault(participant=note.participant, tick=note.tick, text=note.text.strip()))
             case ServiceAppeared(name):
                 put = self._notices.put
+                self._watchdog.regained_contact(name)
                 self._bus.ask(control.describe(name), b"", lambda _, answer: put(ServiceDescribed(answer)))
             case ServiceDescribed(payload):
                 self._on_described(control.Description.from_bytes(payload))
             case ServiceVanished(name):
                 self._watchdog.lost_contact(name, time.monotonic())
-            case ProcessEnded(name, exit_code):
-                self._on_exit(name, exit_code)
 
     def _on_described(self, description: control.Description) -> None:
         if description.contract_hash != contract_hash():
@@ -269,15 +281,15 @@ class Supervisor:
             put = self._notices.put
             self._bus.ask(control.resend("referee"), question, lambda _, payload: put(VerdictCame(payload)))
 
-    def _on_exit(self, name: str, exit_code: int) -> None:
+    def _on_end_of(self, name: str, how: str) -> None:
         if name == FORK_SERVER:
-            text = f"{exit_text(exit_code)}; the services are its forks and end with it."
+            text = f"{how}; the services are its forks and end with it."
             raise RunEndedError(ServiceFault(participant=name, tick=self._watchdog.finished_tick, text=text))
         if self._watchdog.watches_process(name):
-            raise RunEndedError(self._watchdog.fault(name, f"{exit_text(exit_code)}; the run is not valid without it."))
+            raise RunEndedError(self._watchdog.fault(name, f"{how}; the run is not valid without it."))
         for agent in self._setup.scenario.agents:
             if door_name(agent.process) == name:
-                reason = f"the agent's process {exit_text(exit_code)} before the end of the run."
+                reason = f"the agent's process {how} before the end of the run."
                 self._doors[agent.name].handle(AgentGone(agent=agent.name, reason=reason))
 
     # ------------------------------------------------------------ time
@@ -292,12 +304,24 @@ class Supervisor:
                 raise RunEndedError(self._watchdog.fault(name, absence_text(), ExitCode.TIMEOUT))
             self._doors[name].lose(self._guests.absence_text(name))
 
+    # While this process stood still nobody was late.
+    def _renew(self) -> float:
+        now_s = time.monotonic()
+        missed_s = self._pauses.missed_s(now_s)
+        if missed_s > 0:
+            self._watchdog.postpone(missed_s, now_s)
+            # An agent's deadlines are those of its desk; one that has left has left.
+            for door in self._doors.values():
+                door.desk.postpone(missed_s)
+        return missed_s
+
     def _check_time(self) -> None:
+        self._renew()
         now_s = time.monotonic()
         for name, since_s in list(self._departed_at_s.items()):
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 del self._departed_at_s[name]
-                self._doors[name].lose("the agent left the run before its end.")
+                self._doors[name].lose(f"the agent left the run before its end.{self._watchdog.pause_text}")
         for door in self._doors.values():
             if door.desk.owes_answer:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
@@ -317,12 +341,7 @@ class Supervisor:
             trails[keys.command(name)] = door.desk.trail
         return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
 
-    def _tell(self, text: str, state: str) -> None:
-        now_s = time.monotonic()
-        if now_s - self._told_at_s < STATUS_EVERY_S:
-            return
-        self._told_at_s = now_s
-        sim_time_s = seconds_from_ticks(self._watchdog.tick_of("referee"), self._setup.scenario.tick_ns)
+    def _tell_flight(self) -> None:
         wall_s = time.perf_counter() - self._started_at_s if self._started_at_s is not None else 0.0
-        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
-        self._report(FlightStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
+        state = "flying" if self._verdict is None else "closing"
+        self._teller.tell_flight(state, self._watchdog.tick_of("referee"), wall_s)

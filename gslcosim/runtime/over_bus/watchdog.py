@@ -26,6 +26,7 @@ class Watchdog:
         self._byes: dict[str, Bye] = {}
         self._lost_since_s: dict[str, float] = {}
         self._moved_at_s = 0.0
+        self._missed_s = 0.0
 
     def __contains__(self, name: str) -> bool:
         return name in self._progress
@@ -81,6 +82,21 @@ class Watchdog:
         """
         self._lost_since_s.setdefault(name, now_s)
 
+    def regained_contact(self, name: str) -> None:
+        """Take note that a service's token is there, perhaps again."""
+        self._lost_since_s.pop(name, None)
+
+    def postpone(self, missed_s: float, now_s: float) -> None:
+        """Move all deadlines by time [s] in which nobody looked, until now."""
+        self._missed_s = missed_s
+        self._moved_at_s = min(self._moved_at_s + missed_s, now_s)
+        self._lost_since_s = {name: min(since_s + missed_s, now_s) for name, since_s in self._lost_since_s.items()}
+
+    @property
+    def pause_text(self) -> str:
+        """What to add where contact was lost: empty unless this side stood still itself."""
+        return f" The supervisor itself had stood still for {self._missed_s:.0f} s." if self._missed_s else ""
+
     def check(self, now_s: float, *, is_judged: bool) -> ServiceFault | None:
         """Return who is at fault where contact is lost or nothing moves any more.
 
@@ -90,7 +106,7 @@ class Watchdog:
         """
         for name, since_s in self._lost_since_s.items():
             if now_s - since_s > LOST_CONTACT_GRACE_S:
-                return self.fault(name, "contact was lost: it hangs, or its link is down.")
+                return self.fault(name, f"contact was lost: it hangs, or its link is down.{self.pause_text}")
         limit_s = GOODBYE_LIMIT_S if is_judged else STALL_LIMIT_S
         return self._stall(limit_s) if now_s - self._moved_at_s > limit_s else None
 

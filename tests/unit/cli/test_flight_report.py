@@ -61,6 +61,19 @@ def test_the_live_line_stays_one_line():
     assert "…" in text
 
 
+def test_a_pipe_is_told_once_who_is_late(capsys):
+    """The first time, so that a log says for whom a run has waited; a terminal shows it all the time."""
+    with watched_flight("hall", is_quiet=False) as report:
+        report(FlightStatus(state="starting", text="waiting for world"))
+        for waited_s in (5, 6, 7):
+            text = f"waiting for world, not here after {waited_s} s"
+            report(FlightStatus(state="starting", text=text, is_late=True))
+    assert capsys.readouterr().err.splitlines() == [
+        "hall: starting, waiting for world",
+        "hall: starting, waiting for world, not here after 5 s",
+    ]
+
+
 def test_a_terminal_gets_the_live_line_and_keeps_nothing_of_it(monkeypatch):
     terminal = io.StringIO()
     terminal.isatty = lambda: True

@@ -11,6 +11,7 @@ import pytest
 from gslcosim.bus.port import Join
 from gslcosim.errors import SimulationFault
 from gslcosim.runtime.over_bus.forks import ForkServer
+from gslcosim.runtime.processes import Children
 
 pytestmark = [
     pytest.mark.skipif(not ForkServer.is_possible(), reason="forks are safe on Linux only"),
@@ -64,8 +65,29 @@ def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
         assert waiting.wait(60) in (3, -signal.SIGKILL)
         server.wait_until_gone(60)
         assert server.has_failed
-        with pytest.raises(SimulationFault, match="fork server: expected it to run"):
+        with pytest.raises(SimulationFault, match="fork server: expected it to run, it was killed by SIGKILL"):
             server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+
+
+def test_a_stopped_server_tells_the_ends_of_its_forks_when_it_is_woken(server, tmp_path):
+    """And nobody has to wait for it to learn that a number is not known yet."""
+    os.kill(server.pid, signal.SIGSTOP)
+    process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+    assert process.pid == 0
+    server.wake()
+    assert process.wait(60) == 3
+    assert process.pid > 0
+
+
+def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
+    """The end of its forks is not told; they end with the server, which is ended next."""
+    with ForkServer() as server, Children(lambda name, code: None) as children:
+        process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+        process.wait(60)
+        os.kill(server.pid, signal.SIGSTOP)
+        children.adopt("fields", server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log"))
+    assert not exists(server.pid)
+    assert children.running == []
 
 
 def test_a_closed_server_is_gone():

@@ -98,6 +98,19 @@ def test_whoever_owes_an_answer_for_too_long_fails_with_its_last_words(clock):
     assert desk.door.faults[0].text == "the agent did not answer within 10 s. The end of its log: it hurts"
 
 
+def test_time_that_this_process_has_missed_is_not_the_agents(clock):
+    """A supervisor that was stopped for a minute has not heard the answer that may have come meanwhile."""
+    desk, _, _ = desk_with()
+    desk.postpone(60.0)
+    assert not desk.owes_answer
+    desk.observe(*question(3))
+    clock[0] += 65.0
+    desk.postpone(60.0)
+    assert desk.check_time() == []
+    clock[0] += 5.1
+    assert [sent.message.kind for sent in desk.check_time()] == ["failed"]
+
+
 @pytest.mark.parametrize(("may_lose", "n_repeats"), [(True, 2), (False, 0)])
 def test_a_question_is_repeated_only_where_it_may_have_got_lost(clock, may_lose, n_repeats):
     desk, line, _ = desk_with(may_lose=may_lose)

@@ -1,0 +1,123 @@
+"""Seeing that a process of the run has been stopped by a signal, and ending it when it stays so."""
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Self
+
+from gslcosim.runtime.pauses import Pauses
+
+# Who is continued sooner goes on as if nothing had been.
+STOP_LIMIT_S = 5.0
+LOOK_EVERY_S = 0.25
+_STOPPED = "T"
+_MAX_LAUNCHERS = 8
+
+
+def can_see_stops() -> bool:
+    """Return whether this machine tells which processes are stopped."""
+    return sys.platform == "linux" and _state_of(os.getpid()) is not None
+
+
+def is_stopped(pid: int) -> bool:
+    """Return whether a process has been stopped by a signal; false where nobody can tell.
+
+    It counts as stopped, too, when its only child is: a launcher, such as a sandbox, just waits for what it has
+    started. A process that a debugger holds is not stopped.
+    """
+    for _ in range(_MAX_LAUNCHERS):
+        if _state_of(pid) == _STOPPED:
+            return True
+        children = _children_of(pid)
+        if len(children) != 1:
+            return False
+        pid = children[0]
+    return False
+
+
+def stop_text() -> str:
+    """Return what to say of a process that was stopped for too long, after its name."""
+    return f"was stopped by a signal and not continued within {STOP_LIMIT_S:g} s"
+
+
+class Stops:
+    """Decides who has been stopped for too long. It reads no clock: times [s] of a monotonic one are handed in."""
+
+    def __init__(self, limit_s: float = STOP_LIMIT_S) -> None:
+        self._limit_s = limit_s
+        self._since_s: dict[str, float] = {}
+        self._pauses = Pauses()
+
+    def look(self, stopped: Collection[str], now_s: float) -> list[str]:
+        """Take note of who is stopped now, several times a second; return who has been for longer than the limit."""
+        # While this process stood still itself, nobody could see others go on.
+        missed_s = self._pauses.missed_s(now_s)
+        self._since_s = {name: self._since_s.get(name, now_s - missed_s) + missed_s for name in stopped}
+        return [name for name, since_s in self._since_s.items() if now_s - since_s > self._limit_s]
+
+
+class ProcessWatch:
+    """Looks a few times a second, on a thread of its own, for processes that are stopped, while it is entered.
+
+    A stopped process neither reads nor ends, so that who sends to it waits, too. After the limit `on_stopped(name)` is
+    called, and its process group killed.
+
+    Args:
+        pids: Returns the processes by name; 0 stands for one that has not begun.
+        on_stopped: Is told a name, on the watch's thread.
+    """
+
+    def __init__(self, pids: Callable[[], Mapping[str, int]], on_stopped: Callable[[str], object]) -> None:
+        self._pids = pids
+        self._on_stopped = on_stopped
+        self._stops = Stops()
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        if can_see_stops():
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _watch(self) -> None:
+        told: set[str] = set()
+        while not self._is_over.wait(LOOK_EVERY_S):
+            pids = {name: pid for name, pid in self._pids().items() if pid}
+            stopped = [name for name, pid in pids.items() if is_stopped(pid)]
+            for name in self._stops.look(stopped, time.monotonic()):
+                if name not in told:
+                    told.add(name)
+                    self._on_stopped(name)
+                _kill(pids[name])
+
+
+# One that has just begun leads no group yet.
+def _kill(pid: int) -> None:
+    for kill in (os.killpg, os.kill):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            kill(pid, signal.SIGKILL)
+
+
+def _state_of(pid: int) -> str | None:
+    try:
+        # The name before it stands in brackets and may hold anything.
+        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0]
+    except (OSError, IndexError):
+        return None
+
+
+def _children_of(pid: int) -> list[int]:
+    try:
+        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except (OSError, ValueError):
+        return []

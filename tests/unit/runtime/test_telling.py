@@ -1,0 +1,37 @@
+"""A state is told at once, what changes within it a few times a second, and who is late is said to be."""
+
+import pytest
+
+from gslcosim.runtime.over_bus import telling
+from gslcosim.runtime.over_bus.telling import LATE_AFTER_S, Teller
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(telling.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_a_new_state_is_told_at_once_and_the_same_not_too_often(clock):
+    told = []
+    teller = Teller(told.append, tick_ns=100_000_000)
+    for state, tick in (("flying", 1), ("flying", 2), ("closing", 3)):
+        teller.tell_flight(state, tick, wall_s=0.05)
+    clock[0] += 1.0
+    teller.tell_flight("closing", 4, wall_s=0.1)
+    assert [(status.state, status.sim_time_s) for status in told] == [
+        ("flying", 0.1), ("closing", 0.3), ("closing", 0.4),
+    ]  # fmt: skip
+    assert told[0].real_time_factor == pytest.approx(2.0)
+
+
+def test_who_has_not_joined_in_time_is_late(clock):
+    told = []
+    teller = Teller(told.append, tick_ns=100_000_000)
+    teller.tell_awaited(["world", "beetle"], LATE_AFTER_S)
+    clock[0] += 1.0
+    teller.tell_awaited(["world"], LATE_AFTER_S + 1.0)
+    assert [(status.text, status.is_late) for status in told] == [
+        ("waiting for world, beetle", False), ("waiting for world, not here after 5 s", True),
+    ]  # fmt: skip
