@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults attacks golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -71,6 +71,9 @@ N ?= 1000
 JOBS ?= 2
 soak-faults: .venv/ready-dev  # random faults of every member in every phase, and a table of what came of them; N=TRIALS
 	$(BIN)/python tests/soak/fault_campaign.py --trials $(N) --jobs $(JOBS)
+
+attacks: .venv/ready-dev    # what agents that try to cheat reach in each sandbox
+	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py
 
 golden: .venv/ready-dev     # rewrite the golden files; review the diff
 	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden

@@ -11,6 +11,7 @@ packages=(
     jq                   # agents/dung_beetle_shell
     mesa-vulkan-drivers  # pictures of recordings without a GPU
     libegl1 libgl1-mesa-dri libosmesa6  # cameras without a GPU
+    bubblewrap           # the stronger sandbox of agents
     iproute2 openssl     # two hosts in network namespaces, and their certificate
     openfoam             # the other wind solver
 )

@@ -4,6 +4,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -14,6 +15,8 @@ from gslcosim.errors import UsageError
 
 JOIN_VARIABLE = "GSLCOSIM_JOIN"
 JOIN_FILE_WAIT_S = 120.0
+# Linux names the open files of a process here.
+INHERITED_FILES = Path("/proc/self/fd")
 
 Handler = Callable[[str, bytes], None]
 Answerer = Callable[[bytes], list[bytes]]
@@ -52,7 +55,8 @@ class Join(BaseModel):
     def from_environment(cls) -> "Join":
         """Return the join data from the environment variable `GSLCOSIM_JOIN`: JSON, or the path of a file with it.
 
-        A file that does not exist yet is waited for, so that processes on several hosts may start in any order.
+        A file that does not exist yet is waited for, so that processes on several hosts may start in any order. An
+        inherited one, `/proc/self/fd/N`, is closed when it has been read.
 
         Raises:
             UsageError: the variable is missing or is not what it should be.
@@ -79,7 +83,12 @@ def _wait_for_file(path: Path) -> str:
                 f"{JOIN_VARIABLE}: expected a file within {JOIN_FILE_WAIT_S:g} s, found none.\nFile: {path}"
             )
         time.sleep(0.05)
-    return path.read_text()
+    text = path.read_text()
+    if path.parent == INHERITED_FILES:
+        # What is not open any more cannot be read by who looks at this process.
+        with suppress(OSError):
+            os.close(int(path.name))
+    return text
 
 
 class Bus(Protocol):

@@ -119,15 +119,15 @@ def summary(flight: "FlightResult") -> str:
     reason = str(result.get("end_reason", ""))
     lines = [f"{_ENDINGS.get(reason, reason)} after {result.get('sim_time_s', 0.0):.1f} s of simulated time.", ""]
     if agents := result.get("agents"):
-        lines += [agents_table(agents), ""]
+        lines += [agents_table(agents, result.get("sandboxes", {})), ""]
     agent_faults = [fault for fault in result.get("faults", []) if result.get("valid")]
     lines += [f"{fault['participant']}, tick {fault['tick']}: {fault['text']}" for fault in agent_faults]
     return "\n".join([*lines, *_paths(flight.run_dir, result)])
 
 
-def agents_table(agents: list[dict[str, Any]]) -> str:
-    """Return one row an agent with the figures that matter."""
-    headings = ("agent", "outcome", "time to source", "commands", "path", "overhead", "distance at the end")
+def agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str:
+    """Return one row an agent with the figures that matter, and what its process was confined by."""
+    headings = ("agent", "outcome", "time to source", "commands", "path", "overhead", "distance at the end", "sandbox")
     rows = [
         (
             str(agent["name"]),
@@ -137,6 +137,7 @@ def agents_table(agents: list[dict[str, Any]]) -> str:
             _figure(agent["path_length_m"], "{:.1f} m"),
             _figure(agent["movement_overhead"], "{:.2f}"),
             _figure(agent["final_distance_m"], "{:.2f} m"),
+            sandboxes.get(agent["name"], "-"),
         )
         for agent in agents
     ]

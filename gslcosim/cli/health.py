@@ -163,6 +163,18 @@ def check_rendering() -> Iterator[Health]:
     yield _graded("GL (EGL)", "OK" if egl["is_there"] else "WARN", egl["text"], remedy)
 
 
+def check_sandbox() -> Iterator[Health]:
+    """Check which sandbox is the strongest for agents here."""
+    from gslcosim.runtime.sandbox.choosing import strongest_sandbox, why_there_is_no
+
+    kind = strongest_sandbox()
+    reasons = [why_there_is_no("bubblewrap"), why_there_is_no("landlock")] if kind == "none" else []
+    reasons += [why_there_is_no("bubblewrap")] if kind == "landlock" else []
+    text = f"{kind}, as {' and '.join(reasons)}" if reasons else kind
+    remedy = "Agents see less in bubblewrap. On Debian: apt-get install bubblewrap"
+    yield _graded("sandbox of agents", "OK" if kind == "bubblewrap" else "WARN", text, remedy)
+
+
 CHECKS: dict[str, Callable[[], Iterator[Health]]] = {
     "Python": check_python,
     "packages": check_packages,
@@ -171,6 +183,7 @@ CHECKS: dict[str, Callable[[], Iterator[Health]]] = {
     "free memory": check_memory,
     "cache": check_cache,
     "Zenoh round trip": check_zenoh,
+    "sandbox": check_sandbox,
     "rendering": check_rendering,
 }
 

@@ -52,7 +52,7 @@ class _Started:
         self._scratch = ScratchFolder("check")
         self.folder = self._scratch.path
         self.log = self.folder / "log"
-        self.children = Children(lambda _, code: self.events.put(AgentExited(code)))
+        self.children = Children(lambda _, code, __: self.events.put(AgentExited(code)))
         self.orphans = Orphans(str(self.folder))
         self.left_over: tuple[str, ...] = ()
 
@@ -102,8 +102,14 @@ class ZenohWire(_Started):
             password=self._user.password,
         )
         self.orphans.begin()
-        places = {"log": self.log, "cwd": self.wiring.directory}
-        self.children.start(AGENT, self.command(), join=join, variables=self.orphans.variables, **places)
+        self.children.start(
+            AGENT,
+            self.command(),
+            join=join,
+            log=self.log,
+            cwd=self.wiring.directory,
+            variables=self.orphans.variables,
+        )
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Publish the briefing; see `AgentLink`."""
@@ -199,16 +205,16 @@ class GatewayWire(_Started):
         """Start the agent, and listen for it where it connects; see `Wire`."""
         self.orphans.begin()
         variables = {AGENT_VARIABLE: AGENT, **self.orphans.variables}
-        places = {"log": self.log, "cwd": self.wiring.directory}
+        log, cwd = self.log, self.wiring.directory
         if self.wiring.door == "stdio":
-            pipes = self.children.start_piped(AGENT, self.command(), variables=variables, **places)
+            pipes = self.children.start_piped(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
             self._open(PipeStream(*pipes))
             return
         is_unix = self.wiring.door == "unix"
         listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
         listener.admit(self.wiring.format, lambda stream, _: self._open(stream), self._on_refused_connection)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        self.children.start_guest(AGENT, self.command(), variables=variables, **places)
+        self.children.start_guest(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Tell the agent its briefing; see `AgentLink`."""

@@ -18,6 +18,7 @@ from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.over_bus.launch import fly_over_bus
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.sandbox.choosing import sandboxes_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.scenario import Scenario
@@ -55,6 +56,7 @@ def fly(
     dataflow_of(scenario)
     processes = scenario.processes if processes is None else processes
     groups = groups_of(processes, service_names(scenario))
+    sandboxes = sandboxes_of(scenario, is_one_process=processes == "one")
     environment_dir = prepare_environment(
         scenario,
         scenario_dir=loaded.directory,
@@ -62,7 +64,8 @@ def fly(
     )
 
     def fly_it(setup: Setup) -> Outcome:
-        return _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+        flown = _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
+        return replace(flown, sandboxes=sandboxes)
 
     _, result = fly_into_folder(
         scenario, environment_dir, fly_it, runs_dir=runs_dir, processes=processes, began=began, report=report

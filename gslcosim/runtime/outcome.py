@@ -46,6 +46,8 @@ class Outcome:
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
     # What each decision of an agent took by the clock; only where the agents fly in this process.
     decisions_s: list[float] = field(default_factory=list[float])
+    # By agent what its process was confined by.
+    sandboxes: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @property
     def is_valid(self) -> bool:
@@ -86,6 +88,7 @@ class Outcome:
             "digest": self.digest.hex if self.digest else None,
             "resends": sum(timing.get("n_resends", 0) for timing in self.timing.values()),
             "faults": self._faults(),
+            "sandboxes": dict(self.sandboxes),
             "agents": self._agents(scenario),
             "timing_us_per_tick": {name: _per_tick_us(timing) for name, timing in self.timing.items()},
         }

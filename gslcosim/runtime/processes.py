@@ -15,9 +15,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol, cast
 
-from gslcosim.bus.port import JOIN_VARIABLE, Join
+from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
 from gslcosim.runtime.process_log import ProcessLog
+from gslcosim.runtime.sandbox.launching import Confinement, Launch, file_of, is_launcher_possible
 
 EXIT_LIMIT_S = 3.0
 GRACE_S = 2.0
@@ -64,9 +65,13 @@ class Child:
 
 
 class Children:
-    """All processes that the supervisor has started; leaving the context ends them."""
+    """All processes that the supervisor has started; leaving the context ends them.
 
-    def __init__(self, on_exit: Callable[[str, int], object]) -> None:
+    Args:
+        on_exit: Is told a process that has ended, its exit code, and in words how it ended, on a thread of its own.
+    """
+
+    def __init__(self, on_exit: Callable[[str, int, str], object]) -> None:
         self._on_exit = on_exit
         self._children: dict[str, Child] = {}
         self._logs: list[ProcessLog] = []
@@ -86,23 +91,33 @@ class Children:
         log: Path,
         cwd: Path | None = None,
         variables: Mapping[str, str] = MappingProxyType({}),
+        confinement: Confinement | None = None,
     ) -> None:
         """Start a process with its join data; its output goes to a log file, and its end is reported at once.
+
+        The join data are a file that the process inherits: its environment can be read by others of its user.
 
         Raises:
             UsageError: the command cannot be started.
         """
+        text = join.model_dump_json(exclude_none=True)
+        inherited = file_of(text) if INHERITED_FILES.is_dir() else None
+        place = text if inherited is None else str(INHERITED_FILES / str(inherited))
+        variables = {JOIN_VARIABLE: place, **variables}
         with self._log(log) as output:
-            self._start(
-                name,
-                command,
-                {JOIN_VARIABLE: join.model_dump_json(exclude_none=True), **variables},
-                cwd,
-                streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT),
-            )
+            streams = (subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
+            keep = () if inherited is None else (inherited,)
+            self._start(name, command, variables, cwd, streams=streams, confinement=confinement, keep=keep)
 
     def start_guest(
-        self, name: str, command: Sequence[str], *, variables: Mapping[str, str], log: Path, cwd: Path
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        variables: Mapping[str, str],
+        log: Path,
+        cwd: Path,
+        confinement: Confinement | None = None,
     ) -> None:
         """Start a process that joins no bus, with variables added to its environment; otherwise as `start`.
 
@@ -110,10 +125,18 @@ class Children:
             UsageError: the command cannot be started.
         """
         with self._log(log) as output:
-            self._start(name, command, variables, cwd, streams=(subprocess.DEVNULL, output.fileno(), subprocess.STDOUT))
+            streams = (subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
+            self._start(name, command, variables, cwd, streams=streams, confinement=confinement)
 
     def start_piped(
-        self, name: str, command: Sequence[str], *, variables: Mapping[str, str], log: Path, cwd: Path
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        variables: Mapping[str, str],
+        log: Path,
+        cwd: Path,
+        confinement: Confinement | None = None,
     ) -> tuple[FileIO, FileIO]:
         """Start a process as `start_guest`, but return its standard input and output; only its errors are logged.
 
@@ -122,7 +145,7 @@ class Children:
         """
         with self._log(log) as errors:
             streams = (subprocess.PIPE, subprocess.PIPE, errors.fileno())
-            process = self._start(name, command, variables, cwd, streams=streams)
+            process = self._start(name, command, variables, cwd, streams=streams, confinement=confinement)
         # Without buffers these are raw files.
         return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
 
@@ -134,29 +157,42 @@ class Children:
         cwd: Path | None,
         *,
         streams: tuple[int, int, int],
+        confinement: Confinement | None = None,
+        keep: tuple[int, ...] = (),
     ) -> "subprocess.Popen[bytes]":
+        check_program(name, command, cwd)
         # Who starts a run from within another one must not hand its own place on.
-        inherited = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
+        environment = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
+        environment |= variables
+        line, descriptors, launch = [*ending_with_parent(), *command], keep, None
+        if confinement is not None and is_launcher_possible():
+            launch = Launch(confinement, command, has_pipes=streams[0] == subprocess.PIPE, keep=keep)
+            line, descriptors = launch.command, launch.descriptors
+            environment |= launch.variables
         try:
             process = subprocess.Popen(
-                [*ending_with_parent(), *command],
+                line,
                 bufsize=0,
                 stdin=streams[0],
                 stdout=streams[1],
                 stderr=streams[2],
-                env=inherited | dict(variables),
+                env=environment,
                 cwd=cwd,
                 start_new_session=True,
+                pass_fds=descriptors,
             )
         except OSError as error:
             raise UsageError(f"{name}: expected a command that starts, was {list(command)} ({error}).") from error
-        self.adopt(name, process)
+        finally:
+            for descriptor in descriptors:
+                os.close(descriptor)
+        self.adopt(name, process, launch)
         return process
 
-    def adopt(self, name: str, process: Process) -> None:
+    def adopt(self, name: str, process: Process, launch: Launch | None = None) -> None:
         """Watch a process that leads its own process group, and end it with the others."""
         self._children[name] = Child(name, process)
-        threading.Thread(target=self._wait_for, args=(name, process), daemon=True).start()
+        threading.Thread(target=self._wait_for, args=(name, process, launch), daemon=True).start()
 
     @property
     def pids(self) -> dict[str, int]:
@@ -196,8 +232,21 @@ class Children:
         self._logs.append(ProcessLog(path))
         return self._logs[-1]
 
-    def _wait_for(self, name: str, process: Process) -> None:
-        self._on_exit(name, process.wait())
+    def _wait_for(self, name: str, process: Process, launch: Launch | None) -> None:
+        code = process.wait()
+        self._on_exit(name, code, (launch.last_words() if launch is not None else "") or exit_text(code))
+
+
+def check_program(name: str, command: Sequence[str], cwd: Path | None) -> None:
+    """Refuse a command line whose program is not there.
+
+    Raises:
+        UsageError: it cannot be found, or not be executed.
+    """
+    program = Path(cwd or ".") / command[0] if "/" in command[0] else shutil.which(command[0])
+    if program is None or not os.access(program, os.X_OK) or Path(program).is_dir():
+        reason = "no such program" if program is None or not Path(program).exists() else "it cannot be executed"
+        raise UsageError(f"{name}: expected a command that starts, was {list(command)} ({reason}).")
 
 
 def exit_text(code: int) -> str:

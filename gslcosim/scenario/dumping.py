@@ -116,4 +116,7 @@ def _with_absolute_program(agent: AgentSpec, directory: Path) -> AgentSpec:
     if start.command is not None and "/" in start.command[0]:
         program = str((directory / start.command[0]).resolve())
         start = start.model_copy(update={"command": (program, *start.command[1:])})
-    return agent.model_copy(update={"start": start})
+    folders = {
+        key: tuple(_absolute(path, directory) for path in getattr(agent, key)) for key in ("may_read", "may_write")
+    }
+    return agent.model_copy(update={"start": start, **folders})

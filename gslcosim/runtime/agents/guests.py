@@ -15,7 +15,9 @@ from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame, 
 from gslcosim.runtime.agents.links import Seen
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
-from gslcosim.runtime.processes import Children, exit_text
+from gslcosim.runtime.processes import Children
+from gslcosim.runtime.sandbox.confining import confinement_of
+from gslcosim.runtime.sandbox.launching import Confinement
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.stops import stop_text
 from gslcosim.scenario.models.scenario import AgentSpec
@@ -46,12 +48,12 @@ class _GuestProcess:
     def __post_init__(self) -> None:
         self.link = Link(self.spec.start.format, self._on_event)
 
-    def exited(self, code: int) -> None:
+    def exited(self, how: str) -> None:
         """Take note of the end of the process; what it had said before comes first."""
         self._has_exited.set()
         if self.is_open:
             self._has_stopped_talking.wait(LAST_WORDS_S)
-        self._tell_gone(f"the agent's process {exit_text(code)} before the end of the run.")
+        self._tell_gone(f"the agent's process {how} before the end of the run.")
 
     def was_stopped(self) -> None:
         """Take note that the process was stopped for too long, and is being killed."""
@@ -166,7 +168,7 @@ class Guests:
         """
         for guest in self._processes():
             if guest.spec.start.door == "stdio":
-                self._start_piped(guest, children)
+                self._start_piped(guest, children, socket_dir)
             else:
                 self._start_connecting(guest, children, socket_dir)
 
@@ -174,11 +176,12 @@ class Guests:
         """Return a link to an agent."""
         return GatewayLink(self._by_agent[agent])
 
-    def exited(self, process: str, code: int) -> bool:
-        """Take note of a process's end, on any thread; return whether it is one of these."""
+    def exited(self, process: str, code: int, how: str) -> bool:
+        """Take note of a process's end, in words, on any thread; return whether it is one of these."""
+        del code
         for guest in self._processes():
             if door_name(guest.spec.name) == process:
-                guest.exited(code)
+                guest.exited(how)
                 return True
         return False
 
@@ -205,14 +208,16 @@ class Guests:
     def _processes(self) -> list[_GuestProcess]:
         return [guest for name, guest in self._by_agent.items() if guest.spec.name == name]
 
-    def _start_piped(self, guest: _GuestProcess, children: Children) -> None:
+    def _start_piped(self, guest: _GuestProcess, children: Children, private_dir: Path) -> None:
         name = guest.spec.name
+        command = start_command(guest.spec, self._directory) or []
         pipes = children.start_piped(
             door_name(name),
-            start_command(guest.spec, self._directory) or [],
+            command,
             variables=self._variables(guest),
             log=self._setup.run_dir.log(door_name(name)),
             cwd=self._directory,
+            confinement=self._confinement(guest, command, private_dir),
         )
         self._open(guest, PipeStream(*pipes))
 
@@ -241,6 +246,21 @@ class Guests:
             variables=self._variables(guest) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
             log=self._setup.run_dir.log(door_name(name)),
             cwd=self._directory,
+            confinement=self._confinement(guest, command, socket_dir, listener.address),
+        )
+
+    def _confinement(
+        self, guest: _GuestProcess, command: list[str], private_dir: Path, address: str = ""
+    ) -> Confinement:
+        kind, _, place = address.partition(":")
+        return confinement_of(
+            guest.spec,
+            command,
+            self._setup,
+            directory=self._directory,
+            private_dir=private_dir,
+            sockets=[Path(place)] if kind == "unix" else (),
+            tcp_port=int(place.rpartition(":")[2]) if kind == "tcp" else None,
         )
 
     def _listener(self, guest: _GuestProcess, socket_dir: Path) -> Listener:

@@ -21,6 +21,7 @@ from gslcosim.runtime.over_bus.router import RunRouter
 from gslcosim.runtime.over_bus.supervisor import RunEndedError, Supervisor
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, python_command
+from gslcosim.runtime.sandbox.confining import confinement_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stops import ProcessWatch, can_see_stops
@@ -57,11 +58,11 @@ def fly_over_bus(
     guests = Guests(setup, directory, network, notices.put)
 
     # On the thread that waits for the process.
-    def on_exit(name: str, exit_code: int) -> None:
+    def on_exit(name: str, exit_code: int, how: str) -> None:
         if fork_server is not None and fork_server.has_failed:
             name = FORK_SERVER
-        if not guests.exited(name, exit_code):
-            notices.put(ProcessEnded(name, exit_code))
+        if not guests.exited(name, exit_code, how):
+            notices.put(ProcessEnded(name, exit_code, how))
 
     # On the thread of the watch.
     def on_stopped(name: str) -> None:
@@ -82,7 +83,8 @@ def fly_over_bus(
         supervisor = Supervisor(setup, bus, guests, notices, report, groups)
         try:
             supervisor.listen()
-            _start(setup, directory, network, router, children, tuple(crews), groups, fork_server)
+            _start(setup, network, router, children, groups, fork_server)
+            _start_agents(setup, directory, network, router, children, tuple(crews), socket_dir)
             guests.start(children, socket_dir)
             supervisor.await_all_ready(interruption)
             outcome.start_up_s = time.perf_counter() - began
@@ -115,15 +117,13 @@ def _pids(children: Children, fork_server: ForkServer | None) -> dict[str, int]:
 
 def _start(
     setup: Setup,
-    directory: Path,
     network: Network,
     router: RunRouter,
     children: Children,
-    processes: tuple[str, ...],
     groups: Sequence[Group],
     fork_server: ForkServer | None,
 ) -> None:
-    run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
+    run_dir = setup.run_dir
     # The last has most to import.
     for group in reversed(groups):
         name = process_name(group)
@@ -138,11 +138,31 @@ def _start(
         else:
             command = python_command("-m", "gslcosim_services", *group)
             children.start(name, command, join=join, log=run_dir.log(name))
+
+
+def _start_agents(
+    setup: Setup,
+    directory: Path,
+    network: Network,
+    router: RunRouter,
+    children: Children,
+    processes: tuple[str, ...],
+    private_dir: Path,
+) -> None:
+    run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
     for process in processes:
         command = start_command(specs[process], directory)
         join = router.join_of_process(process, is_watched=command is not None and can_see_stops())
         if command is None:
             network.write_join("agents", join, run_dir.path)
-        else:
-            log = run_dir.log(door_name(process))
-            children.start(door_name(process), command, join=join, log=log, cwd=directory)
+            continue
+        confinement = confinement_of(
+            specs[process],
+            command,
+            setup,
+            directory=directory,
+            private_dir=private_dir,
+            sockets=[router.socket],
+        )
+        log = run_dir.log(door_name(process))
+        children.start(door_name(process), command, join=join, log=log, cwd=directory, confinement=confinement)

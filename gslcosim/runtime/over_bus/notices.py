@@ -101,6 +101,7 @@ class ProcessEnded:
 
     name: str
     exit_code: int
+    how: str
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ class RunRouter:
         self._network = network
         self._socket_dir = socket_dir
         self._crews = crews
-        self._endpoint = f"unixsock-stream/{socket_dir}/router.sock"
+        self.socket = socket_dir / "router.sock"
+        self._endpoint = f"unixsock-stream/{self.socket}"
         self._namespace = f"gsl/{run_dir.run_id}"
         self._service_password = new_password()
         self._accounts = {

@@ -44,7 +44,6 @@ from gslcosim.runtime.over_bus.notices import (
 from gslcosim.runtime.over_bus.telling import Teller
 from gslcosim.runtime.over_bus.watchdog import LOST_CONTACT_GRACE_S, Watchdog
 from gslcosim.runtime.pauses import Pauses
-from gslcosim.runtime.processes import exit_text
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stops import stop_text
@@ -226,8 +225,8 @@ class Supervisor:
                 self._doors[agent].observe(payload)
             case FaultTold() | ServiceAppeared() | ServiceDescribed() | ServiceVanished():
                 self._on_life(notice)
-            case ProcessEnded(name, exit_code):
-                self._on_end_of(name, exit_text(exit_code))
+            case ProcessEnded(name, _, how):
+                self._on_end_of(name, how)
             case ProcessStopped(name):
                 self._on_end_of(name, stop_text())
             case AgentVanished(agent):

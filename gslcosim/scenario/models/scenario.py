@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import VehicleError
 from gslcosim.quantities import Vec3
+from gslcosim.scenario.models.confinement import AgentLimitsSpec, SandboxChoice
 from gslcosim.scenario.models.gas import Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
@@ -276,6 +277,9 @@ class AgentSpec(Spec):
     `knows` grants knowledge that sensors do not give.
     `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
     `{latency: N}` N ticks after each observation.
+    `sandbox` is what its process is started in: `auto` is the strongest that the machine has, `bubblewrap` and
+    `landlock` demand one, `none` starts it without. It sees its own folder and no run; `may_read` and `may_write` name
+    more folders. `limits` bounds what it uses.
     """
 
     name: Name = Field(description="what the agent is called")
@@ -293,6 +297,12 @@ class AgentSpec(Spec):
         default={}, description="settings of its method, handed to it as they are"
     )
     knows: KnowledgeSpec = Field(default=KnowledgeSpec(), description="what it is told beyond its sensors")
+    sandbox: SandboxChoice = Field(
+        default="auto", description="what its process is started in; auto: the strongest that the machine has"
+    )
+    limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="the bounds of what its processes use")
+    may_read: tuple[str, ...] = Field(default=(), description="folders that it sees besides its own")
+    may_write: tuple[str, ...] = Field(default=(), description="folders that it may change")
 
     @property
     def latency_ticks(self) -> int:

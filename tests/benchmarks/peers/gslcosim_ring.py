@@ -136,7 +136,7 @@ def measure(shape: str, n_ticks: int) -> dict[str, float]:
         folder = Path(tempfile.mkdtemp(prefix="peers-"))
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         run_dir = RunDir.create(folder, name="ring", seed=0)
-        children = stack.enter_context(Children(lambda name, exit_code: watch.exited(name, exit_code)))
+        children = stack.enter_context(Children(lambda name, exit_code, _: watch.exited(name, exit_code)))
         router = RunRouter(run_dir, Network(), folder, {})
         bus = stack.enter_context(router.open())
         watch = Watch(bus, run_dir)

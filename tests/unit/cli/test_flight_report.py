@@ -85,6 +85,6 @@ def test_a_terminal_gets_the_live_line_and_keeps_nothing_of_it(monkeypatch):
 
 def test_figures_that_have_no_meaning_are_dashes():
     agent = dict.fromkeys(("time_to_source_s", "steps", "path_length_m", "movement_overhead", "final_distance_m"), None)
-    row = agents_table([{**agent, "name": "moth", "outcome": "time_limit"}]).splitlines()[1]
+    row = agents_table([{**agent, "name": "moth", "outcome": "time_limit"}], {"moth": "none"}).splitlines()[1]
     assert row.split("   ")[0] == "moth"
     assert row.count("-") == 5

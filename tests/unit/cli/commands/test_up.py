@@ -16,6 +16,7 @@ RESULT = {
     "flight_wall_s": 0.1,
     "real_time_factor": 123.0,
     "faults": [],
+    "sandboxes": {"beetle": "bubblewrap"},
     "agents": [
         {
             "name": "beetle", "success": True, "outcome": "success", "time_to_source_s": 12.3, "steps": 9,
@@ -74,8 +75,8 @@ def test_a_pipe_gets_a_line_for_each_state_and_the_figures_at_the_end(flight, ca
     assert output.out.splitlines() == [
         "The source was found after 12.3 s of simulated time.",
         "",
-        "agent    outcome   time to source   commands   path    overhead   distance at the end",
-        "beetle   success   12.3 s           9          6.5 m   2.04       0.79 m",
+        "agent    outcome   time to source   commands   path    overhead   distance at the end   sandbox",
+        "beetle   success   12.3 s           9          6.5 m   2.04       0.79 m                bubblewrap",
         "",
         "speed      123 x real time (0.1 s of flight)",
         f"run        {run}",

@@ -1,0 +1,101 @@
+"""Bubblewrap (`bwrap`): an agent in namespaces of its own, with a file system that holds what its cell names."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from gslcosim.runtime.sandbox.cells import NUMBA_VARIABLE, SYSTEM, AgentCell
+from gslcosim.runtime.sandbox.launcher import PIPES_AT
+
+PROBE_LIMIT_S = 5.0
+SCRATCH_BYTES = 256 << 20
+SHARED_MEMORY_BYTES = 64 << 20
+HOME = Path("/tmp/home")
+KERNELS = Path("/tmp/kernels")
+
+
+@cache
+def why_not() -> str:
+    """Return what keeps bubblewrap from working here, empty when it works: it is tried once."""
+    program = shutil.which("bwrap")
+    if sys.platform != "linux" or program is None:
+        return "bubblewrap is not installed"
+    call = [program, *_BASE, "--unshare-net", "--ro-bind", "/usr", "/usr", *_links(), "/usr/bin/env", "true"]
+    try:
+        tried = subprocess.run(
+            call, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"bubblewrap does not start: {error}"
+    return tried.stderr.strip() or f"bubblewrap ended with exit code {tried.returncode}" if tried.returncode else ""
+
+
+def bubblewrap_command(cell: AgentCell, command: Sequence[str], *, has_pipes: bool) -> list[str]:
+    """Return the command line that starts a command in its cell.
+
+    Args:
+        cell: What it sees.
+        command: The program and its arguments.
+        has_pipes: Whether its standard input and output come as `launcher.PIPES_AT`, so that bubblewrap, which stays
+            beside it, does not keep them open.
+    """
+    places: dict[Path, list[str]] = {}
+    for path in cell.reads:
+        if path.exists() and not (path.is_symlink() and str(path) in SYSTEM):
+            places[path] = ["--ro-bind", str(path), str(path)]
+    empty: list[str] = []
+    for path in cell.hidden:
+        if any(path.is_relative_to(folder) for folder in cell.reads) and path not in places:
+            places[path] = ["--tmpfs", str(path)] if path.is_dir() else ["--ro-bind", "/dev/null", str(path)]
+            empty += ["--remount-ro", str(path)] if path.is_dir() else []
+    for path in (*cell.writes, *cell.sockets):
+        places[path] = ["--bind", str(path), str(path)]
+    places.setdefault(cell.directory, ["--dir", str(cell.directory)])
+    line = [shutil.which("bwrap") or "bwrap", *_BASE]
+    line += [] if cell.tcp_port is not None else ["--unshare-net"]
+    line += [*_links(), "--dir", str(HOME)]
+    # What lies deeper is put upon what lies around it.
+    for path in sorted(places, key=lambda path: len(path.parts)):
+        line += places[path]
+    line += _kernel_links(cell)
+    line += [*empty, "--remount-ro", "/", "--remount-ro", "/dev", "--chdir", str(cell.directory), "--"]
+    if has_pipes:
+        in_, out = PIPES_AT
+        line += ["/bin/sh", "-c", f'exec "$@" <&{in_} >&{out} {in_}<&- {out}>&-', "sh"]
+    return [*line, *command]
+
+
+def variables_in_bubblewrap(cell: AgentCell) -> dict[str, str]:
+    """Return what changes in the environment of a process in its cell."""
+    kernels = {NUMBA_VARIABLE: str(KERNELS)} if cell.kernels is not None and cell.kernels not in cell.writes else {}
+    return {"HOME": str(HOME), "TMPDIR": "/tmp", **kernels}
+
+
+def _links() -> list[str]:
+    line: list[str] = []
+    for folder in SYSTEM:
+        if Path(folder).is_symlink():
+            line += ["--symlink", os.readlink(folder), folder]  # noqa: PTH115 - as it stands
+    return line
+
+
+# Kernels that are compiled already are taken from the cache, which the agent cannot change; others it compiles itself.
+def _kernel_links(cell: AgentCell) -> list[str]:
+    if cell.kernels is None or cell.kernels in cell.writes or not cell.kernels.is_dir():
+        return []
+    line: list[str] = []
+    for path in cell.kernels.rglob("*"):
+        inside = KERNELS / path.relative_to(cell.kernels)
+        line += ["--dir", str(inside)] if path.is_dir() else ["--symlink", str(path), str(inside)]
+    return line
+
+
+_BASE = (
+    "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
+    "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc", "--dev", "/dev",
+    "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", "/tmp",
+)  # fmt: skip

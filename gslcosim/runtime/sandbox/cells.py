@@ -1,0 +1,172 @@
+"""What an agent's process needs to see: this machine's programs, its own folder, its door, and nothing of the run."""
+
+import os
+import re
+import shutil
+import site
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import gslcosim
+from gslcosim._kernel_cache import cache_root
+from gslcosim.scenario.bundled import bundled_agents, bundled_folder
+
+# Read-only for every agent, where they exist.
+SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/etc", "/opt", "/nix", "/sys/devices/system")
+NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
+# A folder of an agent is searched for scenarios and runs so far, and no farther.
+MAX_DEPTH, MAX_ENTRIES, MAX_SCENARIO_BYTES = 4, 5000, 1 << 20
+_NOT_SEARCHED = {".git", ".venv", "venv", "node_modules", "__pycache__", "site-packages", "target"}
+_SCENARIO_FILES = (".yaml", ".yml", ".json")
+# Files with passwords of other processes are none of its business either.
+_IS_TRUTH = re.compile(rb'gslcosim/(scenario|suite|result)/|"password"')
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentCell:
+    """What one process may see and change.
+
+    `hidden` lies within `reads`, and is not seen. `sockets` are the unix sockets of its door, `tcp_port` is where it
+    connects to. `scratch` is a private folder on the disk for sandboxes that have none in memory.
+    """
+
+    directory: Path
+    reads: tuple[Path, ...]
+    hidden: tuple[Path, ...] = ()
+    writes: tuple[Path, ...] = ()
+    sockets: tuple[Path, ...] = ()
+    has_unix_door: bool = False
+    tcp_port: int | None = None
+    kernels: Path | None = None
+    scratch: Path
+
+
+def own_folders(command: Sequence[str], directory: Path) -> list[Path]:
+    """Return the folders of the files that a command line names, its program among them.
+
+    A program in a `bin` brings the folder around it, where its libraries are.
+
+    Args:
+        command: The command line.
+        directory: Where it starts.
+    """
+    found: list[Path] = []
+    program = shutil.which(command[0]) if "/" not in command[0] else str(directory / command[0])
+    for place in _with_target(Path(program)) if program is not None else ():
+        folder = place.parent
+        is_installed = folder.name == "bin" and folder.parent not in (Path.home(), Path("/"))
+        found.append(folder.parent if is_installed else folder)
+    for word in command[1:]:
+        # `--option=path` names one too.
+        for text in (word, word.partition("=")[2]):
+            place = directory / text if text and len(text) < 4096 and "\0" not in text else None
+            if place is not None and _is_file(place):
+                found += [each.parent for each in _with_target(place)]
+    return [folder for folder in dict.fromkeys(found) if not is_system(folder)]
+
+
+def python_folders() -> list[Path]:
+    """Return the folders from which this Python imports, and gslcosim's own."""
+    paths = sysconfig.get_paths()
+    named = [sys.prefix, sys.base_prefix, *(paths[key] for key in ("stdlib", "platstdlib", "purelib", "platlib"))]
+    named += [*site.getsitepackages(), site.getusersitepackages()]
+    named += [entry for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry]
+    # Beside packages stand folders that a .pth file has added; the working directory is none of them.
+    named += [entry for entry in sys.path if Path(entry).name in ("site-packages", "dist-packages")]
+    folders = [Path(name) for name in named]
+    folders += [Path(gslcosim.__file__).parent, *(path.parent.parent for path in bundled_agents().values())]
+    for folder in (Path(sys.prefix), Path(sys.base_prefix)):
+        folders += [place.parent.parent for place in _with_target(folder / "bin" / "python3") if place.exists()]
+    return [folder for folder in dict.fromkeys(folders) if folder.is_dir() and not is_system(folder)]
+
+
+def is_bundled(command: Sequence[str]) -> bool:
+    """Return whether a command line starts one of the agents that come with gslcosim."""
+    programs = {str(path) for path in bundled_agents().values()}
+    return command[0] == sys.executable and any(word in programs for word in command[1:])
+
+
+def truth_within(folders: Iterable[Path]) -> list[Path]:
+    """Return the scenarios, suites, results and runs that lie in folders, however they are named.
+
+    Args:
+        folders: They are searched a few levels deep.
+    """
+    return [found for folder in folders for found in _truth(folder, MAX_DEPTH, [MAX_ENTRIES])]
+
+
+def always_hidden() -> list[Path]:
+    """Return what no agent sees wherever it lies: bundled scenarios, and the cache with environments and gas."""
+    return [bundled_folder("."), cache_root()]
+
+
+def is_system(path: Path) -> bool:
+    """Return whether a place is read by every agent anyway."""
+    return any(path.is_relative_to(folder) for folder in SYSTEM)
+
+
+def readable_pieces(cell: AgentCell) -> tuple[list[Path], list[Path]]:
+    """Return what may be read, and what may be listed, where nothing within a folder can be taken from it again.
+
+    A folder with something hidden in it is read by its other entries. Only names can be seen then.
+
+    Args:
+        cell: What is to be seen.
+    """
+    reads: list[Path] = []
+    lists: list[Path] = []
+    for folder in cell.reads:
+        within = [path for path in cell.hidden if path.is_relative_to(folder)]
+        _add_pieces(folder, within, reads, lists)
+    return reads, lists
+
+
+def _add_pieces(folder: Path, hidden: list[Path], reads: list[Path], lists: list[Path]) -> None:
+    if folder in hidden:
+        return
+    if not hidden:
+        reads.append(folder)
+        return
+    lists.append(folder)
+    for entry in sorted(folder.iterdir()):
+        _add_pieces(entry, [path for path in hidden if path.is_relative_to(entry)], reads, lists)
+
+
+def _truth(folder: Path, depth: int, left: list[int]) -> Iterator[Path]:
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError:
+        return
+    if (folder / "scenario.yaml").is_file() and (folder / "manifest.json").is_file():
+        yield folder
+        return
+    for entry in entries:
+        left[0] -= 1
+        if left[0] < 0:
+            return
+        if entry.is_dir() and not entry.is_symlink():
+            if depth and entry.name not in _NOT_SEARCHED:
+                yield from _truth(entry, depth - 1, left)
+        elif entry.suffix in _SCENARIO_FILES and _holds_truth(entry):
+            yield entry
+
+
+def _holds_truth(path: Path) -> bool:
+    try:
+        return path.stat().st_size <= MAX_SCENARIO_BYTES and _IS_TRUTH.search(path.read_bytes()) is not None
+    except OSError:
+        return False
+
+
+def _with_target(path: Path) -> list[Path]:
+    return list(dict.fromkeys((path.absolute(), path.resolve())))
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        return False

@@ -1,0 +1,95 @@
+"""Which sandboxes this machine has, and which of them an agent of a scenario gets."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from gslcosim.errors import UsageError
+from gslcosim.runtime.sandbox import landlock, seccomp
+from gslcosim.runtime.sandbox.bubblewrap import why_not
+from gslcosim.runtime.sandbox.launching import is_launcher_possible
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import AgentSpec
+
+SandboxKind = Literal["bubblewrap", "landlock", "none"]
+IN_THIS_PROCESS = "none: in this process"
+STARTED_ELSEWHERE = "none: started elsewhere"
+
+
+def why_there_is_no(kind: SandboxKind) -> str:
+    """Return what keeps a sandbox from working on this machine, empty when it works."""
+    if kind == "none":
+        return ""
+    if kind == "bubblewrap":
+        return why_not()
+    if not landlock.version():
+        return "this kernel has no Landlock"
+    return "" if seccomp.is_possible() else "there is no filter of system calls for this kind of processor"
+
+
+def strongest_sandbox() -> SandboxKind:
+    """Return the strongest sandbox that works on this machine."""
+    if not why_there_is_no("bubblewrap"):
+        return "bubblewrap"
+    return "none" if why_there_is_no("landlock") else "landlock"
+
+
+def sandboxes_of(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, str]:
+    """Return by agent what its process is confined by, in the words of `result.json`.
+
+    Args:
+        scenario: The scenario.
+        is_one_process: Whether Python agents are objects in this process.
+
+    Raises:
+        UsageError: the scenario demands what this machine lacks, or of an agent that is not started as a process.
+    """
+    starts = {agent.name: agent for agent in scenario.agents}
+    return {agent.name: _sandbox_of(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents}
+
+
+def sandbox_kind(agent: AgentSpec) -> SandboxKind:
+    """Return which sandbox an agent's process is started in.
+
+    Raises:
+        UsageError: the one that the scenario demands does not work here.
+    """
+    if agent.sandbox == "auto":
+        return strongest_sandbox()
+    if reason := why_there_is_no(agent.sandbox):
+        raise UsageError(
+            f"agents.{agent.name}.sandbox: expected {agent.sandbox} on this machine, but {reason}. Install it, or take "
+            "auto for the strongest that works here; `gslcosim doctor` says which that is."
+        )
+    return agent.sandbox
+
+
+def _sandbox_of(agent: AgentSpec, *, is_one_process: bool) -> str:
+    is_object = is_one_process and not agent.start.is_behind_gateway
+    if agent.start.attach or is_object:
+        _check_nothing_is_demanded(agent)
+        return STARTED_ELSEWHERE if agent.start.attach else IN_THIS_PROCESS
+    kind = sandbox_kind(agent)
+    if agent.limits.are_given and not is_launcher_possible():
+        raise UsageError(
+            f"agents.{agent.name}.limits: expected Linux for limits of an agent, was another system. Leave them out."
+        )
+    return f"landlock {landlock.version()}" if kind == "landlock" else kind
+
+
+def _check_nothing_is_demanded(agent: AgentSpec) -> None:
+    where = "started elsewhere" if agent.start.attach else "an object in this process"
+    remedy = (
+        "Confine it where it is started, and leave this out."
+        if agent.start.attach
+        else "Leave out --in-process, or start it with door: stdio."
+    )
+    wanted = {
+        "sandbox": agent.sandbox if agent.sandbox in ("bubblewrap", "landlock") else "",
+        "limits": "bounds" if agent.limits.are_given else "",
+    }
+    for key, value in wanted.items():
+        if value:
+            raise UsageError(
+                f"agents.{agent.name}.{key}: expected an agent with a process that is started here for {value}, was "
+                f"{where}. {remedy}"
+            )

@@ -1,0 +1,168 @@
+"""Starting a process by way of the launcher: what the launcher is told, and what it tells in the end."""
+
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gslcosim.runtime.sandbox.bubblewrap import bubblewrap_command, variables_in_bubblewrap
+from gslcosim.runtime.sandbox.cells import NUMBA_VARIABLE, AgentCell, readable_pieces
+from gslcosim.scenario.models.confinement import AgentLimitsSpec
+
+# The packages around the launcher stay empty: what they import would cost as much as all the rest.
+_CODE = """
+import sys
+whole = ""
+for name, folder in zip(("gslcosim", "runtime", "sandbox"), sys.argv[1:4]):
+    whole = whole + "." * bool(whole) + name
+    sys.modules[whole] = type(sys)(whole)
+    sys.modules[whole].__path__ = [folder]
+from gslcosim.runtime.sandbox.launcher import main
+main()
+"""
+_HERE = Path(__file__).parent
+_DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
+_OF_THE_MACHINE = ("cpuinfo", "meminfo", "stat", "loadavg", "uptime", "version", "filesystems", "sys")
+_LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB", "n_processes": "n_processes of {:g}"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confinement:
+    """How one process of agents is kept: in which cell, if any, and by which limits."""
+
+    kind: str = "none"
+    cell: AgentCell | None = None
+    limits: AgentLimitsSpec = field(default_factory=AgentLimitsSpec)
+
+
+def is_launcher_possible() -> bool:
+    """Return whether processes of agents can be watched and confined on this system."""
+    return sys.platform == "linux"
+
+
+class Launch:
+    """One process that is started by the launcher; who starts it closes `descriptors` afterwards.
+
+    Args:
+        confinement: How it is kept.
+        command: Its program and arguments.
+        has_pipes: Whether it speaks by standard input and output.
+        keep: Descriptors that the process itself inherits.
+    """
+
+    def __init__(
+        self, confinement: Confinement, command: Sequence[str], *, has_pipes: bool, keep: Sequence[int] = ()
+    ) -> None:
+        self._confinement = confinement
+        self._status, theirs = os.pipe()
+        is_bubblewrap = confinement.kind == "bubblewrap" and confinement.cell is not None
+        plan = {
+            "command": list(command),
+            "supervisor": os.getpid(),
+            "status": theirs,
+            "keep": list(keep),
+            "limits": confinement.limits.model_dump(),
+            "is_bubblewrap": is_bubblewrap,
+            "pipes_apart": is_bubblewrap and has_pipes,
+            "landlock": None,
+            "seccomp": None,
+        }
+        if confinement.cell is not None:
+            plan |= _closed(confinement.cell, command, is_bubblewrap=is_bubblewrap, has_pipes=has_pipes)
+        self._theirs = [theirs, *keep, file_of(json.dumps(plan))]
+
+    @property
+    def command(self) -> list[str]:
+        """The launcher's command line."""
+        folders = (str(folder) for folder in (_HERE.parents[1], _HERE.parent, _HERE))
+        return [sys.executable, "-I", "-S", "-c", _CODE, *folders, str(self._theirs[-1])]
+
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """What the launcher inherits, `keep` among it."""
+        return tuple(self._theirs)
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """What changes in the environment."""
+        kind, cell = self._confinement.kind, self._confinement.cell
+        variables = {NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
+        if cell is None:
+            return variables
+        if kind == "bubblewrap":
+            return variables | variables_in_bubblewrap(cell)
+        return variables | _variables_in_landlock(cell)
+
+    def last_words(self) -> str:
+        """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
+        with os.fdopen(self._status, "rb") as told:
+            lines = told.read().splitlines()
+        if not lines:
+            return ""
+        words: dict[str, str] = json.loads(lines[0])
+        if (key := words.get("reached")) is not None:
+            bound = _LIMIT_TEXTS[key].format(getattr(self._confinement.limits, key))
+            return f"used more than its limits.{bound}"
+        return f"could not be started ({words.get('could_not_start')})"
+
+
+def file_of(text: str) -> int:
+    """Return the descriptor of a file in memory that holds a text and that only who inherits it can read."""
+    if hasattr(os, "memfd_create"):
+        descriptor = os.memfd_create("gslcosim", 0)
+    else:
+        file, path = tempfile.mkstemp()
+        Path(path).unlink()
+        descriptor = file
+    os.write(descriptor, text.encode())
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    return descriptor
+
+
+def _closed(cell: AgentCell, command: Sequence[str], *, is_bubblewrap: bool, has_pipes: bool) -> Mapping[str, Any]:
+    calls = {
+        "allows_unix": not has_pipes and cell.tcp_port is None,
+        "allows_tcp": cell.tcp_port is not None,
+        "is_about_files": not is_bubblewrap,
+    }
+    ports = [cell.tcp_port] if cell.tcp_port is not None else []
+    if is_bubblewrap:
+        # It has its own network, but for one that reaches its door by TCP.
+        return {
+            "command": bubblewrap_command(cell, command, has_pipes=has_pipes),
+            "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
+            "seccomp": {**calls, "allows_unix": True} if ports else None,
+        }
+    reads, lists = readable_pieces(cell)
+    return {
+        "landlock": {
+            "reads": [*map(str, reads), *(f"/proc/{name}" for name in _OF_THE_MACHINE)],
+            "lists": [str(path) for path in lists],
+            "writes": [str(path) for path in (*cell.writes, cell.scratch)],
+            "files_rw": [*_DEVICES, *map(str, cell.sockets)],
+            "tcp_ports": ports,
+            "is_about_files": True,
+        },
+        "seccomp": calls,
+    }
+
+
+def _variables_in_landlock(cell: AgentCell) -> dict[str, str]:
+    variables = {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
+    if cell.kernels is None or cell.kernels in cell.writes:
+        return variables
+    own = cell.scratch / "kernels"
+    own.mkdir(exist_ok=True)
+    # As bubblewrap has it: kernels that are compiled already are read where they are, and cannot be changed.
+    for path in cell.kernels.rglob("*"):
+        inside = own / path.relative_to(cell.kernels)
+        if path.is_dir():
+            inside.mkdir(parents=True, exist_ok=True)
+        elif not inside.exists():
+            inside.parent.mkdir(parents=True, exist_ok=True)
+            inside.symlink_to(path)
+    return {**variables, NUMBA_VARIABLE: str(own)}

