@@ -68,3 +68,13 @@ def test_the_supervisor_is_told_where_the_others_look(services):
     command = services["supervisor"]["command"]
     assert {"--join-dir=/join", "--no-services", "--listen=tcp/supervisor:7447"} <= set(command)
     assert mounts(services["supervisor"]) == {"runs", "cache", "join-services", "join-agents"}
+
+
+def test_an_agents_container_is_bounded_and_changes_nothing(services):
+    agent = services["agent-beetle"]
+    assert agent["read_only"] is True
+    assert agent["cap_drop"] == ["ALL"]
+    assert agent["security_opt"] == ["no-new-privileges:true"]
+    assert (int(agent["mem_limit"]), agent["pids_limit"]) == (1 << 30, 128)
+    assert agent["tmpfs"] == ["/tmp:size=256m,mode=1777"]
+    assert agent["environment"]["GSLCOSIM_CACHE"].startswith("/tmp/")

@@ -81,7 +81,7 @@ def test_a_stopped_server_tells_the_ends_of_its_forks_when_it_is_woken(server, t
 
 def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
     """The end of its forks is not told; they end with the server, which is ended next."""
-    with ForkServer() as server, Children(lambda name, code: None) as children:
+    with ForkServer() as server, Children(lambda name, code, how: None) as children:
         process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
         process.wait(60)
         os.kill(server.pid, signal.SIGSTOP)
