@@ -30,14 +30,7 @@ def is_stopped(pid: int) -> bool:
     It counts as stopped, too, when its only child is: a launcher, such as a sandbox, just waits for what it has
     started. A process that a debugger holds is not stopped.
     """
-    for _ in range(_MAX_LAUNCHERS):
-        if _state_of(pid) == _STOPPED:
-            return True
-        children = _children_of(pid)
-        if len(children) != 1:
-            return False
-        pid = children[0]
-    return False
+    return any(_state_of(each) == _STOPPED for each in _line_of(pid))
 
 
 def stop_text() -> str:
@@ -101,11 +94,21 @@ class ProcessWatch:
                 _kill(pids[name])
 
 
-# One that has just begun leads no group yet.
+# A launcher's child that was stopped at its beginning may not have been told yet to end with the launcher, and a
+# process that has just begun leads no group.
 def _kill(pid: int) -> None:
-    for kill in (os.killpg, os.kill):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            kill(pid, signal.SIGKILL)
+    for each in reversed(_line_of(pid)):
+        for kill in (os.killpg, os.kill):
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                kill(each, signal.SIGKILL)
+
+
+# A process, its only child, the only child of that.
+def _line_of(pid: int) -> list[int]:
+    line = [pid]
+    while len(line) <= _MAX_LAUNCHERS and len(children := _children_of(line[-1])) == 1:
+        line += children
+    return line
 
 
 def _state_of(pid: int) -> str | None:

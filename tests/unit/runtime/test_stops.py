@@ -116,3 +116,27 @@ def test_the_watch_tells_once_and_kills(sleeping):
         assert sleeping.wait(10) == -signal.SIGKILL
     assert told == ["world"]
     assert "stopped by a signal" in stop_text()
+
+
+@linux
+def test_what_a_launcher_has_started_is_killed_with_it():
+    """A child with a group of its own, which nobody told to end with its launcher."""
+    program = "import subprocess, sys; subprocess.Popen(sys.argv[1:], start_new_session=True).wait()"
+    has_told = threading.Event()
+    with subprocess.Popen([sys.executable, "-c", program, *SLEEPING], start_new_session=True) as launcher:
+        children = Path(f"/proc/{launcher.pid}/task/{launcher.pid}/children")
+        wait_until(lambda: children.read_text().split())
+        child = int(children.read_text())
+        os.kill(child, signal.SIGSTOP)
+        with ProcessWatch(lambda: {"beetle": launcher.pid}, lambda _: has_told.set()):
+            assert has_told.wait(STOP_LIMIT_S + 10)
+            launcher.wait(10)
+    wait_until(lambda: not is_running(child))
+
+
+def is_running(pid):
+    """Return whether a process exists and has not just ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
