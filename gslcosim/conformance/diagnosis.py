@@ -138,5 +138,5 @@ def _is_utf_8(value: bytes) -> bool:
 def _is_json(payload: bytes) -> bool:
     try:
         return isinstance(json.loads(payload), dict)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False

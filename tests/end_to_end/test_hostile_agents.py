@@ -51,7 +51,10 @@ def peak_memory_mb(runs_dir, start_by):
     def watch():
         status = Path(f"/proc/{flight.process.pid}/status")
         while flight.process.poll() is None:
-            lines = [line for line in status.read_text().splitlines() if line.startswith("VmHWM")]
+            try:
+                lines = [line for line in status.read_text().splitlines() if line.startswith("VmHWM")]
+            except FileNotFoundError:  # it has ended since
+                return
             peaks_kb.extend(int(line.split()[1]) for line in lines)
             wait_a_moment()
 

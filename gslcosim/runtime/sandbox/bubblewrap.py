@@ -34,7 +34,9 @@ def why_not() -> str:
     return tried.stderr.strip() or f"bubblewrap ended with exit code {tried.returncode}" if tried.returncode else ""
 
 
-def bubblewrap_command(cell: AgentCell, command: Sequence[str], *, has_pipes: bool) -> list[str]:
+def bubblewrap_command(
+    cell: AgentCell, command: Sequence[str], *, has_pipes: bool, kernels: Path | None = None
+) -> list[str]:
     """Return the command line that starts a command in its cell.
 
     Args:
@@ -42,6 +44,8 @@ def bubblewrap_command(cell: AgentCell, command: Sequence[str], *, has_pipes: bo
         command: The program and its arguments.
         has_pipes: Whether its standard input and output come as `launcher.PIPES_AT`, so that bubblewrap, which stays
             beside it, does not keep them open.
+        kernels: A folder of its own with the compiled kernels. Bubblewrap takes 9000 words at most, so that these
+            are not linked by it one by one.
     """
     places: dict[Path, list[str]] = {}
     for path in cell.reads:
@@ -54,6 +58,8 @@ def bubblewrap_command(cell: AgentCell, command: Sequence[str], *, has_pipes: bo
             empty += ["--remount-ro", str(path)] if path.is_dir() else []
     for path in (*cell.writes, *cell.sockets):
         places[path] = ["--bind", str(path), str(path)]
+    if kernels is not None:
+        places[KERNELS] = ["--bind", str(kernels), str(KERNELS)]
     places.setdefault(cell.directory, ["--dir", str(cell.directory)])
     line = [shutil.which("bwrap") or "bwrap", *_BASE]
     line += [] if cell.tcp_port is not None else ["--unshare-net"]
@@ -61,7 +67,6 @@ def bubblewrap_command(cell: AgentCell, command: Sequence[str], *, has_pipes: bo
     # What lies deeper is put upon what lies around it.
     for path in sorted(places, key=lambda path: len(path.parts)):
         line += places[path]
-    line += _kernel_links(cell)
     line += [*empty, "--remount-ro", "/", "--remount-ro", "/dev", "--chdir", str(cell.directory), "--"]
     if has_pipes:
         in_, out = PIPES_AT
@@ -80,17 +85,6 @@ def _links() -> list[str]:
     for folder in SYSTEM:
         if Path(folder).is_symlink():
             line += ["--symlink", os.readlink(folder), folder]  # noqa: PTH115 - as it stands
-    return line
-
-
-# Kernels that are compiled already are taken from the cache, which the agent cannot change; others it compiles itself.
-def _kernel_links(cell: AgentCell) -> list[str]:
-    if cell.kernels is None or cell.kernels in cell.writes or not cell.kernels.is_dir():
-        return []
-    line: list[str] = []
-    for path in cell.kernels.rglob("*"):
-        inside = KERNELS / path.relative_to(cell.kernels)
-        line += ["--dir", str(inside)] if path.is_dir() else ["--symlink", str(path), str(inside)]
     return line
 
 

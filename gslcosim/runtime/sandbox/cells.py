@@ -6,6 +6,7 @@ import shutil
 import site
 import sys
 import sysconfig
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +46,7 @@ class AgentCell:
 
 
 def own_folders(command: Sequence[str], directory: Path) -> list[Path]:
-    """Return the folders of the files that a command line names, its program among them.
+    """Return the folders that a command line names, and those of the files that it names, its program among them.
 
     A program in a `bin` brings the folder around it, where its libraries are.
 
@@ -60,11 +61,14 @@ def own_folders(command: Sequence[str], directory: Path) -> list[Path]:
         is_installed = folder.name == "bin" and folder.parent not in (Path.home(), Path("/"))
         found.append(folder.parent if is_installed else folder)
     for word in command[1:]:
-        # `--option=path` names one too.
-        for text in (word, word.partition("=")[2]):
-            place = directory / text if text and len(text) < 4096 and "\0" not in text else None
+        # `--option=path` names one too, and `-cp here:there` several.
+        for text in dict.fromkeys((word, word.partition("=")[2], *word.split(os.pathsep))):
+            name = text.removesuffix("/*")  # so Java names all archives of a folder
+            place = directory / name if name and len(name) < 4096 and "\0" not in name else None
             if place is not None and _is_file(place):
                 found += [each.parent for each in _with_target(place)]
+            elif place is not None and _is_folder_of_its_own(place):
+                found += _with_target(place)
     return [folder for folder in dict.fromkeys(found) if not is_system(folder)]
 
 
@@ -163,6 +167,15 @@ def _holds_truth(path: Path) -> bool:
 
 def _with_target(path: Path) -> list[Path]:
     return list(dict.fromkeys((path.absolute(), path.resolve())))
+
+
+# A word such as `/` or `..` is no place that an agent was given.
+def _is_folder_of_its_own(path: Path) -> bool:
+    try:
+        around = (Path.home(), *Path.home().parents, *Path.cwd().parents, *Path(tempfile.gettempdir()).parents)
+        return path.is_dir() and path.resolve() not in (*around, Path(tempfile.gettempdir()))
+    except (OSError, RuntimeError):
+        return False
 
 
 def _is_file(path: Path) -> bool:

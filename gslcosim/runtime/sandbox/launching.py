@@ -24,6 +24,7 @@ for name, folder in zip(("gslcosim", "runtime", "sandbox"), sys.argv[1:4]):
 from gslcosim.runtime.sandbox.launcher import main
 main()
 """
+_KERNELS = "kernels"
 _HERE = Path(__file__).parent
 _DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
 _OF_THE_MACHINE = ("cpuinfo", "meminfo", "stat", "loadavg", "uptime", "version", "filesystems", "sys")
@@ -130,10 +131,11 @@ def _closed(cell: AgentCell, command: Sequence[str], *, is_bubblewrap: bool, has
         "is_about_files": not is_bubblewrap,
     }
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
+    kernels = _linked_kernels(cell)
     if is_bubblewrap:
         # It has its own network, but for one that reaches its door by TCP.
         return {
-            "command": bubblewrap_command(cell, command, has_pipes=has_pipes),
+            "command": bubblewrap_command(cell, command, has_pipes=has_pipes, kernels=kernels),
             "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
             "seccomp": {**calls, "allows_unix": True} if ports else None,
         }
@@ -153,11 +155,16 @@ def _closed(cell: AgentCell, command: Sequence[str], *, is_bubblewrap: bool, has
 
 def _variables_in_landlock(cell: AgentCell) -> dict[str, str]:
     variables = {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
+    own = cell.scratch / _KERNELS
+    return {**variables, NUMBA_VARIABLE: str(own)} if own.is_dir() else variables
+
+
+# Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles itself.
+def _linked_kernels(cell: AgentCell) -> Path | None:
     if cell.kernels is None or cell.kernels in cell.writes:
-        return variables
-    own = cell.scratch / "kernels"
+        return None
+    own = cell.scratch / _KERNELS
     own.mkdir(exist_ok=True)
-    # As bubblewrap has it: kernels that are compiled already are read where they are, and cannot be changed.
     for path in cell.kernels.rglob("*"):
         inside = own / path.relative_to(cell.kernels)
         if path.is_dir():
@@ -165,4 +172,4 @@ def _variables_in_landlock(cell: AgentCell) -> dict[str, str]:
         elif not inside.exists():
             inside.parent.mkdir(parents=True, exist_ok=True)
             inside.symlink_to(path)
-    return {**variables, NUMBA_VARIABLE: str(own)}
+    return own

@@ -143,7 +143,7 @@ def measure(shape: str, n_ticks: int) -> dict[str, float]:
         watch.listen()
         for name in NAMES:
             command = [sys.executable, __file__, "--shape", shape, "--ticks", str(n_ticks), "--name", name]
-            children.start(name, command, join=router.join_of_service(name), log=run_dir.log(name))
+            children.start(name, command, join=router.join_of_service(name, is_watched=True), log=run_dir.log(name))
         watch.await_all()
         watch.fly(n_ticks)
         children.wait(EXIT_LIMIT_S)
