@@ -8,19 +8,22 @@ import msgpack
 
 _LENGTH_BYTES = 4
 _TO_STDERR = "Only commands belong there; write notes to the standard error: print(text, file=sys.stderr)."
-_USE_JSON = "Pack the command with a msgpack library, msgpack.packb(command) in place of json.dumps(command); behind "
-_USE_JSON += "the gateway you may also start it with format: json (--format json here)."
+_USE_JSON = (
+    "Pack the command with a msgpack library, msgpack.packb(command) in place of json.dumps(command); behind "
+    "the gateway you may also start it with format: json (--format json here)."
+)
 _JSON_ONCE = "Write one object, then a line feed, then flush: print(json.dumps(command), flush=True)."
 _ONCE = (
     "Write each key once: fill a map (a dict) and encode it when it is complete, in place of joining pieces of text."
 )
 _SHALLOW = "Leave out what nests so deep: no field of Command does."
-_UTF_8 = "Write texts in UTF-8: text.encode('utf-8') in place of text.encode('latin-1'), or open the stream with "
-_UTF_8 += "encoding='utf-8'."
+_UTF_8 = (
+    "Write texts in UTF-8: text.encode('utf-8') in place of text.encode('latin-1'), or open the stream with "
+    "encoding='utf-8'."
+)
 _AS_BIN = "Pack bytes as bin and texts as str: msgpack.packb(command, use_bin_type=True)."
 _BASE64 = "JSON has no bytes: write base64 text, base64.b64encode(data).decode() in place of str(data) or list(data)."
-_LENGTH_FIRST = "Write the length of each map before it: "
-_LENGTH_FIRST += "output.write(len(payload).to_bytes(4, 'big') + payload)."
+_LENGTH_FIRST = "Write the length of each map before it: output.write(len(payload).to_bytes(4, 'big') + payload)."
 
 # What the gateway says of what it refuses, the first that fits.
 _REMEDY_OF_WORDS = (

@@ -104,10 +104,8 @@ class Children:
         inherited = file_of(text) if INHERITED_FILES.is_dir() else None
         place = text if inherited is None else str(INHERITED_FILES / str(inherited))
         variables = {JOIN_VARIABLE: place, **variables}
-        with self._log(log) as output:
-            streams = (subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
-            keep = () if inherited is None else (inherited,)
-            self._start(name, command, variables, cwd, streams=streams, confinement=confinement, keep=keep)
+        keep = () if inherited is None else (inherited,)
+        self._start_logged(name, command, variables, log, cwd, confinement=confinement, keep=keep)
 
     def start_guest(
         self,
@@ -124,9 +122,7 @@ class Children:
         Raises:
             UsageError: the command cannot be started.
         """
-        with self._log(log) as output:
-            streams = (subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
-            self._start(name, command, variables, cwd, streams=streams, confinement=confinement)
+        self._start_logged(name, command, variables, log, cwd, confinement=confinement)
 
     def start_piped(
         self,
@@ -148,6 +144,21 @@ class Children:
             process = self._start(name, command, variables, cwd, streams=streams, confinement=confinement)
         # Without buffers these are raw files.
         return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
+
+    def _start_logged(
+        self,
+        name: str,
+        command: Sequence[str],
+        variables: Mapping[str, str],
+        log: Path,
+        cwd: Path | None,
+        *,
+        confinement: Confinement | None,
+        keep: tuple[int, ...] = (),
+    ) -> None:
+        with self._log(log) as output:
+            streams = (subprocess.DEVNULL, output.fileno(), subprocess.STDOUT)
+            self._start(name, command, variables, cwd, streams=streams, confinement=confinement, keep=keep)
 
     def _start(
         self,

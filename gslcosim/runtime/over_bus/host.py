@@ -164,8 +164,8 @@ class Host:
             for hosted in self._hosted:
                 if hosted.gate.holds_any:
                     self._ask_again(hosted, only_lost=True)
-            if self._events.empty() and any(hosted.work_ahead() for hosted in self._hosted):
-                continue
+            while self._events.empty() and self._work_ahead():
+                pass
             try:
                 self._handle(self._events.get(timeout=patience_s))
             except queue.Empty:
@@ -175,6 +175,13 @@ class Host:
                     hosted.tell_waiting()
                 patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
         self._timing.waiting_ns += time.perf_counter_ns() - started
+
+    def _work_ahead(self) -> bool:
+        for hosted in self._hosted:
+            self._acting = hosted
+            if hosted.work_ahead():
+                return True
+        return False
 
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
     def _ask_again(self, hosted: Hosted, *, only_lost: bool) -> None:
