@@ -21,9 +21,12 @@ from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.sandbox.choosing import sandboxes_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.runtime.watching.window import FlightWindow
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
 from gslcosim.scenario.models.scenario import Processes
+
+Report = Callable[[FlightStatus], None]
 
 
 def fly(
@@ -33,7 +36,7 @@ def fly(
     processes: Processes | None = None,
     network: Network | None = None,
     fork_server: ForkServer | None = None,
-    report: Callable[[FlightStatus], None] = lambda _: None,
+    report: Report = lambda _: None,
 ) -> FlightResult:
     """Fly a scenario and leave a run directory, whatever happens in between.
 
@@ -63,7 +66,7 @@ def fly(
         progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
     )
 
-    def fly_it(setup: Setup) -> Outcome:
+    def fly_it(setup: Setup, report: Report) -> Outcome:
         flown = _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
         return replace(flown, sandboxes=sandboxes)
 
@@ -76,12 +79,12 @@ def fly(
 def fly_into_folder(
     scenario: Scenario,
     environment_dir: Path,
-    fly_it: Callable[[Setup], Outcome],
+    fly_it: Callable[[Setup, Report], Outcome],
     *,
     runs_dir: Path,
     processes: Processes,
     began: float,
-    report: Callable[[FlightStatus], None],
+    report: Report,
     origin: RunDir | None = None,
 ) -> tuple[Outcome, FlightResult]:
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
@@ -89,7 +92,7 @@ def fly_into_folder(
     Args:
         scenario: What is flown.
         environment_dir: Where its room is.
-        fly_it: Flies.
+        fly_it: Flies, and tells how that goes to the report that it is given.
         runs_dir: Where the folder is made.
         processes: How the run is spread over processes.
         began: When it began, by `time.perf_counter` [s].
@@ -101,7 +104,7 @@ def fly_into_folder(
     """
     run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
 
-    def outcome_of_flight() -> Outcome:
+    def outcome_of_flight(report: Report) -> Outcome:
         run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
         setup = Setup(
             run_dir=run_dir,
@@ -117,9 +120,10 @@ def fly_into_folder(
             replay_of=None if origin is None else origin.run_id,
         )
         report(FlightStatus(state="starting"))
-        return fly_it(setup)
+        return fly_it(setup, report)
 
-    outcome = _or_fault(outcome_of_flight)
+    with FlightWindow(run_dir, scenario, processes, report) as window:
+        outcome = _or_fault(lambda: outcome_of_flight(window))
     _repair(run_dir, outcome)
     _save_digest(run_dir, outcome)
     result = _saved_result(run_dir, outcome, scenario, began)
@@ -131,7 +135,7 @@ def _flown(
     setup: Setup,
     directory: Path,
     network: Network,
-    report: Callable[[FlightStatus], None],
+    report: Report,
     groups: Sequence[Group] | None,
     fork_server: ForkServer | None,
 ) -> Outcome:

@@ -122,6 +122,17 @@ class Gate:
         """Whether inputs wait here for others."""
         return any(self._held.values())
 
+    @property
+    def n_queued_ticks(self) -> int:
+        """The ticks of the fullest input that wait here."""
+        return max((len(held) for held in self._held.values()), default=0)
+
+    @property
+    def waits_for(self) -> tuple[str, ...]:
+        """What the next step lacks: ports, and readers that have to catch up; empty where it may happen."""
+        lacking = [*(missing.port for missing in self.missing()), *self.lacking_credit()]
+        return tuple(dict.fromkeys(lacking))
+
     def has_later(self, missing: Missing) -> bool:
         """Return whether a later message of a port is here, so that a missing one must have been lost."""
         held = self._held.get(missing.port, {})

@@ -1,5 +1,6 @@
 """A run in one process and one thread: the same cores, gates and doors, without a bus."""
 
+import os
 import queue
 import time
 import traceback
@@ -13,7 +14,7 @@ from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.contract.participant import Closes
 from gslcosim.errors import GslCosimError, RunFolderError, UsageError
 from gslcosim.machine import fault_text
-from gslcosim.runtime.agents.desk import Desk, desk_of
+from gslcosim.runtime.agents.desk import Desk, agent_statuses, desk_of
 from gslcosim.runtime.agents.door import faults_of
 from gslcosim.runtime.agents.events import AgentEvent
 from gslcosim.runtime.agents.guests import Guests
@@ -28,9 +29,10 @@ from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.pauses import Pauses
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.setup import Setup
-from gslcosim.runtime.status import FlightStatus
+from gslcosim.runtime.status import FlightStatus, ParticipantStatus
 from gslcosim.runtime.stepper import Sent, Stepper
 from gslcosim.runtime.stops import ProcessWatch
+from gslcosim.runtime.watching.own_process import cpu_s, memory_bytes
 from gslcosim.scratch import ScratchFolder
 from gslcosim.ticks import seconds_from_ticks
 
@@ -167,7 +169,31 @@ class InProcessFlight:
     def _tell(self, started: float) -> None:
         sim_time_s = seconds_from_ticks(self._tick, self._setup.scenario.tick_ns)
         wall_s = max(time.perf_counter() - started, 1e-9)
-        self._report(FlightStatus(state="flying", sim_time_s=sim_time_s, real_time_factor=sim_time_s / wall_s))
+        self._report(
+            FlightStatus(
+                state="flying",
+                sim_time_s=sim_time_s,
+                real_time_factor=sim_time_s / wall_s,
+                participants=self._participants,
+            )
+        )
+
+    # On the thread of whoever looks.
+    def _participants(self) -> list[ParticipantStatus]:
+        taken_s, held_bytes = cpu_s(), memory_bytes()
+        services = [
+            ParticipantStatus(
+                name=name,
+                state="done" if stepper.gate.is_finished else "working",
+                tick=stepper.gate.next_tick - 1,
+                queued_ticks=stepper.gate.n_queued_ticks,
+                pid=os.getpid(),
+                cpu_s=taken_s,
+                memory_bytes=held_bytes,
+            )
+            for name, stepper in self._steppers.items()
+        ]
+        return services + agent_statuses(self._desks)
 
     def _deliver_all(self, sent: Iterable[Sent]) -> None:
         for each in sent:

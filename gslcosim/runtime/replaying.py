@@ -178,7 +178,7 @@ def replay(
     outcome, flight = fly_into_folder(
         scenario,
         environment_dir,
-        lambda setup: _fly(past, setup, until_tick, report),
+        lambda setup, told: _fly(past, setup, until_tick, told),
         runs_dir=runs_dir,
         processes="one",
         began=began,

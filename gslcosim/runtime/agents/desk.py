@@ -1,7 +1,7 @@
 """One agent's place in a run: what it is told, what it owes and for how long, and which commands of it count."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from gslcosim.contract import codec, keys
@@ -11,6 +11,7 @@ from gslcosim.runtime.agents.events import AgentEvent, AgentGone, AgentJoined, A
 from gslcosim.runtime.agents.links import AgentLink, Seen
 from gslcosim.runtime.digest import Trail
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.stepper import Sent
 from gslcosim.scenario.models.scenario import AgentSpec
 
@@ -34,6 +35,7 @@ class Desk:
     trail: Trail = field(default_factory=Trail)
     decisions_s: list[float] = field(default_factory=list[float])
     is_ready: bool = False
+    last_tick: int = -1
     _asked_at_s: float | None = None
     _repeated_at_s: float = 0.0
 
@@ -53,6 +55,7 @@ class Desk:
 
     def observe(self, observation: Seen, payload: bytes) -> list[Sent]:
         """Send the agent an observation."""
+        self.last_tick = observation.tick
         commands = self.door.observed(observation)
         if self.door.pending and self._asked_at_s is None:
             self._asked_at_s = self._repeated_at_s = time.monotonic()
@@ -135,3 +138,14 @@ def desk_of(agent: AgentSpec, setup: Setup, link: AgentLink) -> Desk:
         journal=lambda command: run_dir.log_command(agent.name, command),
         last_words=lambda: run_dir.last_words(door_name(agent.process)),
     )
+
+
+def agent_statuses(desks: Mapping[str, Desk]) -> list[ParticipantStatus]:
+    """Return one moment of all agents."""
+    return [ParticipantStatus(name=name, state=_state_of(desk), tick=desk.last_tick) for name, desk in desks.items()]
+
+
+def _state_of(desk: Desk) -> ParticipantState:
+    if desk.is_awaited:
+        return "joining"
+    return "deciding" if desk.owes_answer else "waiting"

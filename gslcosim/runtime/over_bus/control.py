@@ -97,6 +97,11 @@ def describe(name: str) -> str:
     return f"rpc/{name}/describe"
 
 
+def inspect(name: str) -> str:
+    """Return the key on which a participant says how it goes."""
+    return f"rpc/{name}/inspect"
+
+
 class Control(BaseModel):
     """Base of the control messages."""
 
@@ -156,6 +161,20 @@ class Description(Control):
     contract_hash: str
     pid: int
     host: str
+
+
+class Inspection(Control):
+    """How a participant goes, and what its process has taken; see `ParticipantStatus`."""
+
+    name: str
+    tick: int
+    is_finished: bool
+    waits_for: list[str]
+    queued_ticks: int
+    pid: int
+    cpu_s: float
+    memory_bytes: int | None
+    n_resends: int
 
 
 class Bye(Control):

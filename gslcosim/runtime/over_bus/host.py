@@ -91,6 +91,7 @@ class Host:
         for hosted in self._hosted:
             self._bus.answer(control.resend(hosted.name), hosted.kept.answer)
             self._bus.answer(control.describe(hosted.name), lambda _, name=hosted.name: [_description(name)])
+            self._bus.answer(control.inspect(hosted.name), lambda _, hosted=hosted: [hosted.inspection()])
         for hosted in self._hosted:
             self._bus.declare_alive(control.alive(hosted.name))
 

@@ -1,6 +1,7 @@
 """One participant of a process: its stepper, what it has sent, and what it has told of its progress."""
 
 import itertools
+import os
 import threading
 import time
 from collections import OrderedDict
@@ -16,6 +17,7 @@ from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.stepper import Sent, Stepper
+from gslcosim.runtime.watching.own_process import cpu_s, memory_bytes
 
 # And far less than the window of credit, so that nobody ever waits for a note that is not sent yet.
 PROGRESS_EVERY_TICKS = 64
@@ -174,6 +176,20 @@ class Hosted:
             lacking_credit=self.gate.lacking_credit(),
         )
         self._bus.publish(control.waiting(self.name), note.to_bytes())
+
+    def inspection(self) -> bytes:
+        """Return how it goes, for somebody who looks; may be called on any thread."""
+        return control.Inspection(
+            name=self.name,
+            tick=self.last_tick,
+            is_finished=self.gate.is_finished,
+            waits_for=list(self.gate.waits_for),
+            queued_ticks=self.gate.n_queued_ticks,
+            pid=os.getpid(),
+            cpu_s=cpu_s(),
+            memory_bytes=memory_bytes(),
+            n_resends=self.stepper.timing.n_resends,
+        ).to_bytes()
 
     def close(self) -> None:
         """Let the core write what it holds."""

@@ -23,6 +23,7 @@ from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.door_host import DoorHost
 from gslcosim.runtime.over_bus.forks import FORK_SERVER
+from gslcosim.runtime.over_bus.inspecting import Inspector
 from gslcosim.runtime.over_bus.notices import (
     AgentVanished,
     BriefingCame,
@@ -80,7 +81,6 @@ class Supervisor:
         self._bus = bus
         self._guests = guests
         self._notices = notices
-        self._teller = Teller(report, setup.scenario.tick_ns)
         self._dataflow = dataflow_of(setup.scenario)
         self._services = service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
@@ -90,6 +90,9 @@ class Supervisor:
             if agent.name not in guests
         }
         self._doors = {agent.name: self._door_host(agent.name) for agent in setup.scenario.agents}
+        desks = {name: door.desk for name, door in self._doors.items()}
+        inspector = Inspector(bus, self._services, self._watchdog, desks)
+        self._teller = Teller(report, setup.scenario.tick_ns, inspector.look)
         self._observed_by = {keys.observation(name): door for name, door in self._doors.items()}
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}

@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from gslcosim.runtime.status import FlightStatus
+from gslcosim.runtime.status import FlightStatus, ParticipantStatus
 from gslcosim.ticks import seconds_from_ticks
 
 STATUS_EVERY_S = 0.1
@@ -17,11 +18,18 @@ class Teller:
     Args:
         report: Is told the status.
         tick_ns: How long a tick is.
+        participants: Looks at the participants, for whoever is told the status.
     """
 
-    def __init__(self, report: Callable[[FlightStatus], None], tick_ns: int) -> None:
+    def __init__(
+        self,
+        report: Callable[[FlightStatus], None],
+        tick_ns: int,
+        participants: Callable[[], list[ParticipantStatus]],
+    ) -> None:
         self._report = report
         self._tick_ns = tick_ns
+        self._participants = participants
         self._told_at_s, self._told_state = 0.0, ""
 
     def tell_awaited(self, names: Sequence[str], waited_s: float) -> None:
@@ -42,4 +50,4 @@ class Teller:
         now_s = time.monotonic()
         if status.state != self._told_state or now_s - self._told_at_s >= STATUS_EVERY_S:
             self._told_at_s, self._told_state = now_s, status.state
-            self._report(status)
+            self._report(replace(status, participants=self._participants))

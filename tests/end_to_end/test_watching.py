@@ -1,0 +1,174 @@
+"""Flights that go on are listed, looked at and stopped from another shell, and are the same whether or not."""
+
+import contextlib
+import io
+import json
+import os
+import signal
+import subprocess
+
+import pytest
+from flights import COMMAND, TINY_ROOM, fly, start, wait_a_moment, with_agent
+
+from gslcosim.cli.main import main
+
+LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
+SERVICES = ["world", "fields", "sensing", "referee"]
+
+
+def told(*words):
+    """Call a command in this process; return its exit code, what it printed, and what it said on standard error."""
+    output, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        exit_code = main(words)
+    return exit_code, output.getvalue(), errors.getvalue()
+
+
+@pytest.fixture(autouse=True)
+def _windows_of_its_own(tmp_path, monkeypatch):
+    """Flights of other tests have their windows elsewhere."""
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    monkeypatch.setattr("tempfile.tempdir", None)
+
+
+def listed():
+    return json.loads(told("ps", "--json")[1])
+
+
+def started(tmp_path, *arguments):
+    """Start a flight that goes on until it is stopped, and wait until it flies."""
+    flight = start(TINY_ROOM, tmp_path / "runs", *LONG, *arguments)
+    flight.wait_for(lambda: any(facts["sim_time_s"] > 0 for facts in listed()))
+    return flight
+
+
+@pytest.mark.tour
+@pytest.mark.parametrize("processes", ["separate", "grouped", "one"])
+def test_a_flight_is_listed_looked_at_and_stopped(tmp_path, processes):
+    flight = started(tmp_path, "--processes", processes)
+    (facts,) = listed()
+    assert facts["scenario"] == "tiny_room"
+    assert facts["processes"] == processes
+    assert facts["pid"] == flight.process.pid
+    assert facts["time_limit_s"] == 20000
+    exit_code, output, _ = told("top", "--once", "--json", "--every", "0.5")
+    assert exit_code == 0
+    rows = json.loads(output)["participants"]
+    assert [row["name"] for row in rows[:4]] == SERVICES
+    for row in rows[:4]:
+        assert row["tick_rate_hz"] > 0
+        assert row["busy"] > 0
+        assert row["memory_bytes"] > 1e6
+        assert (row["pid"] == flight.process.pid) == (processes == "one")
+        assert row["state"] in ("working", "waiting")
+    assert rows[4]["tick_rate_hz"] > 0, "the agent's door"
+    assert told("ps")[1].splitlines()[1].startswith(facts["run_id"])
+    assert told("stop", facts["run_id"][:12]) == (0, f"stopped    {facts['run_dir']}\n", "")
+    ended = flight.end()
+    assert ended.exit_code == 130
+    assert ended.result["end_reason"] == "interrupted"
+    assert listed() == []
+
+
+def test_being_looked_at_changes_nothing(tmp_path):
+    """A hundred looks while it flies: the digest of a flight that nobody saw."""
+    limit = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=60")
+    alone = fly(TINY_ROOM, tmp_path / "alone", *limit)
+    flight = start(TINY_ROOM, tmp_path / "seen", *limit)
+    n_looks = 0
+    while flight.process.poll() is None:
+        n_looks += len(listed())
+    assert n_looks > 0
+    assert flight.end().result["digest"] == alone.result["digest"]
+
+
+def test_a_service_that_stands_still_is_silent_and_the_others_wait_for_it(tmp_path):
+    flight = started(tmp_path)
+    fields = flight.child("fields")
+    os.kill(fields, signal.SIGSTOP)
+    try:
+        rows = {}
+        while rows.get("fields", {}).get("state") != "silent":
+            rows = {row["name"]: row for row in listed()[0]["participants"]}
+        assert "truth/samples" in rows["sensing"]["waits_for"]
+    finally:
+        os.kill(fields, signal.SIGCONT)
+    assert told("stop")[0] == 0
+    assert flight.end().exit_code == 130
+
+
+def test_an_agent_that_thinks_is_deciding(tmp_path):
+    flight = start(TINY_ROOM, tmp_path / "runs", *with_agent("silent"))
+    flight.wait_for(lambda: any(row["state"] == "deciding" for facts in listed() for row in facts["participants"]))
+    assert told("stop")[0] == 0
+    flight.end()
+
+
+def test_a_flight_that_stands_still_is_listed_as_silent(tmp_path):
+    flight = started(tmp_path, "--processes", "one")
+    os.kill(flight.process.pid, signal.SIGSTOP)
+    try:
+        (facts,) = listed()
+        assert (facts["state"], facts["pid"]) == ("silent", flight.process.pid)
+        assert told("ps")[0] == 0
+    finally:
+        os.kill(flight.process.pid, signal.SIGCONT)
+    assert told("stop", "--all")[0] == 0
+    assert flight.end().exit_code == 130
+
+
+def test_the_window_of_a_killed_flight_is_removed(tmp_path):
+    flight = started(tmp_path, "--processes", "one")
+    flight.process.kill()
+    flight.process.wait()
+    assert list((tmp_path / "tmp").glob(".gslcosim-flights-*/*"))
+    assert listed() == []
+    assert not list((tmp_path / "tmp").glob(".gslcosim-flights-*/*"))
+
+
+def test_which_of_several_flights_is_meant_has_to_be_said(tmp_path):
+    first, second = started(tmp_path / "a"), started(tmp_path / "b")
+    while len(listed()) < 2:
+        wait_a_moment()
+    exit_code, _, errors = told("stop")
+    assert exit_code == 2
+    assert errors.startswith("RUN: expected one flight that goes on, or the name of one of several, found tiny_room-")
+    assert told("stop", str(next((tmp_path / "a" / "runs").iterdir())))[0] == 0
+    assert first.end().exit_code == 130
+    assert told("stop", "--all")[0] == 0
+    assert second.end().exit_code == 130
+
+
+def test_the_page_of_top_tells_of_the_end(tmp_path):
+    flight = started(tmp_path)
+    top = subprocess.Popen([*COMMAND, "top", "--every", "0.1"], stdout=subprocess.PIPE, text=True)
+    assert top.stdout is not None
+    while "sensing" not in (line := top.stdout.readline()):
+        assert line or top.poll() is None
+    assert told("stop")[0] == 0
+    rest, _ = top.communicate(timeout=30)
+    assert "has ended." in rest
+    assert top.returncode == 0
+    flight.end()
+
+
+def test_a_folder_of_somebody_else_is_no_place_for_windows(tmp_path):
+    """Whoever may write there could stand in for a flight; the flight itself goes on without a window."""
+    folder = tmp_path / "tmp" / f".gslcosim-flights-{os.getuid()}"
+    folder.mkdir(mode=0o777)
+    folder.chmod(0o777)
+    ended = fly(TINY_ROOM, tmp_path / "runs")
+    assert ended.exit_code == 0
+    assert list(folder.iterdir()) == []
+
+
+def test_without_flights_there_is_nothing_to_show():
+    assert told("ps") == (0, "No flight goes on.\n", "")
+    assert told("ps", "--json") == (0, "[]\n", "")
+    assert told("stop", "--all") == (0, "No flight goes on.\n", "")
+    assert told("top")[0] == 2
+    assert told("stop", "nobody")[2] == "nobody: expected the id or folder of one flight that goes on, found none.\n"
+    assert told("top", "--every", "never")[0] == 2
+    assert told("stop", "x", "--all")[0] == 2
