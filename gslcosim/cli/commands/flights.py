@@ -9,7 +9,7 @@ from gslcosim.cli.parsing import Command
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 if TYPE_CHECKING:
-    from gslcosim.runtime.watching.flights import RunningFlight
+    from gslcosim.runtime.watching.running_flights import RunningFlight
 
 PS_EXAMPLES = """  gslcosim ps
   gslcosim ps --json | jq -r '.[].run_id'"""
@@ -48,7 +48,7 @@ def _interval_s(text: str) -> float:
 
 
 def _ps(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.watching.flights import running_flights
+    from gslcosim.runtime.watching.running_flights import running_flights
 
     flights = running_flights()
     if arguments.json:
@@ -76,7 +76,7 @@ def _flight_row(flight: "RunningFlight") -> tuple[str, ...]:
 
 
 def _top(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.watching.flights import find_flight, look_through
+    from gslcosim.runtime.watching.running_flights import find_flight, look_through
 
     before = find_flight(arguments.run)
     is_drawn_again = sys.stdout.isatty() and not arguments.once and not arguments.json
@@ -144,7 +144,7 @@ def _participant_row(row: dict[str, Any]) -> tuple[str, ...]:
 
 def _stop(arguments: argparse.Namespace) -> int:
     from gslcosim.errors import UsageError
-    from gslcosim.runtime.watching.flights import find_flight, running_flights, stop_flight
+    from gslcosim.runtime.watching.running_flights import find_flight, running_flights, stop_flight
 
     if arguments.all and arguments.run is not None:
         raise UsageError("gslcosim stop: expected RUN or --all, was both.")

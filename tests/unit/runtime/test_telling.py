@@ -4,6 +4,7 @@ import pytest
 
 from gslcosim.runtime.over_bus import telling
 from gslcosim.runtime.over_bus.telling import LATE_AFTER_S, Teller
+from gslcosim.runtime.status import no_participants
 
 
 @pytest.fixture
@@ -15,7 +16,7 @@ def clock(monkeypatch):
 
 def test_a_new_state_is_told_at_once_and_the_same_not_too_often(clock):
     told = []
-    teller = Teller(told.append, tick_ns=100_000_000)
+    teller = Teller(told.append, 100_000_000, no_participants)
     for state, tick in (("flying", 1), ("flying", 2), ("closing", 3)):
         teller.tell_flight(state, tick, wall_s=0.05)
     clock[0] += 1.0
@@ -28,7 +29,7 @@ def test_a_new_state_is_told_at_once_and_the_same_not_too_often(clock):
 
 def test_who_has_not_joined_in_time_is_late(clock):
     told = []
-    teller = Teller(told.append, tick_ns=100_000_000)
+    teller = Teller(told.append, 100_000_000, no_participants)
     teller.tell_awaited(["world", "beetle"], LATE_AFTER_S)
     clock[0] += 1.0
     teller.tell_awaited(["world"], LATE_AFTER_S + 1.0)
