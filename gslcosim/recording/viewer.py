@@ -26,15 +26,23 @@ def open_viewer(path: Path) -> None:
         RecordingError: there is no such file, no screen, or the viewer fails.
     """
     _check_file(path)
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise RecordingError(
-            "viewer: expected a screen, was none (neither DISPLAY nor WAYLAND_DISPLAY is set). "
-            "Save a picture with --screenshot FILE, or copy the recording to a machine with a screen.\n"
-            f"File: {path}"
-        )
+    check_screen()
     viewer = subprocess.run([str(rerun_program()), *_LOCAL, str(path)], env=rerun_environment(), check=False)
     if viewer.returncode != 0:
         raise RecordingError(f"viewer: expected to end with 0, was {viewer.returncode}.\nFile: {path}")
+
+
+def check_screen() -> None:
+    """Refuse where a window cannot be shown.
+
+    Raises:
+        RecordingError: there is no screen.
+    """
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise RecordingError(
+            "viewer: expected a screen, was none (neither DISPLAY nor WAYLAND_DISPLAY is set). Look with a browser "
+            "(--web; while it flies: --serve), or save a picture (gslcosim view RUN --screenshot FILE)."
+        )
 
 
 def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1000)) -> None:

@@ -119,7 +119,7 @@ def fly_into_folder(
             processes=processes,
             replay_of=None if origin is None else origin.run_id,
         )
-        report(FlightStatus(state="starting"))
+        report(FlightStatus(state="starting", run_dir=run_dir.path))
         return fly_it(setup, report)
 
     with FlightWindow(run_dir, scenario, processes, report) as window:

@@ -40,7 +40,8 @@ class FlightStatus:
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
     piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
-    than it should. `participants` may be called on any thread while the flight goes on, and looks then.
+    than it should. `participants` may be called on any thread while the flight goes on, and looks then. `run_dir` is
+    told once there is one, with the state `starting`.
     """
 
     state: str
@@ -50,6 +51,7 @@ class FlightStatus:
     real_time_factor: float = 0.0
     is_late: bool = False
     participants: Callable[[], list[ParticipantStatus]] = no_participants
+    run_dir: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gslcosim.cli.live import add_live_options, live_flight
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import add_runs_dir_option
 from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
+  gslcosim up warehouse_empty --live
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
 
 
@@ -32,6 +34,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--in-process", action="store_const", const="one", dest="processes", help="the same as --processes one"
     )
+    add_live_options(parser)
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.add_argument(
         "--listen",
@@ -81,24 +84,26 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
         join_dir=arguments.join_dir,
         tls=_certificate(arguments),
     )
-    with watched_flight(
-        f"{loaded.name}, seed {loaded.scenario.seed}", is_quiet=arguments.quiet or arguments.json
-    ) as report:
-        flight = fly(
-            loaded,
-            runs_dir=arguments.runs_dir,
-            processes=arguments.processes,
-            network=network,
-            fork_server=fork_server,
-            report=report,
-        )
-    if arguments.json:
-        write_json(flight.result)
-    elif not arguments.quiet:
-        write(summary(flight))
-    if not flight.result.get("valid"):
-        for fault in flight.result.get("faults", []):
-            write_note(f"{fault['participant']}: {fault['text']}")
+    title = f"{loaded.name}, seed {loaded.scenario.seed}"
+    with live_flight(arguments.live, loaded.scenario) as live:
+        with watched_flight(title, is_quiet=arguments.quiet or arguments.json) as report:
+            flight = fly(
+                loaded,
+                runs_dir=arguments.runs_dir,
+                processes=arguments.processes,
+                network=network,
+                fork_server=fork_server,
+                report=live.passing_on(report),
+            )
+        live.end()
+        if arguments.json:
+            write_json(flight.result)
+        elif not arguments.quiet:
+            write(summary(flight))
+        if not flight.result.get("valid"):
+            for fault in flight.result.get("faults", []):
+                write_note(f"{fault['participant']}: {fault['text']}")
+        live.stay_open(flight.exit_code)
     return flight.exit_code
 
 

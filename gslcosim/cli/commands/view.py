@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from gslcosim.cli.live import serve_until_closed
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import write
@@ -13,6 +14,7 @@ from gslcosim.cli.terminal import write
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
   gslcosim view hall                              the environment in the folder hall
+  gslcosim view --web                             as a page for a browser, until Ctrl-C
   gslcosim view --screenshot run.png --window-size 1600x1000"""
 
 
@@ -26,7 +28,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="a run's folder, its recording, or its id; or an environment's folder (default: the newest run)",
     )
-    parser.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
+    ways = parser.add_mutually_exclusive_group()
+    ways.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
+    ways.add_argument(
+        "--web", action="store_true", help="serve a page for a browser of this machine, until Ctrl-C; needs no screen"
+    )
     parser.add_argument(
         "--window-size", type=_size, default=(1600, 1000), metavar="WxH", help="the picture's size (default: 1600x1000)"
     )
@@ -47,6 +53,8 @@ def _run(arguments: argparse.Namespace) -> int:
         if arguments.screenshot:
             screenshot(recording, arguments.screenshot, window_size=arguments.window_size)
             write(str(arguments.screenshot))
+        elif arguments.web:
+            serve_until_closed(recording)
         else:
             open_viewer(recording)
     return 0

@@ -27,7 +27,7 @@ def test_without_a_screen_the_remedy_is_told(record, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(RecordingError, match=r"expected a screen, was none.*--screenshot"):
+    with pytest.raises(RecordingError, match=r"expected a screen, was none.*--web.*--screenshot"):
         open_viewer(path)
 
 
