@@ -9,7 +9,20 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from flights import COMMAND, LIMIT_S, TINY_ROOM, Flight, assert_gone, children_of, fly, is_running, start, wait_a_moment
+from flights import (
+    COMMAND,
+    LIMIT_S,
+    ROOT,
+    TINY_ROOM,
+    UNRECORDED,
+    Flight,
+    assert_gone,
+    children_of,
+    fly,
+    is_running,
+    start,
+    wait_a_moment,
+)
 
 from gslcosim.recording.rerun_cli import rerun_environment, rerun_program, run_rerun
 
@@ -106,6 +119,47 @@ def test_a_recording_is_served_afterwards(tmp_path):
     said.until("stays open until Ctrl-C")
     server.send_signal(signal.SIGINT)
     assert ended(flight, said) == 0
+
+
+def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
+    """What the page's commands start is served, seen, listed and stopped; windows need a screen, which is told."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    page = (ROOT / "docs" / "live.md").read_text()
+    lines = [
+        line.split("#")[0].split()
+        for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+        for line in block.splitlines()
+    ]
+    for line in lines:
+        words = [str(next(Path("runs").iterdir())) if word == "RUN" else word for word in line[1:]]
+        if {"--serve", "--web"} & set(words):
+            served = _started(*words)
+            said = Said(served)
+            said.until("stays open until Ctrl-C")
+            served.process.send_signal(signal.SIGINT)
+            assert ended(served, said) == 0, words
+        elif words[0] in ("up", "view"):
+            assert "expected a screen, was none" in _told(*words)
+        else:
+            flight = _started("up", str(TINY_ROOM), *LONG, *UNRECORDED)
+            flight.wait_for(lambda: "flying" in _told("ps"))
+            told = _told(*words, *(("--once",) if words[0] == "top" else ()))
+            assert "tiny_room" in told, words
+            flight.process.send_signal(signal.SIGINT)
+            flight.process.communicate()
+
+
+def _started(*words):
+    call = [*COMMAND, *words]
+    return Flight(subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True), Path.cwd())
+
+
+def _told(*words):
+    told = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=60, check=False)
+    return told.stdout + told.stderr
 
 
 def test_ctrl_c_in_flight_ends_flight_and_viewer(tmp_path):

@@ -14,7 +14,7 @@ from gslcosim.cli.terminal import write
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
   gslcosim view hall                              the environment in the folder hall
-  gslcosim view --web                             as a page for a browser, until Ctrl-C
+  gslcosim view --web
   gslcosim view --screenshot run.png --window-size 1600x1000"""
 
 
