@@ -34,8 +34,8 @@ def options_of(name):
         (["fly"], f"gslcosim: expected one of the commands {ALL}, was 'fly'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --help, --in-process, --join-dir, "
          "--json, "
-         "--listen, --live, --no-services, --processes, --quiet, --runs-dir, --seed, --serve, --set, --tls-certificate, "
-         "--tls-key, "
+         "--listen, --live, --no-services, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
+         "--tls-certificate, --tls-key, "
          "was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),
         (["up"], "gslcosim up: the following arguments are required: SCENARIO. See gslcosim up --help."),
