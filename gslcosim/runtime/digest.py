@@ -4,7 +4,7 @@ import base64
 import hashlib
 import json
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,11 @@ class RunDigest:
         """Return the digest of whole chains, without what came after the final tick."""
         cut = {port: trail.until(final_tick) for port, trail in trails.items()}
         return cls(final_tick, {port: writer_of[port] for port in trails}, cut)
+
+    def without(self, ports: Set[str], *, final_tick: int | None = None) -> "RunDigest":
+        """Return the digest without some ports, and without what came after a tick."""
+        kept = {port: trail for port, trail in self.trails.items() if port not in ports}
+        return RunDigest.of(kept, self.writer_of, self.final_tick if final_tick is None else final_tick)
 
     @property
     def hex(self) -> str:

@@ -2,8 +2,8 @@
 
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.errors import MachineError, RecordingError
 from gslcosim.generation import prepare_environment
 from gslcosim.machine import fault_text
+from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.grouping import Group, groups_of
 from gslcosim.runtime.joining import Network
@@ -29,6 +30,15 @@ from gslcosim.scenario.models.scenario import Processes
 Report = Callable[[FlightStatus], None]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Repetition:
+    """What a flight takes over from a run: its room, the commands of its past, and what the manifest says of it."""
+
+    environment_dir: Path
+    past: Past
+    origin: Mapping[str, Any]
+
+
 def fly(
     loaded: LoadedScenario,
     *,
@@ -37,6 +47,7 @@ def fly(
     network: Network | None = None,
     fork_server: ForkServer | None = None,
     report: Report = lambda _: None,
+    repetition: Repetition | None = None,
 ) -> FlightResult:
     """Fly a scenario and leave a run directory, whatever happens in between.
 
@@ -47,6 +58,7 @@ def fly(
         network: How processes reach the run's router; ignored in one process.
         fork_server: Forks the services; absent: one is started where it is needed.
         report: Is told how preparation and flight go.
+        repetition: What is taken over from another run; absent: nothing.
 
     Raises:
         GslCosimError: the scenario cannot be flown at all (its environment or dataflow is wrong).
@@ -60,18 +72,30 @@ def fly(
     processes = scenario.processes if processes is None else processes
     groups = groups_of(processes, service_names(scenario))
     sandboxes = sandboxes_of(scenario, is_one_process=processes == "one")
-    environment_dir = prepare_environment(
-        scenario,
-        scenario_dir=loaded.directory,
-        progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
-    )
+    if repetition is not None:
+        environment_dir = repetition.environment_dir
+    else:
+        environment_dir = prepare_environment(
+            scenario,
+            scenario_dir=loaded.directory,
+            progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
+        )
 
     def fly_it(setup: Setup, report: Report) -> Outcome:
+        setup = replace(setup, past=repetition and repetition.past)
         flown = _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
         return replace(flown, sandboxes=sandboxes)
 
     _, result = fly_into_folder(
-        scenario, environment_dir, fly_it, runs_dir=runs_dir, processes=processes, began=began, report=report
+        scenario,
+        environment_dir,
+        fly_it,
+        runs_dir=runs_dir,
+        processes=processes,
+        began=began,
+        report=report,
+        directory=loaded.directory,
+        origin=repetition and repetition.origin,
     )
     return result
 
@@ -85,7 +109,8 @@ def fly_into_folder(
     processes: Processes,
     began: float,
     report: Report,
-    origin: RunDir | None = None,
+    directory: Path,
+    origin: Mapping[str, Any] | None = None,
 ) -> tuple[Outcome, FlightResult]:
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
 
@@ -97,7 +122,8 @@ def fly_into_folder(
         processes: How the run is spread over processes.
         began: When it began, by `time.perf_counter` [s].
         report: Is told how the flight goes.
-        origin: The run that is flown again.
+        directory: Where relative paths of agents start.
+        origin: What the manifest says of the run that is flown again.
 
     Raises:
         MachineError: the folder cannot be made.
@@ -111,13 +137,14 @@ def fly_into_folder(
             scenario=scenario,
             environment_dir=environment_dir.resolve(),
             environment=load_environment(environment_dir),
+            directory=directory.absolute(),
         )
         setup.save()
         run_dir.save_manifest(
             seed=scenario.seed,
             environment_hash=setup.environment.content_hash,
             processes=processes,
-            replay_of=None if origin is None else origin.run_id,
+            origin=origin,
         )
         report(FlightStatus(state="starting", run_dir=run_dir.path))
         return fly_it(setup, report)

@@ -118,9 +118,9 @@ class RunDir:
         return "\n".join(line[:300] for line in lines[-n_lines:])
 
     def save_manifest(
-        self, *, seed: int, environment_hash: str, processes: Processes, replay_of: str | None = None
+        self, *, seed: int, environment_hash: str, processes: Processes, origin: Mapping[str, Any] | None = None
     ) -> None:
-        """Write `manifest.json`: all that the determinism contract depends on, and which run is flown again.
+        """Write `manifest.json`: all that the determinism contract depends on, and `origin`, the run it repeats.
 
         Raises:
             RunFolderError: it cannot be written.
@@ -129,7 +129,7 @@ class RunDir:
             "run_id": self.run_id,
             "seed": seed,
             "processes": processes,
-            **({} if replay_of is None else {"replay_of": replay_of}),
+            **(origin or {}),
             "environment_hash": environment_hash,
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
             "contract_hash": contract_hash(),

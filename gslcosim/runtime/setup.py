@@ -7,18 +7,25 @@ from pathlib import Path
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
+from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What every core of a run is built from."""
+    """What every core of a run is built from.
+
+    `directory` is where relative paths of agents start; `past` has the commands that count whatever agents answer,
+    where the run is a fork. Services need neither.
+    """
 
     run_dir: RunDir
     scenario: Scenario
     environment_dir: Path
     environment: Environment
+    directory: Path | None = None
+    past: Past | None = None
 
     @property
     def episode(self) -> Episode:
@@ -27,7 +34,10 @@ class Setup:
 
     def save(self) -> None:
         """Write `setup.json` beside the resolved scenario, for the services of the run."""
-        self.run_dir.replace(self.run_dir.setup.name, json.dumps({"environment": str(self.environment_dir)}) + "\n")
+        places = {"environment": str(self.environment_dir)}
+        if self.directory is not None:
+            places["directory"] = str(self.directory)
+        self.run_dir.replace(self.run_dir.setup.name, json.dumps(places) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> "Setup":

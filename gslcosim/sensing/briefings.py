@@ -26,7 +26,7 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
         contract_version=CONTRACT_VERSION,
         mission=mission_text(scenario),
         tick_ns=scenario.tick_ns,
-        seed=int(stream(seed, f"agent.{agent.name}").integers(2**31)),
+        seed=_seed_of(agent, seed),
         mode=agent.mode_name,
         latency_ticks=agent.latency_ticks,
         gas=scenario.gas.gas,
@@ -42,6 +42,10 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
         plume=nominal_plume(scenario) if agent.knows.plume else None,
         known_sources=tuple(source.position_m for source in scenario.gas.sources) if agent.knows.source else (),
     )
+
+
+def _seed_of(agent: AgentSpec, run_seed: int) -> int:
+    return int(stream(run_seed, f"agent.{agent.name}").integers(2**31)) if agent.seed is None else agent.seed
 
 
 def _channels_of(agent: AgentSpec, scenario: Scenario) -> tuple[ChannelDescription, ...]:

@@ -19,11 +19,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.digest import RunDigest, first_divergence
+    from gslcosim.runtime.repeating.comparing import RunComparison
 
     files = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=DIGEST) for run in (arguments.a, arguments.b)]
-    a, b = (RunDigest.load(file) for file in files)
-    divergence = first_divergence(a, b)
+    compared = RunComparison.of(*files)
+    a, b, divergence, kinship = compared.a, compared.b, compared.divergence, compared.kinship
     if arguments.json:
         write_json(
             {
@@ -31,6 +31,8 @@ def _run(arguments: argparse.Namespace) -> int:
                 "digests": [a.hex, b.hex],
                 "final_ticks": [a.final_tick, b.final_tick],
                 "divergence": divergence and vars(divergence),
+                "fork": kinship and vars(kinship),
+                "told_otherwise": list(compared.told_otherwise),
             }
         )
     elif divergence is None:
@@ -42,7 +44,18 @@ def _run(arguments: argparse.Namespace) -> int:
         )
         for file, digest in zip(files, (a, b), strict=True):
             write(f"  {digest.hex}  final tick {digest.final_tick}  {file.parent}")
+    if kinship is not None and not arguments.json:
+        write(_KINSHIPS[kinship.fork].format(tick=kinship.tick))
+        if compared.told_otherwise:
+            write(f"Briefed differently: {', '.join(compared.told_otherwise)}.")
     return 0 if divergence is None else ExitCode.DIVERGENCE
+
+
+_KINSHIPS = {
+    "a": "The first is a fork of the second at tick {tick}.",
+    "b": "The second is a fork of the first at tick {tick}.",
+    "both": "Both are forks of one run, the earlier at tick {tick}.",
+}
 
 
 COMMAND = Command(

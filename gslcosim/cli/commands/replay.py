@@ -30,7 +30,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.flight_report import summary, watched_flight
-    from gslcosim.runtime.replaying import PastRun, replay
+    from gslcosim.runtime.repeating.past_run import PastRun
+    from gslcosim.runtime.repeating.replaying import replay
 
     manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
     past = PastRun.load(manifest.parent)

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending
-from gslcosim.runtime.agents.door import Door, door_name, door_of
+from gslcosim.runtime.agents.door import Door, door_name
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, AgentJoined, AnswerMissed, CommandCame, CommandRefused
 from gslcosim.runtime.agents.links import AgentLink, Seen
+from gslcosim.runtime.agents.past_door import door_in
 from gslcosim.runtime.digest import Trail
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import ParticipantState, ParticipantStatus
@@ -132,7 +133,7 @@ def desk_of(agent: AgentSpec, setup: Setup, link: AgentLink) -> Desk:
     run_dir = setup.run_dir
     return Desk(
         agent.name,
-        door_of(agent, setup.scenario),
+        door_in(agent, setup.scenario, setup.past),
         link,
         agent.answer_within_s,
         journal=lambda command: run_dir.log_command(agent.name, command),

@@ -204,9 +204,12 @@ class Door:
         if not self._pending:
             return []
         tick = self._oldest()
+        self._close()
+        return [Command(tick=tick, kind="failed", reason=GONE)]
+
+    def _close(self) -> None:
         self._pending.clear()
         self.is_closed = True
-        return [Command(tick=tick, kind="failed", reason=GONE)]
 
     def _oldest(self) -> int:
         return next(iter(self._pending))

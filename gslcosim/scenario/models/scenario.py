@@ -274,6 +274,7 @@ class AgentSpec(Spec):
     """One agent with its vehicle and sensors.
 
     `parameters` are settings of the method, handed to the agent as they are: any scalars, or lists of them.
+    `seed` is what it draws from, in place of one that follows from the run's.
     `knows` grants knowledge that sensors do not give.
     `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
     `{latency: N}` N ticks after each observation.
@@ -295,6 +296,9 @@ class AgentSpec(Spec):
     )
     parameters: dict[Name, ParameterValue] = Field(
         default={}, description="settings of its method, handed to it as they are"
+    )
+    seed: Annotated[int, Field(ge=0, lt=2**31)] | None = Field(
+        default=None, description="seed of its own that it is told (absent: it follows from the run's and its name)"
     )
     knows: KnowledgeSpec = Field(default=KnowledgeSpec(), description="what it is told beyond its sensors")
     sandbox: SandboxChoice = Field(

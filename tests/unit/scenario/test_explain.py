@@ -121,7 +121,7 @@ def test_an_unknown_name_is_answered_with_all_that_are_known(told, old, new, pla
          "Did you mean start_m? It is in metres."),
         ("name: hall", "name: hall\nreferee: {seed: 3}",
          "hall.yaml:3: referee.seed: expected one of the keys success, stop, was an unknown key. "
-         "seed belongs to the top level or environment.layout or gas."),
+         "seed belongs to the top level or environment.layout or gas or agents[]."),
     ],
 )  # fmt: skip
 def test_an_unknown_key_is_one_problem_that_names_what_was_meant(told, old, new, line):

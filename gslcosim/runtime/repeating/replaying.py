@@ -1,31 +1,26 @@
 """A run flown again from what it has left: the commands that took effect stand in for the agents."""
 
-import json
 import queue
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
 
 from pydantic import ValidationError
 
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending
-from gslcosim.contract.schema import contract_hash
-from gslcosim.environment.store import load_environment
-from gslcosim.errors import ContractError, EnvironmentDataError, ExitCode, GslCosimError, UsageError
-from gslcosim.generation import prepare_environment
+from gslcosim.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.runtime.agents.desk import desk_of
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, CommandCame, CommandRefused, PutEvent
 from gslcosim.runtime.agents.links import Seen
 from gslcosim.runtime.assembly import dataflow_of
-from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
+from gslcosim.runtime.digest import Divergence, first_divergence
 from gslcosim.runtime.flight import fly_into_folder
 from gslcosim.runtime.in_process import InProcessFlight
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.outcome import Outcome
-from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.repeating.past_run import PastRun, environment_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.scenario import Scenario
@@ -33,45 +28,7 @@ from gslcosim.scenario.models.scenario import RecordingSpec
 from gslcosim.ticks import ticks_from_seconds
 
 # The port whose messages depend on how a run is recorded.
-_RECORDED_PORTS = {keys.FILAMENTS}
-
-
-@dataclass(frozen=True, kw_only=True)
-class PastRun:
-    """What a run has left, as far as it is needed to fly it again.
-
-    `commands` are those that took effect, by agent and tick; `digest` is absent where the run came to no verdict.
-    """
-
-    run_dir: RunDir
-    scenario: Scenario
-    commands: Mapping[str, Mapping[int, Command]]
-    digest: RunDigest | None
-    last_tick: int
-    environment_hash: str
-
-    @classmethod
-    def load(cls, folder: Path) -> "PastRun":
-        """Read the folder of a run.
-
-        Raises:
-            UsageError: a file is missing or not what it should be, or the run spoke another contract.
-        """
-        run_dir = RunDir(folder)
-        manifest, result = _json_of(folder / "manifest.json"), _json_of(folder / "result.json")
-        if manifest.get("contract_hash") != contract_hash():
-            raise UsageError(
-                f"{folder.name}: expected a run of contract {contract_hash()}, was {manifest.get('contract_hash')}, "
-                f"flown by gslcosim {manifest.get('gslcosim')}. Replay it with that version."
-            )
-        return cls(
-            run_dir=run_dir,
-            scenario=run_dir.load_scenario(),
-            commands=read_inputs(run_dir.inputs),
-            digest=RunDigest.load(run_dir.digest) if run_dir.digest.is_file() else None,
-            last_tick=int(result.get("ticks", 0)),
-            environment_hash=str(manifest.get("environment_hash")),
-        )
+RECORDED_PORTS = frozenset({keys.FILAMENTS})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,26 +46,6 @@ class Replayed:
             return ExitCode.DIVERGENCE
         ended_well = (ExitCode.SUCCESS, ExitCode.AGENT_FAILED)
         return ExitCode.SUCCESS if self.flight.exit_code in ended_well else self.flight.exit_code
-
-
-def read_inputs(path: Path) -> dict[str, dict[int, Command]]:
-    """Return the commands of `inputs.log` by agent and tick.
-
-    Raises:
-        UsageError: it is missing, or a line of it is no command.
-    """
-    try:
-        lines = path.read_bytes().splitlines()
-    except OSError as error:
-        raise UsageError(f"{path.parent.name}: expected an inputs.log, {error.strerror}.\nFile: {path}") from error
-    commands: dict[str, dict[int, Command]] = {}
-    for number, line in enumerate(lines, 1):
-        try:
-            command, agent = codec.decode_json(Command, line), str(json.loads(line)["agent"])
-        except (ContractError, KeyError, ValueError) as error:
-            raise UsageError(f"{path}:{number}: expected an agent's command, was {line[:60]!r} ({error}).") from error
-        commands.setdefault(agent, {})[command.tick] = command
-    return commands
 
 
 class ReplayLink:
@@ -174,7 +111,7 @@ def replay(
     began = time.perf_counter()
     scenario = _recorded_anew(past, recording or {})
     until_tick = _last_tick(past, until_s)
-    environment_dir = _environment_of(past, report)
+    environment_dir = environment_of(past, report)
     outcome, flight = fly_into_folder(
         scenario,
         environment_dir,
@@ -183,7 +120,8 @@ def replay(
         processes="one",
         began=began,
         report=report,
-        origin=past.run_dir,
+        directory=past.directory,
+        origin={"replay_of": past.run_dir.run_id},
     )
     divergence, n_ticks = _compare(past, scenario, outcome)
     return Replayed(flight=flight, divergence=divergence, n_ticks=n_ticks)
@@ -212,26 +150,6 @@ def _last_tick(past: PastRun, until_s: float | None) -> int | None:
     return tick
 
 
-def _environment_of(past: PastRun, report: Callable[[FlightStatus], None]) -> Path:
-    folder = Path(str(_json_of(past.run_dir.setup).get("environment")))
-    try:
-        environment = load_environment(folder)
-    except EnvironmentDataError:
-        # It was in the cache, and is made anew.
-        folder = prepare_environment(
-            past.scenario,
-            scenario_dir=past.run_dir.path,
-            progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
-        )
-        environment = load_environment(folder)
-    if environment.content_hash != past.environment_hash:
-        raise EnvironmentDataError(
-            f"{folder}: expected the environment {past.environment_hash}, in which the run was flown, was "
-            f"{environment.content_hash}. Bring back the files or the version of gslcosim that made it."
-        )
-    return folder.resolve()
-
-
 def _fly(past: PastRun, setup: Setup, until_tick: int | None, report: Callable[[FlightStatus], None]) -> Outcome:
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
     desks = {
@@ -249,20 +167,7 @@ def _compare(past: PastRun, scenario: Scenario, outcome: Outcome) -> tuple[Diver
     if past.digest is None or outcome.digest is None:
         return None, 0
     is_recorded_alike = past.scenario.recording == scenario.recording
-    ports = {*past.digest.trails, *outcome.digest.trails} - (set() if is_recorded_alike else _RECORDED_PORTS)
+    other = frozenset[str]() if is_recorded_alike else RECORDED_PORTS
     final_tick = outcome.digest.final_tick if outcome.is_cut else past.digest.final_tick
-    before, now = (
-        RunDigest.of({port: trail for port, trail in digest.trails.items() if port in ports}, digest.writer_of, tick)
-        for digest, tick in ((past.digest, final_tick), (outcome.digest, outcome.digest.final_tick))
-    )
+    before, now = past.digest.without(other, final_tick=final_tick), outcome.digest.without(other)
     return first_divergence(before, now), final_tick + 1
-
-
-def _json_of(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path.parent.name}: expected a run with a {path.name} ({error}).\nFile: {path}") from error
-    if not isinstance(content, dict):
-        raise UsageError(f"{path}: expected a JSON object, was {type(content).__name__}.")
-    return cast(dict[str, Any], content)

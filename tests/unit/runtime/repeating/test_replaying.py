@@ -3,7 +3,7 @@
 import pytest
 
 from gslcosim.errors import UsageError
-from gslcosim.runtime.replaying import PastRun, read_inputs
+from gslcosim.runtime.repeating.past_run import PastRun, read_inputs
 
 HOLD = '{"agent": "beetle", "tick": 3, "kind": "hold", "hold_s": 2.0}'
 

@@ -1,0 +1,81 @@
+"""Two runs compared: where they part, and whether one is a fork of the other."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from gslcosim.contract import keys
+from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
+
+_BRIEFING = keys.briefing("*").split("*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kinship:
+    """How two runs come from each other: `fork` names the run that leaves the other at `tick` ("both": a third)."""
+
+    fork: str
+    tick: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunComparison:
+    """Two digests and where they part first.
+
+    Runs that come from one another may brief their agents differently without being two runs before the fork: then
+    `told_otherwise` has the agents, and `divergence` is what else differs first, if anything does.
+    """
+
+    a: RunDigest
+    b: RunDigest
+    divergence: Divergence | None
+    kinship: Kinship | None
+    told_otherwise: tuple[str, ...]
+
+    @classmethod
+    def of(cls, a: Path, b: Path) -> "RunComparison":
+        """Compare the runs of two `digest.json`.
+
+        Raises:
+            UsageError: one is missing, or is no digest.
+        """
+        digests = RunDigest.load(a), RunDigest.load(b)
+        kinship = _kinship(a.parent, b.parent)
+        divergence = first_divergence(*digests)
+        if kinship is None or divergence is None:
+            return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, told_otherwise=())
+        briefings = {port for digest in digests for port in digest.trails if _agent_briefed_on(port)}
+        told = tuple(sorted(_agent_briefed_on(port) for port in briefings if not _are_alike(port, *digests)))
+        later = first_divergence(*(digest.without(briefings) for digest in digests))
+        return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, told_otherwise=told)
+
+
+def _kinship(a: Path, b: Path) -> Kinship | None:
+    of_a, of_b = _fork_of(a), _fork_of(b)
+    if of_b.get("run") == a.name:
+        return Kinship(fork="b", tick=int(of_b["tick"]))
+    if of_a.get("run") == b.name:
+        return Kinship(fork="a", tick=int(of_a["tick"]))
+    if of_a and of_a.get("run") == of_b.get("run"):
+        return Kinship(fork="both", tick=min(int(of_a["tick"]), int(of_b["tick"])))
+    return None
+
+
+# A digest may stand without its run.
+def _fork_of(folder: Path) -> dict[str, Any]:
+    try:
+        manifest: Any = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        fork_of: Any = manifest.get("fork_of", {})
+        return cast("dict[str, Any]", fork_of) if isinstance(fork_of.get("tick", 0), int) else {}
+    except (OSError, ValueError, AttributeError):
+        return {}
+
+
+def _agent_briefed_on(port: str) -> str:
+    before, after = _BRIEFING
+    return port[len(before) : -len(after)] if port.startswith(before) and port.endswith(after) else ""
+
+
+def _are_alike(port: str, a: RunDigest, b: RunDigest) -> bool:
+    return port in a.trails and port in b.trails and a.trails[port].links == b.trails[port].links

@@ -1,0 +1,163 @@
+"""A run repeated up to a tick, and flown another way from there on."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gslcosim.contract import keys
+from gslcosim.errors import ExitCode, ScenarioError, UsageError
+from gslcosim.runtime.agents.past import Past
+from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
+from gslcosim.runtime.flight import Repetition, fly
+from gslcosim.runtime.over_bus.forks import ForkServer
+from gslcosim.runtime.repeating.changes import changed_paths, check_changes
+from gslcosim.runtime.repeating.past_run import PastRun, environment_of
+from gslcosim.runtime.repeating.replaying import RECORDED_PORTS
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.scenario import LoadedScenario
+from gslcosim.scenario.dumping import plain_values
+from gslcosim.scenario.loading import Check, resolve_values
+from gslcosim.scenario.models.scenario import Processes
+from gslcosim.scenario.overrides import apply_overrides
+from gslcosim.scenario.problems import InvalidScenarioError
+from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.ticks import seconds_from_ticks, ticks_from_seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fork:
+    """A run to fork, the tick from which agents' own answers count, and the scenario from there on."""
+
+    past: PastRun
+    at_tick: int
+    loaded: LoadedScenario
+
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What the manifest of the new run says of where it comes from."""
+        past, scenario = self.past, self.loaded.scenario
+        return {
+            "run": past.run_dir.run_id,
+            "digest": past.digest and past.digest.hex,
+            "tick": self.at_tick,
+            "at_s": seconds_from_ticks(self.at_tick, scenario.tick_ns),
+            "changed": list(changed_paths(plain_values(past.scenario), plain_values(scenario))),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forked:
+    """A fork flown: the flight, and where its past is not that of the run it forks, which must not be."""
+
+    flight: FlightResult
+    divergence: Divergence | None
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command line."""
+        return self.flight.exit_code if self.divergence is None else ExitCode.DIVERGENCE
+
+
+def prepare_fork(past: PastRun, *, at_s: float, overrides: Sequence[str] = (), checks: Sequence[Check] = ()) -> Fork:
+    """Return what a fork flies, checked.
+
+    Args:
+        past: The run.
+        at_s: From when on agents' own answers count [s of simulated time].
+        overrides: Values to replace in its scenario, such as `agents[0].parameters.step_m=2`.
+        checks: Further rules of scenarios; see `load_scenario`.
+
+    Raises:
+        UsageError: the time is none of the run's, its log is not whole, or what it would change is past by then.
+        ScenarioError: the scenario has problems.
+    """
+    at_tick = ticks_from_seconds(at_s, past.scenario.tick_ns)
+    if not 0 < at_tick <= past.last_tick:
+        last_s = seconds_from_ticks(past.last_tick, past.scenario.tick_ns)
+        raise UsageError(
+            f"--at {at_s:g}: expected a time above 0 and up to the end of {past.run_dir.run_id} at {last_s:g} s."
+        )
+    past.check_inputs()
+    loaded = _loaded(past, overrides, checks)
+    check_changes(past.scenario, loaded.scenario, at_tick=at_tick)
+    fork = Fork(past=past, at_tick=at_tick, loaded=loaded)
+    _check_agents(fork)
+    return fork
+
+
+def fly_fork(
+    fork: Fork,
+    *,
+    runs_dir: Any,
+    processes: Processes | None = None,
+    fork_server: ForkServer | None = None,
+    report: Callable[[FlightStatus], None] = lambda _: None,
+) -> Forked:
+    """Fly a fork and compare its past with that of the run, to the bit.
+
+    Args:
+        fork: What is flown.
+        runs_dir: Where the new run's folder is made.
+        processes: How the run is spread over processes; absent: as the scenario says.
+        fork_server: Forks the services; absent: one is started where it is needed.
+        report: Is told how preparation and flight go.
+
+    Raises:
+        GslCosimError: it cannot be flown at all; see `fly`.
+    """
+    past = fork.past
+    repetition = Repetition(
+        environment_dir=environment_of(past, report),
+        past=Past(commands=past.commands, until_tick=fork.at_tick),
+        origin={"fork_of": fork.origin},
+    )
+    flight = fly(
+        fork.loaded,
+        runs_dir=runs_dir,
+        processes=processes,
+        fork_server=fork_server,
+        report=report,
+        repetition=repetition,
+    )
+    return Forked(flight=flight, divergence=_divergence_of_past(fork, RunDir(flight.run_dir)))
+
+
+def _loaded(past: PastRun, overrides: Sequence[str], checks: Sequence[Check]) -> LoadedScenario:
+    file = past.run_dir.scenario
+    text = file.read_text(encoding="utf-8")
+    tree = apply_overrides(read_yaml(text, source=str(file)), overrides)
+    if tree.problems or tree.block is None:
+        raise InvalidScenarioError(tree.problems, name=str(file))
+    try:
+        scenario = resolve_values(tree.block, past.directory, source=f"{past.run_dir.run_id} as changed", checks=checks)
+    except ScenarioError as error:
+        if past.directory == past.run_dir.path.absolute():
+            note = "Relative paths of agents start in the run's folder, as it does not say where it was flown."
+            raise ScenarioError(f"{error}\n{note}") from error
+        raise
+    return LoadedScenario(scenario=scenario, path=file, directory=past.directory, text=text)
+
+
+def _check_agents(fork: Fork) -> None:
+    for before, after in zip(fork.past.scenario.agents, fork.loaded.scenario.agents, strict=True):
+        commands = fork.past.commands.get(before.name, {})
+        failed = next((tick for tick, command in commands.items() if command.kind == "failed"), None)
+        if before != after and failed is not None and failed < fork.at_tick:
+            failed_s = seconds_from_ticks(failed, fork.past.scenario.tick_ns)
+            raise UsageError(
+                f"--at: expected a time up to {failed_s:g} s, at which {before.name} failed, to change this agent: "
+                "nothing it answers afterwards counts."
+            )
+
+
+# What agents are told may be other, and what is recorded; everything else was to be the same.
+def _divergence_of_past(fork: Fork, run_dir: RunDir) -> Divergence | None:
+    if fork.past.digest is None or not run_dir.digest.is_file():
+        return None
+    before, now = fork.past.digest, RunDigest.load(run_dir.digest)
+    other = {keys.briefing(agent.name) for agent in fork.past.scenario.agents}
+    if fork.past.scenario.recording != fork.loaded.scenario.recording:
+        other |= RECORDED_PORTS
+    last_tick = min(fork.at_tick - 1, now.final_tick)
+    return first_divergence(before.without(other, final_tick=last_tick), now.without(other, final_tick=last_tick))

@@ -1,0 +1,135 @@
+"""What a run has left, read back so that it can be flown again."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Command
+from gslcosim.contract.schema import contract_hash
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import ContractError, EnvironmentDataError, UsageError
+from gslcosim.generation import prepare_environment
+from gslcosim.runtime.digest import RunDigest, Trail
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.status import FlightStatus
+from gslcosim.scenario import Scenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class PastRun:
+    """What a run has left, as far as it is needed to fly it again.
+
+    `commands` are those that took effect, by agent and tick; `digest` is absent where the run came to no verdict.
+    `directory` is where relative paths of its agents start; `flown_by` says which version flew it.
+    """
+
+    run_dir: RunDir
+    scenario: Scenario
+    commands: Mapping[str, Mapping[int, Command]]
+    digest: RunDigest | None
+    last_tick: int
+    environment_hash: str
+    directory: Path
+    flown_by: str
+
+    @classmethod
+    def load(cls, folder: Path) -> "PastRun":
+        """Read the folder of a run.
+
+        Raises:
+            UsageError: a file is missing or not what it should be, or the run spoke another contract.
+        """
+        run_dir = RunDir(folder)
+        manifest, result = _json_of(folder / "manifest.json"), _json_of(folder / "result.json")
+        if manifest.get("contract_hash") != contract_hash():
+            raise UsageError(
+                f"{folder.name}: expected a run of contract {contract_hash()}, was {manifest.get('contract_hash')}, "
+                f"flown by gslcosim {manifest.get('gslcosim')}. Replay it with that version."
+            )
+        return cls(
+            run_dir=run_dir,
+            scenario=run_dir.load_scenario(),
+            commands=read_inputs(run_dir.inputs),
+            digest=RunDigest.load(run_dir.digest) if run_dir.digest.is_file() else None,
+            last_tick=int(result.get("ticks", 0)),
+            environment_hash=str(manifest.get("environment_hash")),
+            directory=Path(_json_of(run_dir.setup).get("directory") or folder).absolute(),
+            flown_by=f"gslcosim {manifest.get('gslcosim')} ({manifest.get('git') or 'no git'})",
+        )
+
+    def check_inputs(self) -> None:
+        """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one.
+
+        Raises:
+            UsageError: a command is missing, is one too many, or is another than the one that took effect.
+        """
+        for agent in self.scenario.agents if self.digest else ():
+            trail = cast(RunDigest, self.digest).trails.get(keys.command(agent.name), Trail())
+            found = Trail()
+            for tick, command in sorted(self.commands.get(agent.name, {}).items()):
+                found.append(tick, codec.encode(command))
+            found = found.until(self.last_tick)
+            if (found.ticks, found.links) != (trail.ticks, trail.links):
+                raise UsageError(
+                    f"{self.run_dir.run_id}: expected the {len(trail.ticks)} commands of {agent.name} in inputs.log "
+                    f"that digest.json has a hash of, were others ({len(found.ticks)}). Bring back the files as the "
+                    f"run has left them.\nFile: {self.run_dir.inputs}"
+                )
+
+
+def read_inputs(path: Path) -> dict[str, dict[int, Command]]:
+    """Return the commands of `inputs.log` by agent and tick.
+
+    Raises:
+        UsageError: it is missing, or a line of it is no command.
+    """
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as error:
+        raise UsageError(f"{path.parent.name}: expected an inputs.log, {error.strerror}.\nFile: {path}") from error
+    commands: dict[str, dict[int, Command]] = {}
+    for number, line in enumerate(lines, 1):
+        try:
+            command, agent = codec.decode_json(Command, line), str(json.loads(line)["agent"])
+        except (ContractError, KeyError, ValueError) as error:
+            raise UsageError(f"{path}:{number}: expected an agent's command, was {line[:60]!r} ({error}).") from error
+        commands.setdefault(agent, {})[command.tick] = command
+    return commands
+
+
+def environment_of(past: PastRun, report: Callable[[FlightStatus], None]) -> Path:
+    """Return the folder of the room in which a run was flown, made anew where it is gone.
+
+    Raises:
+        EnvironmentDataError: the room is not the one that was flown in.
+    """
+    folder = Path(str(_json_of(past.run_dir.setup).get("environment")))
+    try:
+        environment = load_environment(folder)
+    except EnvironmentDataError:
+        # It was in the cache, and is made anew.
+        folder = prepare_environment(
+            past.scenario,
+            scenario_dir=past.run_dir.path,
+            progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
+        )
+        environment = load_environment(folder)
+    if environment.content_hash != past.environment_hash:
+        raise EnvironmentDataError(
+            f"{folder}: expected the environment {past.environment_hash}, in which the run was flown, was "
+            f"{environment.content_hash}. Bring back the files or the version of gslcosim that made it."
+        )
+    return folder.resolve()
+
+
+def _json_of(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path.parent.name}: expected a run with a {path.name} ({error}).\nFile: {path}") from error
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: expected a JSON object, was {type(content).__name__}.")
+    return cast(dict[str, Any], content)

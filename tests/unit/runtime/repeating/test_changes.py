@@ -1,0 +1,74 @@
+"""What a fork may change: nothing that the past depends on."""
+
+import pytest
+from pydantic import TypeAdapter
+
+from gslcosim.errors import UsageError
+from gslcosim.runtime.repeating.changes import changed_paths, check_changes
+from gslcosim.scenario.dumping import plain_values
+from gslcosim.scenario.models.scenario import Scenario
+
+
+def changed(scenario, path, value):
+    values = plain_values(scenario)
+    *holders, last = [
+        int(word) if word.isdigit() else word for word in path.replace("[", ".").replace("]", "").split(".")
+    ]
+    block = values
+    for word in holders:
+        block = block[word] if isinstance(block, list) else block.setdefault(word, {})
+    block[last] = value
+    return TypeAdapter(Scenario).validate_python(values)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("agents[0].seed", 3),
+        ("agents[0].start.python", "infotaxis"),
+        ("agents[0].parameters", {"step_m": 2}),
+        ("agents[0].knows.map", True),
+        ("recording.gas_every_s", 0.5),
+        ("processes", "grouped"),
+        ("referee.stop.time_limit_s", 3.0),
+    ],
+)
+def test_what_no_message_of_the_past_depends_on_may_change(make_scenario, path, value):
+    scenario = make_scenario()
+    check_changes(scenario, changed(scenario, path, value), at_tick=20)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "reason"),
+    [
+        ("seed", 3, "all that was drawn at random"),
+        ("gas.warm_up_s", 3.0, "the gas that was sensed"),
+        ("wind.cell_m", 0.5, "carried by that wind"),
+        ("agents[0].vehicle.hold_s", 3.0, "was flown and sensed"),
+        ("agents[0].mode", "lockstep", "was flown and sensed"),
+        ("agents[0].name", "other", "was flown and sensed"),
+        ("referee.success.within_m", 3.0, "was judged"),
+        ("referee.stop.time_limit_s", 2.0, "after the fork at 2 s"),
+        ("tick_ms", 200, "the clock of the run"),
+        ("environment.layout.seed", 8, "in that room"),
+    ],
+)
+def test_what_the_past_depends_on_is_named_with_its_reason(make_scenario, path, value, reason):
+    scenario = make_scenario()
+    with pytest.raises(UsageError, match=reason) as refused:
+        check_changes(scenario, changed(scenario, path, value), at_tick=20)
+    assert str(refused.value).startswith(f"{path}: expected")
+
+
+def test_all_of_them_are_told_at_once(make_scenario):
+    scenario = make_scenario()
+    other = changed(changed(scenario, "seed", 3), "agents[0].vehicle.hold_s", 1.0)
+    with pytest.raises(UsageError, match=r"(?s)seed: .*agents\[0\]\.vehicle\.hold_s: .*A fork may change"):
+        check_changes(scenario, other, at_tick=20)
+
+
+def test_paths_lead_into_blocks_of_lists():
+    before = {"a": [{"b": 1}, {"b": [1, 2]}], "c": 1}
+    after = {"a": [{"b": 1}, {"b": [1, 3]}], "d": 1}
+    assert list(changed_paths(before, after)) == ["a[1].b", "c", "d"]
+    assert list(changed_paths({"a": [{}]}, {"a": [{}, {}]})) == ["a"]
