@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from gslcosim.contract.messages import Message
 
@@ -89,6 +89,15 @@ class Closes(Protocol):
 
     def close(self) -> None:
         """Let go of it; called once."""
+        ...
+
+
+@runtime_checkable
+class Accounts(Protocol):
+    """A core that has something for `result.json` beside the verdict."""
+
+    def account(self) -> Mapping[str, Any]:
+        """Return what it has to tell, by key of `result.json`, in plain values; called after the last tick."""
         ...
 
 

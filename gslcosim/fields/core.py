@@ -23,6 +23,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError
 from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.filament.downwash import Downwash
+from gslcosim.fields.gas_events import GasEvents
 from gslcosim.fields.gas_field import GasField, PointGrid, wind_m_s_at
 from gslcosim.fields.gas_setup import gas_seed
 from gslcosim.fields.ports import fields_spec
@@ -40,7 +41,8 @@ SLICE_CUTOFF_SIGMA = 3.0
 class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
-    Reads `truth/bodies` of the same tick, and `truth/wind` of the last one where a service drives the wind. Writes
+    Reads `truth/bodies` of the same tick, and `truth/wind` of the last one where a service drives the wind, and
+    `truth/events` of the last one where sources have events. Writes
     `truth/samples` every tick and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments
     with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at
     3 sigma and do not look for walls.
@@ -64,6 +66,7 @@ class FieldsCore:
         self._wind = DrivenWind(environment.wind) if scenario.has_driven_wind else None
         wind_at = None if self._wind is None else self._wind.at
         self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
+        self._gas_events = GasEvents(scenario, self._gas)
         self._beams = Beams(scenario, environment)
         self._downwash = Downwash(scenario)
         gas = self._gas
@@ -88,6 +91,7 @@ class FieldsCore:
         if self._wind is not None:
             self._wind.reset()
         self._gas.reset(gas_seed(self._scenario, episode.seed))
+        self._gas_events.reset()
         is_short = episode.is_rehearsal and self._gas_ahead is not None and self._gas_ahead.is_live
         self._gas.advance(1 if is_short else self._timing.warm_up_steps)
         return {}
@@ -97,6 +101,7 @@ class FieldsCore:
         bodies = cast(BodyPoses, inbox[keys.BODIES])
         if self._wind is not None:
             self._wind.take(inbox.get(WIND))
+        self._gas_events.obey(inbox)
         self._advance(self._timing.steps_at(tick), bodies)
         outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
         if tick % self._snapshot_ticks == 0:

@@ -22,6 +22,8 @@ from gslcosim.errors import ModelError
 from gslcosim.radio.ports import radio_spec
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.models.event_kinds import RadioLostSpec, RadioReturnsSpec
 from gslcosim.scenario.models.scenario import ChannelSpec
 
 TO_ALL = "all"
@@ -38,7 +40,9 @@ class RadioCore:
     depend on others: each pair of sender and receiver has its own stream `radio.<channel>.<sender>.<receiver>`, and
     each text for that receiver, in range or not, draws once from it.
 
-    State: the texts on their way, and the streams; both are new at each reset.
+    Where an event has taken a radio away, its texts are `lost`; `truth/events` of the last tick tells.
+
+    State: the texts on their way, the streams, and which radios are lost; all are new at each reset.
     Raises ModelError when the truth lacks a sender or receiver; the runtime then ends the run as invalid.
     """
 
@@ -46,6 +50,9 @@ class RadioCore:
         self._spec = radio_spec(scenario)
         self._channels = {channel.name: channel for channel in scenario.channels}
         self._members = {channel.name: scenario.members_of(channel) for channel in scenario.channels}
+        self._scenario = scenario
+        # Whose texts are lost, and on which channel; None stands for all.
+        self._outages: set[tuple[str | None, str | None]] = set()
         self._senders = sorted(agent.name for agent in scenario.agents)
         self._seed = scenario.seed
         self._rngs: dict[str, np.random.Generator] = {}
@@ -61,13 +68,28 @@ class RadioCore:
         self._seed = episode.seed
         self._rngs = {}
         self._on_their_way = {}
+        self._outages = set()
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Send what was given to the radio a tick ago, and bring what arrives now."""
+        self._obey_events(inbox)
         transmissions = tuple(self._transmissions(tick - 1, inbox))
         arrivals = tuple(self._on_their_way.pop(tick, ()))
         return {keys.RADIO: RadioTraffic(tick=tick, transmissions=transmissions, arrivals=arrivals)}
+
+    def _obey_events(self, inbox: Inbox) -> None:
+        for _, event in due_events(self._scenario, inbox):
+            if isinstance(event, RadioLostSpec):
+                self._outages.add((event.agent, event.channel))
+            elif isinstance(event, RadioReturnsSpec):
+                self._outages.discard((event.agent, event.channel))
+
+    def _is_out(self, channel: str, sender: str, receiver: str) -> bool:
+        return any(
+            agent in (None, sender, receiver) and lost_channel in (None, channel)
+            for agent, lost_channel in self._outages
+        )
 
     def _transmissions(self, sent_tick: int, inbox: Inbox) -> Iterator[RadioTransmission]:
         positions_m = _positions_m(cast(BodyPoses | None, inbox.get(keys.BODIES)), self._senders, sent_tick)
@@ -118,7 +140,7 @@ class RadioCore:
         is_lost = self._rng(f"radio.{channel.name}.{sender}.{receiver}").random() < channel.loss_frac
         if channel.range_m is not None and math.dist(positions_m[sender], positions_m[receiver]) > channel.range_m:
             return "out_of_range"
-        return "lost" if is_lost else "reached"
+        return "lost" if is_lost or self._is_out(channel.name, sender, receiver) else "reached"
 
     def _rng(self, name: str) -> np.random.Generator:
         if name not in self._rngs:

@@ -4,6 +4,8 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioTraffic
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import reads_of_events
+from gslcosim.scenario.models.event_kinds import RadioEventSpec
 
 
 def radio_spec(scenario: Scenario) -> ParticipantSpec:
@@ -17,6 +19,6 @@ def radio_spec(scenario: Scenario) -> ParticipantSpec:
     )
     return ParticipantSpec(
         name="radio",
-        reads=(Read(port=keys.BODIES, delay_ticks=1), *commands),
+        reads=(Read(port=keys.BODIES, delay_ticks=1), *commands, *reads_of_events(scenario, RadioEventSpec)),
         writes=(Write(port=keys.RADIO, message_type=RadioTraffic),),
     )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from gslcosim.recording.colors import Rgb, agent_color
 from gslcosim.recording.instruments import Curves, is_of_wind, is_on_board, on_board_curves
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.event_kinds import SourceEventSpec
 from gslcosim.scenario.models.onboard import CameraSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
 
@@ -140,3 +141,9 @@ def gases_in(scenario: Scenario) -> tuple[str, ...]:
     """Return the gases of a scenario, the one that is searched for first."""
     searched = scenario.gas.gas
     return tuple(dict.fromkeys([searched, *(source.gas or searched for source in scenario.gas.sources)]))
+
+
+def source_events(scenario: Scenario) -> list[str]:
+    """Return where the events of each source are marked; nothing where no source has any."""
+    has_any = any(isinstance(event, SourceEventSpec) for event in scenario.events)
+    return [f"sources/{i}/events" for i in range(len(scenario.gas.sources))] if has_any else []

@@ -4,6 +4,8 @@ from gslcosim.contract import keys
 from gslcosim.contract.participant import ParticipantSpec, Read
 from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import reads_of_events
+from gslcosim.scenario.models.event_kinds import EventSpec
 
 # The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
 RECORDER_WINDOW_TICKS = 512
@@ -21,7 +23,7 @@ def recorder_spec(scenario: Scenario) -> ParticipantSpec:
     reads += [port for service in scenario.services for port in service.recorded_ports]
     return ParticipantSpec(
         name="recorder",
-        reads=tuple(Read(port=port) for port in reads),
+        reads=(*(Read(port=port) for port in reads), *reads_of_events(scenario, EventSpec)),
         writes=(),
         window_ticks=RECORDER_WINDOW_TICKS,
     )

@@ -25,6 +25,7 @@ from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.rows.agents import AgentRows
 from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
 from gslcosim.recording.rows.contacts import ContactNotes
+from gslcosim.recording.rows.event_marks import EventMarks
 from gslcosim.recording.rows.service_curves import ServiceRows
 from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
 from gslcosim.recording.run_file import RunFile
@@ -65,6 +66,7 @@ class RunRecording:
         self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
         self._radio = TextRows(entities.RADIO)
         self._services = ServiceRows(scenario)
+        self._event_marks = EventMarks(scenario, self._agents)
         self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
         self._commands = [(agent, keys.command(name)) for name, agent in self._agents.items()]
         self._draw_scene()
@@ -83,6 +85,7 @@ class RunRecording:
         self._file.check()
         self._wind.add(tick, self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns))
         self._note_truth(tick, inbox)
+        self._event_marks.add(tick, inbox)
         self._note_agents(tick, inbox)
         self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
         self._services.add(tick, inbox)
@@ -103,7 +106,7 @@ class RunRecording:
         """Send the rows that wait."""
         logs = (self._events, self._contact_log, self._radio)
         rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
-        rows += self._services.all()
+        rows += [*self._services.all(), *self._event_marks.all()]
         for agent in self._agents.values():
             rows += agent.all()
         for item in rows:

@@ -1,7 +1,7 @@
 """What the referee knows of one agent: a state machine fed with one tick at a time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from gslcosim.contract.messages import (
@@ -70,6 +70,15 @@ class AgentCase:
         self._has_taken_off = False
         self._has_met_gas = False
         self._is_touching = False
+
+    @property
+    def start_m(self) -> Vec3 | None:
+        """Where the vehicle was at tick 0, world frame [m]; nothing before."""
+        return self._start_m
+
+    def move_sources(self, sources_m: tuple[Vec3, ...]) -> None:
+        """Judge by sources at other places from now on; the criterion keeps what it has seen so far."""
+        self._rules = replace(self._rules, sources_m=sources_m)
 
     def observe(
         self, tick: int, body: BodyState, samples: Sequence[MountSample], command: Command | None

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Any, cast
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import (
@@ -24,6 +24,8 @@ from gslcosim.quantities import Vec3
 from gslcosim.referee.case import AgentCase, Outcome, Rules
 from gslcosim.referee.ports import referee_spec
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.models.event_kinds import SourceMovesSpec
 from gslcosim.ticks import seconds_from_ticks
 
 # The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
@@ -32,18 +34,24 @@ CLEARANCE_M = 0.35
 
 @dataclass
 class _Judged:
-    """What the referee knows of one run so far; `shortest_m` are the shortest ways from the starts."""
+    """What the referee knows of one run so far.
+
+    `shortest_m` are the shortest ways from the starts to the sources, which are at `sources_m` now; `happened` are the
+    scenario's events as `result.json` tells them.
+    """
 
     cases: list[AgentCase]
     answers: dict[str, dict[int, Command]]
+    sources_m: tuple[Vec3, ...]
     shortest_m: dict[str, float | None] = field(default_factory=dict[str, float | None])
     last_outcome: Outcome = "time_limit"
     is_over: bool = False
+    happened: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
 
     @classmethod
     def of(cls, names: Sequence[str], rules: Rules) -> "_Judged":
         """Return what is known before the first tick."""
-        return cls([AgentCase(name, rules) for name in names], {name: {} for name in names})
+        return cls([AgentCase(name, rules) for name in names], {name: {} for name in names}, rules.sources_m)
 
 
 class RefereeCore:
@@ -57,6 +65,9 @@ class RefereeCore:
     one agent's end does not end the others. The reason is `success` if any agent succeeded, otherwise that of the
     agent that ended last (of several in one tick: the last in the scenario).
 
+    Where a scenario has events it reads `truth/events` of the last tick too: it tells each, and follows sources that
+    move. Distances are to where the sources are; in the result to where they were when the agent ended.
+
     Raises ModelError when the truth lacks an agent; the runtime then stops the run.
     """
 
@@ -69,6 +80,7 @@ class RefereeCore:
         self._heights_m = {agent.name: agent.vehicle.search_height_m for agent in scenario.agents}
         self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
         self._spec = referee_spec(scenario)
+        self._scenario = scenario
         self._run = _Judged.of(self._names, self._rules)
 
     @property
@@ -90,7 +102,7 @@ class RefereeCore:
             starts_m = {name: bodies[name].position_world_m for name in self._names}
             self._run.shortest_m = {name: self._shortest_way_m(name, at_m) for name, at_m in starts_m.items()}
         samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
-        events: list[RefereeEvent] = []
+        events = self._obey_events(tick, inbox)
         for case in self._run.cases:
             events += self._judge(case, tick, bodies[case.name], samples, inbox)
         is_final = self._is_final(tick, events)
@@ -104,6 +116,32 @@ class RefereeCore:
             return {keys.SCORE: score}
         self._run.is_over = True
         return {keys.SCORE: score, keys.VERDICT: self._verdict(tick)}
+
+    def account(self) -> dict[str, Any]:
+        """Return the scenario's events that have happened; see `Accounts`."""
+        return {"events": self._run.happened} if self._scenario.events else {}
+
+    # The sources of cases that are closed stay where they were then.
+    def _obey_events(self, tick: int, inbox: Inbox) -> list[RefereeEvent]:
+        told: list[RefereeEvent] = []
+        for i, event in due_events(self._scenario, inbox):
+            if isinstance(event, SourceMovesSpec):
+                self._move_source(event.source, event.to_m)
+            told.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))
+            if not self._run.is_over:
+                time_s = seconds_from_ticks(tick, self._rules.tick_ns)
+                happened = {"event": i, "what": event.what, "tick": tick, "time_s": time_s, "text": event.text}
+                self._run.happened.append({**happened, "agent": event.about_agent})
+        return told
+
+    def _move_source(self, i_source: int, to_m: Vec3) -> None:
+        run = self._run
+        run.sources_m = (*run.sources_m[:i_source], to_m, *run.sources_m[i_source + 1 :])
+        for case in run.cases:
+            if case.outcome is None:
+                case.move_sources(run.sources_m)
+                if (start_m := case.start_m) is not None:
+                    run.shortest_m[case.name] = self._shortest_way_m(case.name, start_m)
 
     def _bodies(self, tick: int, inbox: Inbox) -> dict[str, BodyState]:
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
@@ -157,7 +195,7 @@ class RefereeCore:
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
         ways_m = (
             way_to(self._environment, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
-            for source_m in self._rules.sources_m
+            for source_m in self._run.sources_m
         )
         return min((way_m for way_m in ways_m if way_m is not None), default=None)
 

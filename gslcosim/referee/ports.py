@@ -4,6 +4,8 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import Score, Verdict
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import reads_of_events
+from gslcosim.scenario.models.event_kinds import EventSpec
 
 
 def referee_spec(scenario: Scenario) -> ParticipantSpec:
@@ -11,7 +13,7 @@ def referee_spec(scenario: Scenario) -> ParticipantSpec:
     commands = tuple(Read(port=keys.command(agent.name)) for agent in scenario.agents)
     return ParticipantSpec(
         name="referee",
-        reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), *commands),
+        reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), *commands, *reads_of_events(scenario, EventSpec)),
         writes=(
             Write(port=keys.SCORE, message_type=Score),
             Write(port=keys.VERDICT, message_type=Verdict, announced_in=keys.SCORE),

@@ -7,11 +7,12 @@ import traceback
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
-from gslcosim.contract.participant import Closes
+from gslcosim.contract.participant import Accounts, Closes, Core
 from gslcosim.errors import GslCosimError, RunFolderError, UsageError
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.desk import Desk, agent_statuses, desk_of
@@ -109,6 +110,7 @@ class InProcessFlight:
         outcome.decisions_s = [taken_s for desk in self._desks.values() for taken_s in desk.decisions_s]
         outcome.agent_faults = faults_of(desk.door for desk in self._desks.values())
         outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
+        outcome.account = _account_of(stepper.core for stepper in self._steppers.values())
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
         return outcome
@@ -233,6 +235,11 @@ class InProcessFlight:
         trails = {port: trail for s in self._steppers.values() for port, trail in s.trails.items()}
         trails |= {keys.command(name): desk.trail for name, desk in self._desks.items()}
         return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
+
+
+def _account_of(cores: Iterable[Core]) -> dict[str, Any]:
+    accounts = (core.account() for core in cores if isinstance(core, Accounts))
+    return {key: told for account in accounts for key, told in account.items()}
 
 
 def fly_in_process(

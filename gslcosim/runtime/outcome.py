@@ -44,6 +44,8 @@ class Outcome:
     is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
+    # What participants have to tell besides, by key of the result.
+    account: Mapping[str, Any] = field(default_factory=dict[str, Any])
     # What each decision of an agent took by the clock; only where the agents fly in this process.
     decisions_s: list[float] = field(default_factory=list[float])
     # By agent what its process was confined by.
@@ -90,6 +92,7 @@ class Outcome:
             "faults": self._faults(),
             "sandboxes": dict(self.sandboxes),
             "agents": self._agents(scenario),
+            **self.account,
             "timing_us_per_tick": {name: _per_tick_us(timing) for name, timing in self.timing.items()},
         }
 

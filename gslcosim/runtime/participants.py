@@ -13,6 +13,7 @@ from gslcosim.contract.participant import Core, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import MESHES_FILE, load_environment
 from gslcosim.errors import UsageError
+from gslcosim.events.ports import events_spec
 from gslcosim.fields.ports import fields_spec
 from gslcosim.radio.ports import radio_spec
 from gslcosim.recording.ports import recorder_spec
@@ -55,6 +56,12 @@ def _fields(setup: Setup) -> Core:
     from gslcosim.fields.core import FieldsCore
 
     return FieldsCore(setup.scenario, setup.environment)
+
+
+def _events(setup: Setup) -> Core:
+    from gslcosim.events.core import EventsCore
+
+    return EventsCore(setup.scenario)
 
 
 def _radio(setup: Setup) -> Core:
@@ -104,6 +111,7 @@ SERVICES = (
     ServiceKind(
         name="fields", spec_of=fields_spec, build=_fields, is_rehearsed=True, preloads=("gslcosim.fields.core",)
     ),
+    ServiceKind(name="events", spec_of=events_spec, build=_events, is_needed=lambda scenario: bool(scenario.events)),
     ServiceKind(name="radio", spec_of=radio_spec, build=_radio, is_needed=lambda scenario: bool(scenario.channels)),
     ServiceKind(
         name="cameras", spec_of=cameras_spec, build=_cameras, is_needed=lambda scenario: bool(scenario.cameras)

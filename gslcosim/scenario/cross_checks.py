@@ -1,23 +1,33 @@
 """Rules between distant parts of a scenario, checked on its plain values so that other problems do not hide them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from gslcosim.quantities import PHYSICS_STEP_MS
+from gslcosim.scenario.event_checks import problems_of_events
 from gslcosim.scenario.models.gas import GASES
-from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, Spec, StopSpec
+from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec, has_estimates, mox_sensor_names, sensor_names
+from gslcosim.scenario.plain_values import (
+    NS_PER_MS,
+    block_in,
+    blocks_in,
+    is_whole,
+    not_whole_ticks,
+    number_in,
+    unknown_name,
+    words_in,
+)
 from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.programs import problem_of_command, problem_of_python
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.ticks import NS_PER_S
 
 TO_ALL = "all"
 # What sensors count in ticks, where they have it.
 _SENSOR_TIMES = frozenset({"period_s", "delay_s", "warm_up_s", "averaging_s"})
-_NS_PER_MS = 1_000_000
 
 
 def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[Problem]:
@@ -41,18 +51,19 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
         *_unknown_gases(values),
         *_taken_by_estimates(values),
         *_broken_times(values),
+        *problems_of_events(values),
     ]
 
 
 def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
-    agents = _blocks(values, "agents")
+    agents = blocks_in(values, "agents")
     yield from _repeats("agents", agents)
     for i, agent in agents:
-        yield from _repeats(f"agents[{i}].sensors", _blocks(agent, "sensors"))
-    yield from _repeats("channels", _blocks(values, "channels"))
-    yield from _repeats("services", _blocks(values, "services"))
-    layout = _block(_block(values, "environment"), "layout")
-    yield from _repeats("environment.layout.obstacles", _blocks(layout, "obstacles"))
+        yield from _repeats(f"agents[{i}].sensors", blocks_in(agent, "sensors"))
+    yield from _repeats("channels", blocks_in(values, "channels"))
+    yield from _repeats("services", blocks_in(values, "services"))
+    layout = block_in(block_in(values, "environment"), "layout")
+    yield from _repeats("environment.layout.obstacles", blocks_in(layout, "obstacles"))
 
 
 def _repeats(path: str, blocks: list[tuple[int, dict[str, Any]]]) -> Iterator[Problem]:
@@ -74,10 +85,12 @@ def _repeats(path: str, blocks: list[tuple[int, dict[str, Any]]]) -> Iterator[Pr
 
 # An agent that flies in another's process needs one that has a process of its own.
 def _wrong_hosts(values: dict[str, Any]) -> Iterator[Problem]:
-    agents = _blocks(values, "agents")
-    own = [str(agent["name"]) for _, agent in agents if "name" in agent and "process_of" not in _block(agent, "start")]
+    agents = blocks_in(values, "agents")
+    own = [
+        str(agent["name"]) for _, agent in agents if "name" in agent and "process_of" not in block_in(agent, "start")
+    ]
     for i, agent in agents:
-        host = _block(agent, "start").get("process_of")
+        host = block_in(agent, "start").get("process_of")
         if isinstance(host, str) and host not in own:
             yield Problem(
                 path=f"agents[{i}].start.process_of",
@@ -88,10 +101,10 @@ def _wrong_hosts(values: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _wrong_members(values: dict[str, Any]) -> Iterator[Problem]:
-    agents = {str(agent["name"]): agent for _, agent in _blocks(values, "agents") if "name" in agent}
-    for i, channel in _blocks(values, "channels"):
+    agents = {str(agent["name"]): agent for _, agent in blocks_in(values, "agents") if "name" in agent}
+    for i, channel in blocks_in(values, "channels"):
         listed = channel.get("members", TO_ALL)
-        members = list(agents) if listed == TO_ALL else _words(listed)
+        members = list(agents) if listed == TO_ALL else words_in(listed)
         for j, member in enumerate(members if listed != TO_ALL else ()):
             if member not in agents:
                 yield Problem(
@@ -120,7 +133,7 @@ def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Pro
                 found=f"'{TO_ALL}'",
                 remedy="Rename the agent.",
             )
-        if _block(member, "start").get("observations") == "asked":
+        if block_in(member, "start").get("observations") == "asked":
             yield Problem(
                 path=f"channels[{i_channel}].members",
                 expected="agents that get all observations, for messages come with any of them",
@@ -130,14 +143,14 @@ def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Pro
 
 
 def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    for i, agent in _blocks(values, "agents"):
-        start = _block(agent, "start")
+    for i, agent in blocks_in(values, "agents"):
+        start = block_in(agent, "start")
         python, command = start.get("python"), start.get("command")
         path = f"agents[{i}].start"
         problem = None
         if isinstance(python, str):
             problem = problem_of_python(python, directory=directory, path=f"{path}.python")
-        elif words := _words(command):
+        elif words := words_in(command):
             problem = problem_of_command(words, directory=directory, path=f"{path}.command")
         if problem:
             yield problem
@@ -145,28 +158,28 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
 
 def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
     for key in FOLDER_KEYS:
-        path = _block(values, "environment").get(key)
+        path = block_in(values, "environment").get(key)
         if isinstance(path, str) and not (folder := _place(directory, path)).is_dir():
             kind = "folder but a file" if folder.exists() else "folder"
             yield _missing(f"environment.{key}", "the folder of an environment", path, f"{kind} {folder}")
 
 
 def _missing_geometry(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    files = _block(values, "environment", "geometry").get("files")
-    for i, file in enumerate(_words(files)):
+    files = block_in(values, "environment", "geometry").get("files")
+    for i, file in enumerate(words_in(files)):
         if not (path := _place(directory, file)).is_file():
             yield _missing(f"environment.geometry.files[{i}]", "a file of geometry", file, f"file {path}")
 
 
 # A series of files is named by its common beginning, so only the folder is sure to be there.
 def _missing_wind(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    file = _block(values, "wind", "solver").get("file")
+    file = block_in(values, "wind", "solver").get("file")
     if isinstance(file, str) and not (folder := _place(directory, file).parent).is_dir():
         yield _missing("wind.solver.file", "a file or folder with wind", file, f"folder {folder}")
 
 
 def _missing_gas_frames(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    folder = _block(values, "gas", "playback").get("folder")
+    folder = block_in(values, "gas", "playback").get("folder")
     if isinstance(folder, str) and not (path := _place(directory, folder)).exists():
         yield _missing("gas.playback.folder", "a folder of gas frames, or a movie", folder, str(path))
 
@@ -180,8 +193,8 @@ def _missing(path: str, expected: str, written: str, what: str) -> Problem:
 
 
 def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
-    gas = _block(values, "gas")
-    defined = [str(block["name"]) for _, block in _blocks(gas, "define") if "name" in block]
+    gas = block_in(values, "gas")
+    defined = [str(block["name"]) for _, block in blocks_in(gas, "define") if "name" in block]
     for i, name in enumerate(defined):
         if name in GASES or name in defined[:i]:
             yield Problem(
@@ -191,23 +204,23 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
                 remedy=f"For example my_{name}.",
             )
     named = [("gas.gas", gas.get("gas"))]
-    named += [(f"gas.sources[{i}].gas", source.get("gas")) for i, source in _blocks(gas, "sources")]
+    named += [(f"gas.sources[{i}].gas", source.get("gas")) for i, source in blocks_in(gas, "sources")]
     for path, name in named:
         if isinstance(name, str) and name not in (*GASES, *defined):
-            yield _unknown_name(path, name, (*GASES, *defined))
-    for i, block in _blocks(gas, "define"):
-        for j, law in _blocks(block, "mox"):
+            yield unknown_name(path, name, (*GASES, *defined))
+    for i, block in blocks_in(gas, "define"):
+        for j, law in blocks_in(block, "mox"):
             sensor = law.get("sensor")
             if isinstance(sensor, str) and sensor not in mox_sensor_names():
-                problem = _unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, mox_sensor_names())
+                problem = unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, mox_sensor_names())
                 is_other = sensor in sensor_names()
                 yield replace(problem, remedy=f"A {sensor} is no MOX sensor.") if is_other else problem
 
 
 # What is estimated from a MOX sensor's reading is told under the sensor's name with an ending.
 def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
-    for i, agent in _blocks(values, "agents"):
-        sensors = _blocks(agent, "sensors")
+    for i, agent in blocks_in(values, "agents"):
+        sensors = blocks_in(agent, "sensors")
         taken = {f"{sensor.get('name')}_ppm" for _, sensor in sensors if has_estimates(str(sensor.get("model")))}
         for j, sensor in sensors:
             if sensor.get("name") in taken:
@@ -219,17 +232,8 @@ def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
                 )
 
 
-def _unknown_name(path: str, name: str, known: Sequence[str]) -> Problem:
-    return Problem(
-        path=path,
-        expected=f"one of {', '.join(known[:-1])} or {known[-1]}",
-        found=f"'{name}'",
-        remedy=did_you_mean(name, known),
-    )
-
-
 def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
-    tick_ms = _number(values, "tick_ms", Scenario)
+    tick_ms = number_in(values, "tick_ms", Scenario)
     if tick_ms is None or tick_ms <= 0 or tick_ms != int(tick_ms):
         return
     if tick_ms % PHYSICS_STEP_MS:
@@ -240,30 +244,17 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
             found=f"{tick_ms:g}",
             remedy=f"Nearest: {below} or {below + PHYSICS_STEP_MS}.",
         )
-    tick_ns = int(tick_ms) * _NS_PER_MS
-    gas, recording, stop = _block(values, "gas"), _block(values, "recording"), _block(values, "referee", "stop")
-    yield from _not_whole_ticks("recording.gas_every_s", _number(recording, "gas_every_s", RecordingSpec), tick_ns)
-    yield from _not_whole_ticks("referee.stop.time_limit_s", _number(stop, "time_limit_s", StopSpec), tick_ns)
-    for i, agent in _blocks(values, "agents"):
-        for j, sensor in _blocks(agent, "sensors"):
+    tick_ns = int(tick_ms) * NS_PER_MS
+    gas, recording, stop = block_in(values, "gas"), block_in(values, "recording"), block_in(values, "referee", "stop")
+    yield from not_whole_ticks("recording.gas_every_s", number_in(recording, "gas_every_s", RecordingSpec), tick_ns)
+    yield from not_whole_ticks("referee.stop.time_limit_s", number_in(stop, "time_limit_s", StopSpec), tick_ns)
+    for i, agent in blocks_in(values, "agents"):
+        for j, sensor in blocks_in(agent, "sensors"):
             block = SENSOR_BLOCKS.get(str(sensor.get("model")), SensorSpec)
             for key in _SENSOR_TIMES & block.model_fields.keys():
-                duration_s = _number(sensor, key, block)
-                yield from _not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
-    yield from _broken_gas_times(_number(gas, "step_s", GasSpec), _number(gas, "warm_up_s", GasSpec), tick_ns)
-
-
-def _not_whole_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
-    if duration_s is None or duration_s <= 0 or _is_whole(duration_s, tick_ns):
-        return
-    below = int(duration_s * NS_PER_S // tick_ns)
-    nearest = [f"{seconds_from_ticks(n, tick_ns):g}" for n in (below, below + 1) if n >= 1]
-    yield Problem(
-        path=path,
-        expected=f"a whole number of {tick_ns / _NS_PER_MS:g} ms ticks",
-        found=f"{duration_s:g} s",
-        remedy=f"Nearest: {' or '.join(nearest)}.",
-    )
+                duration_s = number_in(sensor, key, block)
+                yield from not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
+    yield from _broken_gas_times(number_in(gas, "step_s", GasSpec), number_in(gas, "warm_up_s", GasSpec), tick_ns)
 
 
 # The fields core steps its gas a whole number of times a tick, or every whole number of ticks.
@@ -278,7 +269,7 @@ def _broken_gas_times(step_s: float | None, warm_up_s: float | None, tick_ns: in
             found=f"{step_s:g} s",
             remedy=f"Nearest: {_nearest_step_s(step_ns, tick_ns):g}.",
         )
-    elif warm_up_s is not None and warm_up_s > 0 and not _is_whole(warm_up_s, step_ns):
+    elif warm_up_s is not None and warm_up_s > 0 and not is_whole(warm_up_s, step_ns):
         steps = int(warm_up_s * NS_PER_S // step_ns)
         yield Problem(
             path="gas.warm_up_s",
@@ -295,34 +286,3 @@ def _nearest_step_s(step_ns: int, tick_ns: int) -> float:
     while tick_ns % n:
         n -= 1
     return tick_ns // n / NS_PER_S
-
-
-def _is_whole(duration_s: float, part_ns: int) -> bool:
-    n = round(duration_s * NS_PER_S / part_ns)
-    return n >= 1 and abs(n * part_ns - duration_s * NS_PER_S) <= 0.5
-
-
-def _block(values: dict[str, Any], *keys: str) -> dict[str, Any]:
-    for key in keys:
-        inner = values.get(key)
-        values = cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
-    return values
-
-
-def _blocks(values: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
-    items = values.get(key)
-    if not isinstance(items, list):
-        return []
-    return [(i, item) for i, item in enumerate(cast("list[Any]", items)) if isinstance(item, dict)]
-
-
-def _words(value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list):
-        return ()
-    words = cast("list[Any]", value)
-    return tuple(words) if all(isinstance(word, str) for word in words) else ()
-
-
-def _number(block: dict[str, Any], key: str, model: type[Spec]) -> float | None:
-    value = block[key] if key in block else model.model_fields[key].default
-    return value if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -55,6 +55,7 @@ _PAGES = {
     "environment.geometry": "own-geometry.md",
     "wind": "environments.md",
     "gas": "gas.md",
+    "events[]": "events.md",
     "agents[]": "write-an-agent.md",
     "agents[].start": "gateway.md",
     "agents[].vehicle": "vehicles.md",

@@ -24,9 +24,12 @@ from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.quantities import Vec3
 from gslcosim.rng import stream
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import reads_of_events
+from gslcosim.scenario.models.event_kinds import SensorEventSpec
 from gslcosim.scenario.models.onboard import PoseSensorSpec
 from gslcosim.scenario.models.sensor_base import SensorSpec
 from gslcosim.sensing.briefings import briefing_of
+from gslcosim.sensing.faults import SensorFaults
 from gslcosim.sensing.models import SensorModel, build_sensor, sensor_names
 from gslcosim.sensing.models.base import Estimator
 from gslcosim.sensing.models.surroundings import Surroundings
@@ -60,6 +63,7 @@ class _Panel:
     """The instruments of one agent and what they showed last."""
 
     instruments: tuple[_Instrument, ...]
+    faults: SensorFaults | None
     last: list[Reading | None] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -67,6 +71,9 @@ class _Panel:
 
     def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
         readings = [instrument.look(surroundings, samples, tick) for instrument in self.instruments]
+        if self.faults is not None:
+            agent, shown = surroundings.body.agent, zip(readings, self.last, strict=True)
+            readings = [self.faults.shown(agent, reading, before, tick) for reading, before in shown]
         is_asked = surroundings.body.awaiting_command
         told = [
             _without_payload(reading) if reading is before and not is_asked else reading
@@ -97,7 +104,7 @@ class SensingCore:
     """Reads all instruments every tick and tells each agent what its own show.
 
     Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio`, where they have cameras,
-    `truth/images` of the same tick. Writes a
+    `truth/images` of the same tick, and where sensors have events `truth/events` of the last one. Writes a
     briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact, unless
     the vehicle has a `pose` sensor: then it is what the first of them said last.
 
@@ -121,6 +128,7 @@ class SensingCore:
         self._environment = environment
         self._spec = sensing_spec(scenario)
         self._scene = RayScene(scenario, environment)
+        self._faults = SensorFaults(scenario) if reads_of_events(scenario, SensorEventSpec) else None
         # Built once already to refuse here, and not in the run, what does not fit together.
         self._panels = self._new_panels(scenario.seed)
 
@@ -131,6 +139,8 @@ class SensingCore:
 
     def reset(self, episode: Episode) -> Outbox:
         """Switch all instruments on and return the agents' briefings."""
+        if self._faults is not None:
+            self._faults.reset()
         self._panels = self._new_panels(episode.seed)
         return {
             keys.briefing(agent.name): briefing_of(agent, self._scenario, self._environment, seed=episode.seed)
@@ -139,6 +149,8 @@ class SensingCore:
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Read every instrument at the end of the tick."""
+        if self._faults is not None:
+            self._faults.obey(tick, inbox)
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
         traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
@@ -155,7 +167,9 @@ class SensingCore:
 
     def _new_panels(self, seed: int) -> dict[str, _Panel]:
         return {
-            agent.name: _Panel(tuple(self._instrument(agent.name, sensor, seed) for sensor in agent.sensors))
+            agent.name: _Panel(
+                tuple(self._instrument(agent.name, sensor, seed) for sensor in agent.sensors), self._faults
+            )
             for agent in self._scenario.agents
         }
 

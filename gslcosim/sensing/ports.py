@@ -4,6 +4,8 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Observation
 from gslcosim.contract.participant import WINDOW_TICKS, ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import reads_of_events
+from gslcosim.scenario.models.event_kinds import SensorEventSpec
 
 # Pictures are large: no more of them wait in memory.
 PICTURES_WINDOW_TICKS = 64
@@ -17,6 +19,12 @@ def sensing_spec(scenario: Scenario) -> ParticipantSpec:
         writes.append(Write(port=keys.observation(agent.name), message_type=Observation))
     radio = (Read(port=keys.RADIO),) if scenario.channels else ()
     images = (Read(port=keys.IMAGES),) if scenario.cameras else ()
-    reads = (Read(port=keys.BODIES), Read(port=keys.SAMPLES), *radio, *images)
+    reads = (
+        Read(port=keys.BODIES),
+        Read(port=keys.SAMPLES),
+        *radio,
+        *images,
+        *reads_of_events(scenario, SensorEventSpec),
+    )
     window_ticks = PICTURES_WINDOW_TICKS if scenario.cameras else WINDOW_TICKS
     return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes), window_ticks=window_ticks)

@@ -35,6 +35,7 @@ from gslcosim.world.paths.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.physics import records
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.mujoco_kernels import step_address
+from gslcosim.world.physics.rotor_faults import RotorFaults
 from gslcosim.world.physics.scene import Scene, build_scene
 from gslcosim.world.ports import world_spec
 
@@ -75,6 +76,7 @@ class WorldCore:
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
         self._data = mujoco.MjData(self._scene.model)
         self._constants = _constants(self._scene, self._agents, models, dt_s)
+        self._rotor_faults = RotorFaults(scenario, self._constants)
         self._states = np.zeros(len(self._agents), records.STATE)
         has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
         self._inertial = np.zeros((len(self._agents), self._n_substeps if any(has_imu) else 0, 9))
@@ -125,6 +127,7 @@ class WorldCore:
         """Put every vehicle at rest at its start; nothing is written once."""
         del episode
         self._wind.reset()
+        self._rotor_faults.reset()
         for craft in self._crafts:
             craft.reset()
         self._place_vehicles()
@@ -152,6 +155,7 @@ class WorldCore:
                 craft.stand()
         else:
             self._wind.take(inbox.get(WIND))
+            self._rotor_faults.obey(inbox)
             for craft in self._crafts:
                 command = inbox.get(keys.command(craft.name))
                 craft.obey(tick, command if isinstance(command, Command) else None)

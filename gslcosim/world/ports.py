@@ -5,6 +5,8 @@ from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import reads_of_events
+from gslcosim.scenario.models.event_kinds import RotorWeakensSpec
 
 
 def world_spec(scenario: Scenario) -> ParticipantSpec:
@@ -13,6 +15,6 @@ def world_spec(scenario: Scenario) -> ParticipantSpec:
     wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
     return ParticipantSpec(
         name="world",
-        reads=(*commands, *wind),
+        reads=(*commands, *wind, *reads_of_events(scenario, RotorWeakensSpec)),
         writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
     )

@@ -12,6 +12,7 @@ OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
 CORES = {
     "world": "gslcosim.world.core",
     "fields": "gslcosim.fields.core",
+    "events": "gslcosim.events.core",
     "radio": "gslcosim.radio.core",
     "cameras": "gslcosim.cameras.core",
     "sensing": "gslcosim.sensing.core",

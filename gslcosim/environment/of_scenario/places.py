@@ -14,6 +14,7 @@ from gslcosim.environment.room import Room
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
+from gslcosim.scenario.models.event_kinds import SourceMovesSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario, VehicleSpec
 from gslcosim.scenario.problems import Problem
 
@@ -49,14 +50,22 @@ def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) 
 def problems_of_places_in(scenario: Scenario, room: Room | Environment) -> list[Problem]:
     """Return what is wrong with the places that a scenario names in a room; empty when all is well.
 
-    Sources must be in air; vehicles must start in air, touch nothing but the floor, have room to rise to their
-    search height, and not overlap.
+    Sources must be in air, wherever they move; vehicles must start in air, touch nothing but the floor, have room to
+    rise to their search height, and not overlap.
     """
     problems = [
         problem
         for i, source in enumerate(scenario.gas.sources)
         if (problem := _problem_of_point(source.position_m, room, f"gas.sources[{i}].position_m"))
     ]
+    problems += problems_of_points(
+        [
+            (f"events[{i}].to_m", event.to_m)
+            for i, event in enumerate(scenario.events)
+            if isinstance(event, SourceMovesSpec)
+        ],
+        room,
+    )
     for i, agent in enumerate(scenario.agents):
         problems += _problems_of_vehicle(agent.vehicle, room, f"agents[{i}].vehicle")
     return problems + _problems_of_neighbours(scenario.agents)

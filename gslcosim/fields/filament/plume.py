@@ -12,10 +12,12 @@ from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.fields.filament.buoyancy import NEUTRAL, Buoyancy
 from gslcosim.fields.filament.downwash import Jets
 from gslcosim.fields.filament.downwash_kernels import blow_filaments_inplace
+from gslcosim.fields.filament.living_filaments import LivingFilaments
 from gslcosim.fields.filament.normal_kernels import uniforms
 from gslcosim.fields.filament.plume_kernels import NOT_FINITE, move_filaments_inplace
 from gslcosim.fields.filament.release import ReleasePlan
 from gslcosim.fields.filament.source_shapes import POINT, SourceShape
+from gslcosim.fields.filament.taps import SourceChange, Tap
 from gslcosim.fields.filament.trace_kernels import trace_displacement
 from gslcosim.fields.gases import air_density_mol_m3
 from gslcosim.quantities import Vec3
@@ -95,27 +97,6 @@ def open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(is_free[1:-1, 1:-1, 1:-1]).astype(np.uint8)
 
 
-# Room for a number of filaments, a row each.
-class _Table:
-    def __init__(self, capacity: int) -> None:
-        self.capacity = capacity
-        self.position_m = np.zeros((capacity, 3))
-        self.sigma_m = np.zeros(capacity)
-        self.birth_steps = np.zeros(capacity)
-        self.filament_id = np.zeros(capacity, np.int64)
-        self.source_index = np.zeros(capacity, np.int32)
-
-    # A table with more room, and the same first n filaments.
-    def grown(self, capacity: int, n: int) -> "_Table":
-        table = _Table(capacity)
-        table.position_m[:n] = self.position_m[:n]
-        table.sigma_m[:n] = self.sigma_m[:n]
-        table.birth_steps[:n] = self.birth_steps[:n]
-        table.filament_id[:n] = self.filament_id[:n]
-        table.source_index[:n] = self.source_index[:n]
-        return table
-
-
 # All that a run draws: the keys of the movements and of the places of birth, and the births of each source.
 class _Draws:
     def __init__(self, sources: tuple[GasSource, ...], seed: int) -> None:
@@ -173,19 +154,22 @@ class FilamentPlume:
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._amount_mol = np.array([source.amount_mol for source in sources])
         self._gas_index = np.array([source.gas_index for source in sources], np.int32)
-        self._place_m = np.array([source.position_world_m for source in sources], np.float64)
+        self._place_m = _places_m(sources)
+        self._taps = [Tap() for _ in sources]
         self._sigma0_m = np.array([source.sigma_m for source in sources])
         self._buoyancy = np.array([source.buoyancy.coefficient for source in sources])
         self._buoyancy_power = _common_power(sources)
-        self._table = _Table(FIRST_CAPACITY)
+        self._table = LivingFilaments(FIRST_CAPACITY)
         self._draws = _Draws(sources, seed)
         self._n_born = [0] * len(sources)
         self._n = 0
         self._step = 0
 
     def reset(self, seed: int) -> None:
-        """Return to a room without gas at time 0."""
+        """Return to a room without gas at time 0, and to the sources as they began."""
         self._draws = _Draws(self._sources, seed)
+        self._place_m = _places_m(self._sources)
+        self._taps = [Tap() for _ in self._sources]
         self._n_born = [0] * len(self._sources)
         self._n = 0
         self._step = 0
@@ -220,6 +204,12 @@ class FilamentPlume:
             amount_mol=self._amount_mol,
             gas_index=self._gas_index,
         )
+
+    def change_source(self, i_source: int, change: SourceChange) -> None:
+        """Change a source from the next step on, until the next reset."""
+        self._taps[i_source].change(change, self.time_s)
+        if change.position_world_m is not None:
+            self._place_m[i_source] = change.position_world_m
 
     def advance(self, n_steps: int = 1) -> None:
         """Advance by steps: wind of the step's start, births spread over the step.
@@ -281,7 +271,7 @@ class FilamentPlume:
 
     def _release(self, i_source: int, start_s: float) -> None:
         source = self._sources[i_source]
-        births_s = self._draws.births[i_source].births_s(start_s, self._step * self._step_s)
+        births_s = self._taps[i_source].births_s(self._draws.births[i_source], start_s, self._step * self._step_s)
         n_new = len(births_s)
         if n_new == 0:
             return
@@ -292,7 +282,7 @@ class FilamentPlume:
         first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
         table.position_m[new] = self._place_m[i_source]
         if source.shape.kind != "point":
-            table.position_m[new] = self._places_in_shape(source, first_id, n_new)
+            table.position_m[new] = self._places_in_shape(i_source, first_id, n_new)
         table.sigma_m[new] = source.sigma_m
         # The quotient may round to just after the step's end; an age below zero has no square root.
         table.birth_steps[new] = [min(birth_s / self._step_s, self._step) for birth_s in births_s]
@@ -302,9 +292,11 @@ class FilamentPlume:
         self._n += n_new
 
     # A place behind a wall is reached as far as the wall: the way from the source's position leads through air.
-    def _places_in_shape(self, source: GasSource, first_id: int, n: int) -> NDArray[np.float64]:
-        places_m = np.tile(np.array(source.position_world_m, np.float64), (n, 1))
-        offsets_m = source.shape.offsets_m(uniforms(self._draws.place_key, 3 * first_id, 3 * n).reshape(n, 3))
+    def _places_in_shape(self, i_source: int, first_id: int, n: int) -> NDArray[np.float64]:
+        places_m = np.tile(self._place_m[i_source], (n, 1))
+        offsets_m = self._sources[i_source].shape.offsets_m(
+            uniforms(self._draws.place_key, 3 * first_id, 3 * n).reshape(n, 3)
+        )
         grid = self._environment.grid
         for i, (place_m, offset_m) in enumerate(zip(places_m.tolist(), offsets_m.tolist(), strict=True)):
             x, y, z, has_left = trace_displacement(
@@ -313,6 +305,10 @@ class FilamentPlume:
             if not has_left:
                 places_m[i] = x, y, z
         return places_m
+
+
+def _places_m(sources: tuple[GasSource, ...]) -> NDArray[np.float64]:
+    return np.array([source.position_world_m for source in sources], np.float64)
 
 
 def _common_power(sources: tuple[GasSource, ...]) -> int:

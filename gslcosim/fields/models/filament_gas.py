@@ -24,6 +24,7 @@ from gslcosim.fields.reading.filament_field import FilamentField, FilamentSource
 from gslcosim.fields.stored.tape import MOST_SOURCES, TapedPlume
 from gslcosim.fields.timing import gas_timing
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.event_kinds import SourceEventSpec
 from gslcosim.scenario.models.gas import FilamentGasSpec, FilamentsSpec, SourceSpec
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
@@ -56,7 +57,8 @@ def _filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
 def _source_of_filaments(block: FilamentGasSpec, plume: FilamentPlume, setup: GasSetup) -> FilamentSource:
     if block.tape:
         return _taped(setup.scenario, setup.environment)
-    if setup.wind_at is not None:
+    # What events change is not known ahead.
+    if setup.wind_at is not None or any(isinstance(event, SourceEventSpec) for event in setup.scenario.events):
         return plume
     timing = gas_timing(setup.scenario)
     return PlumeAhead(plume, step_s=timing.step_s, steps_per_frame=timing.steps_per_tick)

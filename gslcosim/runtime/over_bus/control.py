@@ -178,9 +178,10 @@ class Inspection(Control):
 
 
 class Bye(Control):
-    """A participant is done: its last tick, the hash chains of its ports, and where its time went."""
+    """A participant is done: its last tick, the hash chains of its ports, where its time went, what it has to tell."""
 
     name: str
     last_tick: int
     trails: dict[str, dict[str, Any]]
     timing: dict[str, int]
+    account: dict[str, Any] = {}

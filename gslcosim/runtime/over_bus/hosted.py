@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Verdict
-from gslcosim.contract.participant import Closes, Core, Episode, WorksAhead
+from gslcosim.contract.participant import Accounts, Closes, Core, Episode, WorksAhead
 from gslcosim.errors import ContractError
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
@@ -203,5 +203,6 @@ class Hosted:
             last_tick=self.last_tick,
             trails={port: trail.as_fields() for port, trail in self.stepper.trails.items()},
             timing=self.stepper.timing.as_fields(),
+            account=dict(self._core.account()) if isinstance(self._core, Accounts) else {},
         )
         self._bus.publish(control.bye(self.name), bye.to_bytes(), urgent=True)

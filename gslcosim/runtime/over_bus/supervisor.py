@@ -178,6 +178,7 @@ class Supervisor:
         outcome.verdict = self._verdict
         outcome.agent_faults = faults_of(door.desk.door for door in self._doors.values())
         outcome.timing = {name: bye.timing for name, bye in sorted(byes.items())}
+        outcome.account = {key: told for bye in byes.values() for key, told in bye.account.items()}
         outcome.ticks_flown = self._verdict.tick if self._verdict else self._watchdog.finished_tick
         if self._verdict is not None and self._watchdog.are_done:
             outcome.digest = self._digest(self._verdict.tick)

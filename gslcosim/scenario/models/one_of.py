@@ -33,7 +33,7 @@ class OneOf:
         tag_key: The key that names the kind, for example `model`.
         base: What all blocks derive from; a package's narrows `tag_key` to its name as default.
         own: The block of each kind that gslcosim has; several kinds may have the same.
-        offers: The kinds of other packages; gslcosim's cannot be replaced.
+        offers: The kinds of other packages, where they may bring some; gslcosim's cannot be replaced.
         default: The kind of a block that does not say it; absent: it has to.
         part: The attribute of the offered object that is the block, beside its `name`; absent: the object is the
             block itself.
@@ -45,7 +45,7 @@ class OneOf:
     tag_key: str
     base: type[Spec]
     own: Mapping[str, type[Spec]]
-    offers: Offers
+    offers: Offers | None
     default: str | None = None
     part: str | None = None
     unknown: str | None = None
@@ -55,7 +55,8 @@ class OneOf:
     def names(self) -> tuple[str, ...]:
         """Return the names of all kinds, those of other packages last."""
         written = [self.form[1] if self.form and name == self.form[0] else name for name in self.own]
-        return (*written, *(name for name in self.offers.names() if name not in self.own))
+        offered = self.offers.names() if self.offers else ()
+        return (*written, *(name for name in offered if name not in self.own))
 
     def block_of(self, kind: object) -> type[Spec] | None:
         """Return the block of a kind, or nothing where there is no such kind.
@@ -67,7 +68,7 @@ class OneOf:
             return None
         if kind in self.own:
             return self.own[kind]
-        if kind not in self.offers.names():
+        if self.offers is None or kind not in self.offers.names():
             return None
         what = f"a class for {kind!r} that derives from {self.base.__name__}"
         if self.part is not None:

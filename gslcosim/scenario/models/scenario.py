@@ -8,6 +8,7 @@ from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import VehicleError
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.confinement import AgentLimitsSpec, SandboxChoice
+from gslcosim.scenario.models.event_kinds import Event
 from gslcosim.scenario.models.gas import Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
@@ -414,6 +415,7 @@ class Scenario(Spec):
     recording: RecordingSpec = Field(default=RecordingSpec(), description="what is recorded")
     channels: tuple[ChannelSpec, ...] = Field(default=(), description="channels on which agents send each other texts")
     services: tuple[Service, ...] = Field(default=(), description="services of other packages that take part")
+    events: tuple[Event, ...] = Field(default=(), description="what happens during the run")
     processes: Processes = Field(
         default="separate", description="which services share a process, without influence on results"
     )

@@ -3,6 +3,7 @@
 import pytest
 
 from gslcosim.contract import keys
+from gslcosim.contract.event_notes import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, RadioMessage
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError
@@ -47,9 +48,9 @@ def core_of(with_channels):
     return build
 
 
-def step(core, tick, *, sent=None, x_m=(0.0, 1.0, 2.0)):
+def step(core, tick, *, sent=None, x_m=(0.0, 1.0, 2.0), more=None):
     """Step with commands of the tick before that carry these texts: {agent number: messages}."""
-    inbox = {}
+    inbox = dict(more or {})
     if tick > 0:
         inbox[keys.BODIES] = BodyPoses(tick=tick - 1, bodies=tuple(body(f"agent_{i}", x) for i, x in enumerate(x_m)))
     for i, messages in (sent or {}).items():
@@ -165,3 +166,24 @@ def test_nobody_waits_longer_for_an_agent_that_is_slow(with_channels):
     """The radio reads a command when the world does, not when it could first be sent."""
     spec = dataflow_of(with_channels({}, mode={"latency": 4})).by_name["radio"]
     assert {read.delay_ticks for read in spec.reads if read.port.startswith("command/")} == {4}
+
+
+def test_texts_are_lost_while_an_event_has_taken_the_radio_away(with_channels):
+    lost = {"what": "radio_lost", "at_s": 0.2}
+    lost_for_one = {"what": "radio_lost", "at_s": 0.4, "agent": "agent_2", "channel": "radio"}
+    scenario = with_channels({})
+    events = [lost, {**lost, "what": "radio_returns", "at_s": 0.3}, lost_for_one]
+    scenario = type(scenario).model_validate({**plain_values(scenario), "events": events})
+    core = RadioCore(scenario)
+    core.reset(Episode(seed=1))
+    text = [RadioMessage(channel="radio", text="here")]
+    beginning = {2: (0,), 3: (1,), 4: (2,)}
+    fates = []
+    for tick in range(1, 6):
+        inbox = {EVENTS: EventsBeginning(tick=tick - 1, beginning=beginning.get(tick, ()))}
+        traffic = step(core, tick, sent={0: text}, more=inbox)
+        (sent,) = traffic.transmissions
+        fates.append((sent.reached, sent.lost))
+    both, nobody = ("agent_1", "agent_2"), ()
+    one_each = (("agent_1",), ("agent_2",))
+    assert fates == [(both, nobody), (nobody, both), (both, nobody), one_each, one_each]

@@ -8,6 +8,7 @@ import pytest
 
 from gslcosim.contract import keys
 from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.event_notes import EVENTS, EventsBeginning
 from gslcosim.contract.messages import (
     Belief,
     BodyPoses,
@@ -26,6 +27,7 @@ from gslcosim.environment.model import Box, Environment, WindFrames
 from gslcosim.errors import ModelError
 from gslcosim.referee.core import RefereeCore
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.dumping import plain_values
 
 SOURCE = (2.0, 1.0, 2.0)
 FAR = (8.0, 1.0, 2.0)  # 6 m from the source
@@ -103,7 +105,13 @@ class Court:
         self.score: Score | None = None
         self.verdict: Verdict | None = None
 
-    def step(self, *bodies: BodyState, samples: Iterable[MountSample] = (), command: Command | None = None) -> "Court":
+    def step(
+        self,
+        *bodies: BodyState,
+        samples: Iterable[MountSample] = (),
+        command: Command | None = None,
+        beginning: Iterable[int] = (),
+    ) -> "Court":
         self.tick += 1
         inbox = {
             keys.BODIES: BodyPoses(tick=self.tick, bodies=bodies or (body(),)),
@@ -111,6 +119,8 @@ class Court:
         }
         if command is not None:
             inbox[keys.command("beetle")] = command.model_copy(update={"tick": self.tick})
+        if beginning:
+            inbox[EVENTS] = EventsBeginning(tick=self.tick - 1, beginning=tuple(beginning))
         outbox = self.core.step(self.tick, inbox)
         self.score = outbox[keys.SCORE]
         self.verdict = outbox.get(keys.VERDICT)
@@ -457,3 +467,24 @@ def test_a_declaration_does_not_end_a_run_in_which_maps_are_judged():
     court = Court(scenario(success={"of": "map"})).step(command=declare(FAR)).step()
     assert "declaration" in court.kinds()
     assert court.verdict is None
+
+
+def test_events_are_told_and_sources_that_move_are_followed():
+    plan = scenario()
+    moves = {"what": "source_moves", "at_s": 0.1, "to_m": (8.0, 1.0, 2.0)}
+    plan = Scenario.model_validate({**plain_values(plan), "events": [moves]})
+    court = Court(plan)
+    court.step(body(position_m=(5.0, 1.0, 2.0)))
+    assert court.score.agents[0].distance_to_source_m == pytest.approx(3.0)
+    court.step(body(position_m=(5.0, 1.0, 2.0)), beginning=[0])
+    assert (court.events[-1], court.texts[-1]) == ((1, None, "event"), "source 0 moves to [8, 1, 2] m")
+    court.step(body(position_m=(8.0, 1.0, 2.5)))
+    assert court.verdict.agents[0].success
+    assert court.verdict.agents[0].final_distance_m == pytest.approx(0.5)
+    # From where it was at tick 0 to where the source is now.
+    assert court.verdict.agents[0].straight_line_m == pytest.approx(3.0)
+    assert court.verdict.agents[0].shortest_path_m == pytest.approx(2.0, abs=0.5)
+    told = {"event": 0, "what": "source_moves", "tick": 1, "time_s": 0.1, "text": "source 0 moves to [8, 1, 2] m"}
+    assert court.core.account() == {"events": [{**told, "agent": None}]}
+    court.core.reset(Episode(seed=1))
+    assert court.core.account() == {"events": []}

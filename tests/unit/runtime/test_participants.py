@@ -20,7 +20,7 @@ NAMES = [kind.name for kind in SERVICES]
 def everything():
     """Return a scenario that needs every service."""
     camera = "agents[0].sensors=[{model: tgs2600, name: nose}, {model: camera, name: eye}]"
-    return load_scenario("swarm_tiny", overrides=[camera]).scenario
+    return load_scenario("swarm_tiny", overrides=[camera, "events=[{what: source_stops, at_s: 3}]"]).scenario
 
 
 def test_each_service_is_called_as_its_own_dataflow_says(everything):

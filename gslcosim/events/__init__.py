@@ -1,0 +1,1 @@
+"""The events of a scenario: which of them begin when."""

@@ -1,0 +1,173 @@
+"""Events of a scenario that cannot be: about what is not there, too late, or with gas that does not follow."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from gslcosim.errors import VehicleError
+from gslcosim.scenario.models.scenario import Scenario, StopSpec
+from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
+from gslcosim.scenario.plain_values import NS_PER_MS, block_in, blocks_in, not_whole_ticks, number_in
+from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.vehicles import is_vehicle, vehicle_of
+
+_DISTURBING = {"sensor_biased": "bias", "sensor_drifts": "drift_per_s"}
+_EVEN_RELEASES = ("constant", "poisson")
+_USUAL_VEHICLE = "iris"
+
+
+def problems_of_events(values: dict[str, Any]) -> Iterator[Problem]:
+    """Yield what is wrong between a scenario's events and the rest of its plain values.
+
+    Args:
+        values: The scenario as dicts, lists and scalars.
+    """
+    for i, event in blocks_in(values, "events"):
+        path = f"events[{i}]"
+        yield from _wrong_times(event, values, path)
+        yield from _wrong_agents(event, values, path)
+        what = str(event.get("what"))
+        if what.startswith("source_"):
+            yield from _wrong_source(event, values, path)
+        elif what.startswith("sensor_"):
+            yield from _wrong_sensor(event, values, path)
+        elif what == "rotor_weakens":
+            yield from _wrong_rotor(event, values, path)
+        elif what.startswith("radio_"):
+            yield from _wrong_channel(event, values, path)
+
+
+def _wrong_times(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    tick_ms = number_in(values, "tick_ms", Scenario)
+    limit_s = number_in(block_in(values, "referee", "stop"), "time_limit_s", StopSpec)
+    at_s, delay_s = _real(event.get("at_s")), _real(block_in(event, "when").get("delay_s"))
+    if tick_ms is not None and tick_ms >= 1 and tick_ms == int(tick_ms):
+        yield from not_whole_ticks(f"{path}.at_s", at_s, int(tick_ms) * NS_PER_MS)
+        yield from not_whole_ticks(f"{path}.when.delay_s", delay_s, int(tick_ms) * NS_PER_MS)
+    if at_s is not None and limit_s is not None and at_s > limit_s:
+        yield Problem(
+            path=f"{path}.at_s",
+            expected=f"a time up to the end of the run, {limit_s:g} s",
+            found=f"{at_s:g} s",
+            remedy="Let it happen sooner, or raise referee.stop.time_limit_s.",
+        )
+
+
+def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    names = list(_agents(values))
+    for place, agent in ((f"{path}.agent", event.get("agent")), (f"{path}.when.agent", _trigger_agent(event))):
+        if isinstance(agent, str) and agent not in names:
+            yield _not_there(place, "agent", agent, names)
+
+
+def _trigger_agent(event: dict[str, Any]) -> Any:
+    return block_in(event, "when").get("agent")
+
+
+def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    gas = block_in(values, "gas")
+    model = gas.get("model", "filament")
+    if model != "filament" or gas.get("tape") is True:
+        yield Problem(
+            path=f"{path}.what",
+            expected="no event of a source with gas that cannot follow it",
+            found="gas.tape: true" if model == "filament" else f"gas.model: {model}",
+            remedy="Take gas.model: filament without a tape.",
+        )
+    sources = dict(blocks_in(gas, "sources"))
+    i = event.get("source", 0)
+    if not isinstance(i, int) or isinstance(i, bool) or not sources:
+        return
+    if i >= len(sources):
+        yield Problem(
+            path=f"{path}.source",
+            expected=f"the place of a source in gas.sources, from 0 to {len(sources) - 1}",
+            found=f"{i}",
+            remedy="Places count from 0.",
+        )
+    elif event.get("what") == "source_rate":
+        kind = block_in(sources.get(i, {}), "release").get("kind", "constant")
+        if kind not in _EVEN_RELEASES:
+            yield Problem(
+                path=f"{path}.source",
+                expected=f"a source whose release is {' or '.join(_EVEN_RELEASES)}",
+                found=f"{i}, whose release is {kind}",
+                remedy="A schedule of rates is release: {kind: scheduled, schedule: …}.",
+            )
+
+
+def _wrong_sensor(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    agent, name, what = event.get("agent"), event.get("sensor"), str(event.get("what"))
+    if not isinstance(agent, str) or agent not in _agents(values) or not isinstance(name, str):
+        return
+    sensors = {str(sensor.get("name")): sensor for _, sensor in blocks_in(_agents(values)[agent], "sensors")}
+    if name not in sensors:
+        yield _not_there(f"{path}.sensor", f"sensor of {agent}", name, list(sensors))
+        return
+    model = str(sensors[name].get("model"))
+    own = SENSOR_BLOCKS.get(model)
+    if what in _DISTURBING and own is not None and not issubclass(own, MeasuringSensorSpec):
+        yield Problem(
+            path=f"{path}.sensor",
+            expected=f"a sensor that has {_DISTURBING[what]} as a setting",
+            found=f"'{name}', a {model}",
+            remedy="It can drop out, stick and recover.",
+        )
+
+
+def _wrong_rotor(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    agent, i = event.get("agent"), event.get("rotor")
+    if not isinstance(agent, str) or agent not in _agents(values):
+        return
+    model = block_in(_agents(values)[agent], "vehicle").get("model", _USUAL_VEHICLE)
+    if not isinstance(model, str) or not is_vehicle(model):
+        return
+    try:
+        rotors = vehicle_of(model).rotors
+    except VehicleError:
+        return
+    if rotors is None:
+        yield Problem(
+            path=f"{path}.agent",
+            expected="an agent whose vehicle has rotors",
+            found=f"'{agent}', which has a {model}",
+            remedy="Leave the event out.",
+        )
+    elif isinstance(i, int) and i >= rotors.n_rotors:
+        yield Problem(
+            path=f"{path}.rotor",
+            expected=f"a rotor of {model}, from 0 to {rotors.n_rotors - 1}",
+            found=f"{i}",
+            remedy="Rotors count from 0.",
+        )
+
+
+def _wrong_channel(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    channels, name = [str(channel.get("name")) for _, channel in blocks_in(values, "channels")], event.get("channel")
+    if not channels:
+        yield Problem(
+            path=f"{path}.what",
+            expected="no event of radio in a scenario without channels",
+            found=str(event.get("what")),
+            remedy="Add channels, or leave the event out.",
+        )
+    elif isinstance(name, str) and name not in channels:
+        yield _not_there(f"{path}.channel", "channel", name, channels)
+
+
+def _agents(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {str(agent["name"]): agent for _, agent in blocks_in(values, "agents") if "name" in agent}
+
+
+def _not_there(path: str, kind: str, name: str, known: Sequence[str]) -> Problem:
+    return Problem(
+        path=path,
+        expected=f"the name of {'an' if kind[0] in 'aeiou' else 'a'} {kind} ({', '.join(known) or 'there is none'})",
+        found=f"'{name}'",
+        remedy=did_you_mean(name, known),
+    )
+
+
+def _real(value: Any) -> float | None:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None

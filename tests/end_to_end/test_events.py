@@ -1,0 +1,67 @@
+"""Each bundled scenario with events: what happens, one digest however it is flown, and the marks in its recording."""
+
+import pytest
+from flights import ROOT, fly, fly_here
+from rerun.chunk import RrdReader
+
+SCENARIOS = sorted((ROOT / "scenarios").glob("event_*.yaml"))
+HAPPEN = {
+    "event_source": ["source_rate", "source_starts", "source_stops", "source_moves", "source_starts"],
+    "event_sensor": ["sensor_biased", "sensor_drifts", "sensor_sticks", "sensor_drops_out", "sensor_recovers"],
+    "event_rotor": ["rotor_weakens"],
+    "event_radio": ["radio_lost", "radio_returns", "radio_lost"],
+}
+
+
+def test_there_is_a_scenario_for_each_kind():
+    assert {path.stem for path in SCENARIOS} == set(HAPPEN)
+
+
+@pytest.mark.tour
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_an_example_flies_with_one_digest_in_one_process_and_in_many(tmp_path, path):
+    single = fly_here(path, tmp_path / "single", is_recorded=True)
+    multi = fly(path, tmp_path / "multi")
+    assert single.result["valid"], single.errors
+    assert single.result["digest"] == multi.result["digest"]
+    assert single.result["events"] == multi.result["events"]
+    assert [event["what"] for event in single.result["events"]] == HAPPEN[path.stem]
+    texts = texts_in(single.run_dir / "recording.rrd")
+    for event in single.result["events"]:
+        assert any(event["text"] in text for text in texts["/events"]), texts["/events"]
+        if event["what"].startswith("source_"):
+            assert any(event["text"] in text for text in texts["/sources/0/events"] + texts["/sources/1/events"])
+        elif event["agent"]:
+            assert any(event["text"] in text for text in texts[f"/markers/{event['agent']}"])
+
+
+def test_without_its_events_a_scenario_is_another_run(tmp_path):
+    path = ROOT / "scenarios" / "event_sensor.yaml"
+    eventful = fly_here(path, tmp_path / "eventful")
+    calm = fly_here(path, tmp_path / "calm", "--set", "events=[]")
+    assert eventful.result["digest"] != calm.result["digest"]
+    assert "events" not in calm.result
+
+
+def test_a_run_with_events_replays_to_the_bit(tmp_path):
+    flown = fly_here(ROOT / "scenarios" / "event_source.yaml", tmp_path / "flown")
+    assert replay(flown.run_dir, tmp_path / "again") == 0
+
+
+def replay(run_dir, runs_dir):
+    from gslcosim.cli.main import main
+
+    return main(["replay", str(run_dir), "--runs-dir", str(runs_dir)])
+
+
+def texts_in(recording):
+    """Return the texts and labels of each entity."""
+    texts = {}
+    for chunk in RrdReader(recording).store().stream().to_chunks():
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            if name.endswith(("text", "labels")):
+                rows = batch.column(name).to_pylist()
+                found = [text for row in rows for text in row or [] if isinstance(text, str)]
+                texts.setdefault(str(chunk.entity_path), []).extend(found)
+    return texts
