@@ -73,7 +73,8 @@ def _wind_solvers() -> list[Row]:
 # Packages are imported to be listed; one that cannot be is told in its row, and hides no other.
 def _kinds_of(one_of: "OneOf") -> list[Row]:
     rows: list[Row] = []
-    for name in (*one_of.own, *(name for name in one_of.offers.names() if name not in one_of.own)):
+    offered = one_of.offers.names() if one_of.offers else ()
+    for name in (*one_of.own, *(name for name in offered if name not in one_of.own)):
         try:
             block = one_of.block_of(name)
         except OfferError as error:
