@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.chunk import Chunk
 
 from gslcosim.errors import RecordingError, RecordingWriteError
 from gslcosim.recording.checked_file import CheckedFile
@@ -86,6 +87,11 @@ class RunFile:
             rr.TimeColumn(TIME_TIMELINE, duration=(tick_column * self._tick_ns).astype("timedelta64[ns]")),
         )
         rr.send_columns(entity, times, columns, recording=self._stream, strict=True)
+
+    def send_chunks(self, chunks: Iterable[Chunk]) -> None:
+        """Write rows of other recordings as they are."""
+        self.check()
+        rr.send_chunks(chunks, recording=self._stream)
 
     def flush(self) -> None:
         """Return when everything sent so far is in the file."""

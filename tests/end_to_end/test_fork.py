@@ -14,6 +14,8 @@ from flights import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, UNRECORDED, Ended, f
 from test_readme import run
 
 from gslcosim.cli.main import main
+from gslcosim.cli.several_runs import record_runs
+from gslcosim.errors import RecordingError, UsageError
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 PAGE = ROOT / "docs" / "fork.md"
@@ -21,10 +23,10 @@ PAGE = ROOT / "docs" / "fork.md"
 
 def forked(run_dir, runs_dir, at_s, *arguments, in_process=True) -> Ended:
     """Fork a run, by default in this process."""
-    words = ["fork", str(run_dir), "--at", str(at_s), "--json", "--runs-dir", str(runs_dir), *arguments]
+    words = ["fork", str(run_dir), "--at", str(at_s), "--json", "--runs-dir", str(runs_dir), *UNRECORDED]
     output, errors = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        exit_code = main([*words, *(["--in-process"] if in_process else []), *UNRECORDED])
+        exit_code = main([*words, *arguments, *(["--in-process"] if in_process else [])])
     text = output.getvalue()
     folders = sorted(runs_dir.glob("*/")) if runs_dir.is_dir() else []
     return Ended(exit_code, json.loads(text) if text else {}, folders[-1] if folders else None, errors.getvalue())
@@ -220,12 +222,51 @@ def test_random_runs_are_forked(tmp_path, case):
     assert_same(past, forked(past.run_dir, tmp_path / "fork", at_s, in_process=rng.random() < 0.5))
 
 
+def test_both_are_seen_in_one_recording(tmp_path):
+    """Each has its track, its curves and its notes; where they part is told once."""
+    from rerun.chunk import RrdReader
+
+    past = fly_here(TINY_ROOM, tmp_path / "past", is_recorded=True)
+    fork = forked(past.run_dir, tmp_path / "fork", 5, "--agent", "infotaxis", "--set", "recording.enabled=true")
+    path = tmp_path / "both.rrd"
+    record_runs([run_dir / "recording.rrd" for run_dir in (past.run_dir, fork.run_dir)], path)
+    chunks = [*RrdReader(path).store().stream().to_chunks()]
+    found = {str(chunk.entity_path) for chunk in chunks if not chunk.is_static}
+    assert found >= {
+        "/tracks/A_dung_beetle", "/tracks/B_infotaxis", "/plots/distance_m/A_dung_beetle",
+        "/plots/distance_m/B_infotaxis", "/beliefs/B_infotaxis", "/events/A", "/events/B", "/gas/filaments",
+    }  # fmt: skip
+    (told,) = (chunk.to_record_batch() for chunk in chunks if str(chunk.entity_path) == "/events/parting")
+    tick = compared(past.run_dir, fork.run_dir)["divergence"]["tick"]
+    assert told.column("tick").to_pylist() == [tick]
+    text = told.column("TextLog:text").to_pylist()[0][0]
+    assert text == f"They part at {tick / 10:g} s (forked at 5 s): agent_beetle, command/beetle"
+    marks = [chunk for chunk in chunks if str(chunk.entity_path).endswith("/they_part") and not chunk.is_static]
+    assert {str(chunk.entity_path) for chunk in marks} == {
+        "/markers/A_dung_beetle/they_part", "/plots/distance_m/they_part", "/plots/gas_ppm/they_part",
+    }  # fmt: skip
+
+
+def test_runs_of_other_rooms_are_not_seen_together(past, tmp_path):
+    a = fly_here(TINY_ROOM, tmp_path / "a", is_recorded=True)
+    b = fly_here(AROUND_A_WALL, tmp_path / "b", "--set", "referee.stop.time_limit_s=2", is_recorded=True)
+    with pytest.raises(UsageError, match="expected a run in the room of"):
+        record_runs([ended.run_dir / "recording.rrd" for ended in (a, b)], tmp_path / "both.rrd")
+    with pytest.raises(RecordingError, match="expected at most 8 runs at once, was 9"):
+        record_runs([a.run_dir / "recording.rrd"] * 9, tmp_path / "both.rrd")
+    (b.run_dir / "recording.rrd").write_bytes(b"nothing")
+    (a.run_dir / "recording.rrd").write_bytes(b"nothing")
+    with pytest.raises(RecordingError, match="expected one that can be read"):
+        record_runs([a.run_dir / "recording.rrd"] * 2, tmp_path / "both.rrd")
+
+
 @pytest.mark.timeout(300)
 def test_the_commands_of_the_page_work(tmp_path):
     text = PAGE.read_text()
     lines = [line for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) for line in block.splitlines()]
     assert len(lines) >= 3
     for line in lines:
+        line = line.replace("gslcosim view", "gslcosim view --screenshot view.png")
         ended = run(line.replace("warehouse_empty --seed 7", str(TINY_ROOM)).replace("--at 30", "--at 5"), tmp_path)
         expected = (5,) if "compare" in line else (0, 1)
         assert ended.returncode in expected, f"{line}\n{ended.stdout}\n{ended.stderr}"

@@ -13,6 +13,7 @@ from gslcosim.cli.terminal import write
 
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
+  gslcosim view runs/first runs/second            both over one map, their curves over each other
   gslcosim view hall                              the environment in the folder hall
   gslcosim view --web
   gslcosim view --screenshot run.png --window-size 1600x1000"""
@@ -23,10 +24,11 @@ ENVIRONMENT_HEADER = "environment.yaml"
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "run",
-        nargs="?",
+        "runs",
+        nargs="*",
         metavar="RUN",
-        help="a run's folder, its recording, or its id; or an environment's folder (default: the newest run)",
+        help="a run's folder, its recording, or its id; or an environment's folder (default: the newest run); several "
+        "runs of one room: all in one recording",
     )
     ways = parser.add_mutually_exclusive_group()
     ways.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
@@ -63,17 +65,33 @@ def _run(arguments: argparse.Namespace) -> int:
 # An environment's recording is made to be looked at, and is gone afterwards.
 @contextlib.contextmanager
 def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
-    if arguments.run is None or not (Path(arguments.run) / ENVIRONMENT_HEADER).is_file():
-        yield find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING)
+    run = arguments.runs[0] if arguments.runs else None
+    is_environment = run is not None and (Path(run) / ENVIRONMENT_HEADER).is_file()
+    if len(arguments.runs) < 2 and not is_environment:
+        yield find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
         return
-    from gslcosim.environment.store import load_environment
-    from gslcosim.recording.environment_view import record_environment
     from gslcosim.scratch import ScratchFolder
 
     with ScratchFolder() as scratch:
         path = scratch.path / RECORDING
-        record_environment(load_environment(Path(arguments.run), with_meshes=True), path)
+        if len(arguments.runs) > 1:
+            _record_side_by_side(arguments, path)
+        else:
+            _record_environment(Path(arguments.runs[0]), path)
         yield path
+
+
+def _record_environment(folder: Path, path: Path) -> None:
+    from gslcosim.environment.store import load_environment
+    from gslcosim.recording.environment_view import record_environment
+
+    record_environment(load_environment(folder, with_meshes=True), path)
+
+
+def _record_side_by_side(arguments: argparse.Namespace, path: Path) -> None:
+    from gslcosim.cli.several_runs import record_runs
+
+    record_runs([find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs], path)
 
 
 COMMAND = Command(

@@ -1,0 +1,71 @@
+"""Several runs for one view: what each is, and where they part."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from gslcosim.cli.run_dirs import DIGEST
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import UsageError
+from gslcosim.recording.side_by_side import Parting, RecordedRun, record_side_by_side
+from gslcosim.runtime.repeating.comparing import RunComparison
+from gslcosim.runtime.repeating.past_run import PastRun, environment_of
+from gslcosim.ticks import seconds_from_ticks
+
+
+def record_runs(recordings: Sequence[Path], path: Path) -> None:
+    """Write one recording of the runs of some recordings.
+
+    Raises:
+        UsageError: they were not flown in one room with one tick, or one of them has come to no result.
+        RecordingError: a recording cannot be read.
+    """
+    pasts = [PastRun.load(recording.parent) for recording in recordings]
+    first = pasts[0]
+    for past in pasts[1:]:
+        if (past.environment_hash, past.scenario.tick_ns) != (first.environment_hash, first.scenario.tick_ns):
+            raise UsageError(
+                f"{past.run_dir.run_id}: expected a run in the room of {first.run_dir.run_id} "
+                f"({first.environment_hash}) with ticks of {first.scenario.tick_ms} ms, was in "
+                f"{past.environment_hash} with {past.scenario.tick_ms} ms. Look at each by itself."
+            )
+    runs = [
+        RecordedRun(recording=recording, scenario=past.scenario, text=_how_it_went(past))
+        for recording, past in zip(recordings, pasts, strict=True)
+    ]
+    environment = load_environment(environment_of(first, lambda _: None), with_meshes=True)
+    record_side_by_side(runs, environment, path, parting=_parting(pasts))
+
+
+def _how_it_went(past: PastRun) -> str:
+    result: Any = json.loads((past.run_dir.path / "result.json").read_text(encoding="utf-8"))
+    reason = str(result.get("end_reason", "")).replace("_", " ")
+    agents = "".join(
+        f"; {agent['name']}: {str(agent['outcome']).replace('_', ' ')}, {agent['path_length_m']:.1f} m flown, ends "
+        f"{agent['final_distance_m']:.2f} m from the source"
+        for agent in result.get("agents", ())
+    )
+    return f"{reason} after {result.get('sim_time_s', 0.0):g} s{agents} ({past.run_dir.run_id})"
+
+
+# The first tick at which any of the others leaves the first.
+def _parting(pasts: Sequence[PastRun]) -> Parting | None:
+    folders = [past.run_dir.path for past in pasts]
+    if not all((folder / DIGEST).is_file() for folder in folders):
+        return None
+    compared = [RunComparison.of(folders[0] / DIGEST, other / DIGEST) for other in folders[1:]]
+    partings = [one for one in compared if one.divergence is not None]
+    if not partings:
+        return None
+    earliest = min(partings, key=lambda one: one.divergence.tick if one.divergence else 0)
+    divergence, kinship = earliest.divergence, earliest.kinship
+    if divergence is None:
+        return None
+    tick_ns = pasts[0].scenario.tick_ns
+    fork = "" if kinship is None else f" (forked at {seconds_from_ticks(kinship.tick, tick_ns):g} s)"
+    time_s = seconds_from_ticks(divergence.tick, tick_ns)
+    return Parting(
+        tick=divergence.tick,
+        text=f"They part at {time_s:g} s{fork}: {divergence.participant}, {divergence.port}",
+    )
