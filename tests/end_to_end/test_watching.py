@@ -6,6 +6,8 @@ import json
 import os
 import signal
 import subprocess
+import tempfile
+from pathlib import Path
 
 import pytest
 from flights import COMMAND, TINY_ROOM, fly, start, wait_a_moment, with_agent
@@ -25,10 +27,14 @@ def told(*words):
 
 
 @pytest.fixture(autouse=True)
-def _windows_of_its_own(tmp_path, monkeypatch):
-    """Flights of other tests have their windows elsewhere."""
-    folder = tmp_path / "tmp"
-    folder.mkdir()
+def windows(monkeypatch):
+    """Flights of other tests have their windows elsewhere; a router's socket needs a folder with a short name."""
+    with tempfile.TemporaryDirectory(prefix="seen-") as folder:
+        put_temporary_files_into(Path(folder), monkeypatch)
+        yield Path(folder)
+
+
+def put_temporary_files_into(folder, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(folder))
     monkeypatch.setattr("tempfile.tempdir", None)
 
@@ -70,6 +76,16 @@ def test_a_flight_is_listed_looked_at_and_stopped(tmp_path, processes):
     assert ended.exit_code == 130
     assert ended.result["end_reason"] == "interrupted"
     assert listed() == []
+
+
+def test_a_flight_is_seen_where_the_temporary_directory_has_a_long_name(tmp_path, monkeypatch):
+    """Its window's path is longer than the address of a unix socket may be."""
+    folder = tmp_path / ("t" * 120)
+    folder.mkdir()
+    put_temporary_files_into(folder, monkeypatch)
+    flight = started(tmp_path, "--processes", "one")
+    assert told("stop")[0] == 0
+    assert flight.end().exit_code == 130
 
 
 def test_being_looked_at_changes_nothing(tmp_path):
@@ -119,13 +135,13 @@ def test_a_flight_that_stands_still_is_listed_as_silent(tmp_path):
     assert flight.end().exit_code == 130
 
 
-def test_the_window_of_a_killed_flight_is_removed(tmp_path):
+def test_the_window_of_a_killed_flight_is_removed(tmp_path, windows):
     flight = started(tmp_path, "--processes", "one")
     flight.process.kill()
     flight.process.wait()
-    assert list((tmp_path / "tmp").glob(".gslcosim-flights-*/*"))
+    assert list(windows.glob(".gslcosim-flights-*/*"))
     assert listed() == []
-    assert not list((tmp_path / "tmp").glob(".gslcosim-flights-*/*"))
+    assert not list(windows.glob(".gslcosim-flights-*/*"))
 
 
 def test_which_of_several_flights_is_meant_has_to_be_said(tmp_path):
@@ -154,9 +170,9 @@ def test_the_page_of_top_tells_of_the_end(tmp_path):
     flight.end()
 
 
-def test_a_folder_of_somebody_else_is_no_place_for_windows(tmp_path):
+def test_a_folder_of_somebody_else_is_no_place_for_windows(tmp_path, windows):
     """Whoever may write there could stand in for a flight; the flight itself goes on without a window."""
-    folder = tmp_path / "tmp" / f".gslcosim-flights-{os.getuid()}"
+    folder = windows / f".gslcosim-flights-{os.getuid()}"
     folder.mkdir(mode=0o777)
     folder.chmod(0o777)
     ended = fly(TINY_ROOM, tmp_path / "runs")

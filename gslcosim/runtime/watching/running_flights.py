@@ -14,6 +14,7 @@ from typing import Any
 
 from gslcosim.errors import RunTimeoutError, UsageError
 from gslcosim.runtime.watching.window import SUFFIX, windows_folder
+from gslcosim.socket_paths import socket_address
 
 LOOK_WITHIN_S = 2.0
 STOP_WITHIN_S = 20.0
@@ -69,7 +70,8 @@ def look_through(window: Path) -> RunningFlight | None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection, contextlib.suppress(OSError, ValueError):
         connection.settimeout(LOOK_WITHIN_S)
         try:
-            connection.connect(str(window))
+            with socket_address(window) as address:
+                connection.connect(address)
         except ConnectionRefusedError:
             window.unlink(missing_ok=True)
             return None

@@ -20,6 +20,7 @@ from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.watching.own_process import user_id
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
+from gslcosim.socket_paths import socket_address
 from gslcosim.ticks import seconds_from_ticks
 
 SUFFIX = ".flight"
@@ -112,7 +113,8 @@ class FlightWindow:
         path = folder / f"{os.getpid()}-{secrets.token_hex(3)}{SUFFIX}"
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            listener.bind(str(path))
+            with socket_address(path) as address:
+                listener.bind(address)
             listener.listen(_QUEUE)
         except OSError:
             listener.close()
