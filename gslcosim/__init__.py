@@ -1,7 +1,20 @@
 """Co-simulation framework for gas source localization (GSL): see README.md and ARCHITECTURE.md."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from gslcosim._kernel_cache import use_kernel_cache
+
+if TYPE_CHECKING:
+    from gslcosim.run_data.opening import open_run as open_run
 
 __version__ = "0.1.0"
 
 use_kernel_cache()
+
+
+# By name, so that nothing is imported before it is used, and the rooms below do not know of it.
+def __getattr__(name: str) -> Any:
+    if name == "open_run":
+        return importlib.import_module("gslcosim.run_data.opening").open_run
+    raise AttributeError(f"module 'gslcosim' has no attribute '{name}'")

@@ -28,12 +28,17 @@ def is_whole(path: Path) -> bool:
     """
     if not path.is_file():
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
-    with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - _END_BYTES))
-        if not file.read().startswith(_END_MARK):
-            return False
+    if not has_end(path):
+        return False
     verified = run_rerun(["rrd", "verify", path], timeout_s=TIMEOUT_S)
     return verified.returncode == 0 and _VERIFIED in verified.stdout + verified.stderr
+
+
+def has_end(path: Path) -> bool:
+    """Return whether a file ends like a whole recording; what is before its end is not looked at."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _END_BYTES))
+        return file.read().startswith(_END_MARK)
 
 
 def repair_recording(path: Path) -> bool:

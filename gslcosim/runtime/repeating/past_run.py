@@ -36,18 +36,20 @@ class PastRun:
     flown_by: str
 
     @classmethod
-    def load(cls, folder: Path) -> "PastRun":
-        """Read the folder of a run.
+    def load(cls, folder: Path, *, needs_result: bool = True) -> "PastRun":
+        """Read the folder of a run; where the result is not needed, also one that was killed before it had one.
 
         Raises:
             UsageError: a file is missing or not what it should be, or the run spoke another contract.
         """
         run_dir = RunDir(folder)
-        manifest, result = _json_of(folder / "manifest.json"), _json_of(folder / "result.json")
+        manifest = _json_of(folder / "manifest.json")
+        has_result = needs_result or (folder / "result.json").is_file()
+        result = _json_of(folder / "result.json") if has_result else {}
         if manifest.get("contract_hash") != contract_hash():
             raise UsageError(
                 f"{folder.name}: expected a run of contract {contract_hash()}, was {manifest.get('contract_hash')}, "
-                f"flown by gslcosim {manifest.get('gslcosim')}. Replay it with that version."
+                f"flown by gslcosim {manifest.get('gslcosim')}. Use that version for it."
             )
         return cls(
             run_dir=run_dir,

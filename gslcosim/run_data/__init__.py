@@ -1,0 +1,1 @@
+"""What a run has left, as arrays; `gslcosim.open_run` is the way in."""

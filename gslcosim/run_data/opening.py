@@ -1,0 +1,243 @@
+"""A run read back as arrays."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Command
+from gslcosim.environment.model import Environment
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import UsageError
+from gslcosim.recording import entities
+from gslcosim.recording.entities import entities_of
+from gslcosim.recording.reading.stored_rows import StoredRows
+from gslcosim.run_data import recorded
+from gslcosim.run_data.recorded_streams import (
+    RecordedBeliefs,
+    RecordedFilaments,
+    RecordedPictures,
+    RecordedPoints,
+    RecordedSeries,
+    RecordedShapes,
+    RecordedSlices,
+    RecordedTexts,
+    RecordedTrack,
+)
+from gslcosim.runtime.repeating.past_run import PastRun, environment_of
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import AgentSpec
+
+
+def open_run(path: Path | str) -> "RunData":
+    """Open a run that has ended, or was killed and whose recording was made whole.
+
+    Args:
+        path: The run's folder, or a file in it.
+
+    Raises:
+        UsageError: it is no run, has no recording, or spoke another contract.
+        RecordingError: the recording was cut off, or is none of ours.
+    """
+    folder = Path(path)
+    return RunData(folder if folder.is_dir() else folder.parent)
+
+
+class RunData:
+    """Everything a run has left, as arrays that are read where they are asked for.
+
+    What is by agent is a mapping from the names of agents; see `gslcosim.run_data.recorded_streams` for the shapes.
+    `result` is None where the run was killed before it had one.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Read the small files of a run's folder, and what its recording holds.
+
+        Raises:
+            UsageError: it is no run, has no recording, or spoke another contract.
+            RecordingError: the recording was cut off, or is none of ours.
+        """
+        self._past = PastRun.load(folder, needs_result=False)
+        self.folder = folder
+        self.run_id = self._past.run_dir.run_id
+        self.scenario: Scenario = self._past.scenario
+        self.result: Mapping[str, Any] | None = _json_or_none(folder / "result.json")
+        self.manifest: Mapping[str, Any] = _json_or_none(folder / "manifest.json") or {}
+        if not self._past.run_dir.recording.is_file():
+            raise UsageError(
+                f"{self.run_id}: expected a run with a recording.rrd, found none. Record it now: "
+                f"gslcosim replay {folder}\nFile: {self._past.run_dir.recording}"
+            )
+        self._rows = StoredRows(self._past.run_dir.recording)
+        self._agents = {names.agent.name: names for names in entities_of(self.scenario)}
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Names of all agents, in the scenario's order."""
+        return tuple(self._agents)
+
+    @property
+    def tick_s(self) -> float:
+        """The length of a tick [s]."""
+        return self.scenario.tick_ns * 1e-9
+
+    @property
+    def methods(self) -> Mapping[str, str]:
+        """By agent the name of what decides for it: of its Python file, else of its program."""
+        return {agent.name: _method_of(agent, self.scenario.agents) for agent in self.scenario.agents}
+
+    @property
+    def commands(self) -> Mapping[str, tuple[Command, ...]]:
+        """By agent the commands that took effect, by tick; exact, from `inputs.log`."""
+        logged = self._past.commands
+        return {name: tuple(command for _, command in sorted(logged.get(name, {}).items())) for name in self._agents}
+
+    @cached_property
+    def tracks(self) -> Mapping[str, RecordedTrack]:
+        """By agent where its vehicle was."""
+        return {name: recorded.track(self._rows, self.scenario, names) for name, names in self._agents.items()}
+
+    @cached_property
+    def samples(self) -> tuple[RecordedSeries, ...]:
+        """The truth at all sensors of gas and wind."""
+        return tuple(
+            one for names in self._agents.values() for one in recorded.samples(self._rows, self.scenario, names)
+        )
+
+    @cached_property
+    def readings(self) -> tuple[RecordedSeries, ...]:
+        """What all sensors reported, as far as it is numbers."""
+        return tuple(
+            one for names in self._agents.values() for one in recorded.readings(self._rows, self.scenario, names)
+        )
+
+    @cached_property
+    def figures(self) -> tuple[RecordedSeries, ...]:
+        """What the referee and the controllers knew: `distance`, `tracking_error`, `belief_mass_near` and so on."""
+        return tuple(
+            one for names in self._agents.values() for one in recorded.figures(self._rows, self.scenario, names)
+        )
+
+    @cached_property
+    def service_curves(self) -> tuple[RecordedSeries, ...]:
+        """What services of other packages wrote."""
+        return tuple(recorded.service_curves(self._rows, self.scenario))
+
+    @cached_property
+    def waypoints(self) -> Mapping[str, RecordedPoints]:
+        """By agent where it was sent."""
+        return {
+            name: recorded.points(self._rows, self.scenario, names.waypoints) for name, names in self._agents.items()
+        }
+
+    @cached_property
+    def marks(self) -> Mapping[str, RecordedPoints]:
+        """By agent what happened where: `start`, `first gas`, `declared`, `touches …`."""
+        return {name: recorded.points(self._rows, self.scenario, names.markers) for name, names in self._agents.items()}
+
+    @cached_property
+    def source_marks(self) -> tuple[RecordedPoints, ...]:
+        """For each source what happened to it where; nothing where no event is about a source."""
+        found = entities.source_events(self.scenario)
+        return tuple(recorded.points(self._rows, self.scenario, entity) for entity in found)
+
+    @cached_property
+    def beliefs(self) -> Mapping[str, RecordedBeliefs]:
+        """By agent its beliefs, of those that have published any."""
+        found: dict[str, RecordedBeliefs] = {}
+        for name, commands in self.commands.items():
+            told = [(command.tick, command.belief) for command in commands if command.belief is not None]
+            if told:
+                tick = np.array([at for at, _ in told], dtype=np.int64)
+                time_s = recorded.times_s(tick, self.scenario)
+                found[name] = RecordedBeliefs(tick=tick, time_s=time_s, belief=tuple(belief for _, belief in told))
+        return found
+
+    @cached_property
+    def gas_slices(self) -> Mapping[str, RecordedSlices]:
+        """By gas the mixing ratio in the layer of the map."""
+        return recorded.slices(self._rows, self.scenario)
+
+    @cached_property
+    def filaments(self) -> RecordedFilaments:
+        """The cloud over time; without snapshots where the gas is not of filaments."""
+        return recorded.filaments(self._rows, self.scenario)
+
+    @cached_property
+    def point_clouds(self) -> tuple[RecordedShapes, ...]:
+        """Points that lidars saw."""
+        return tuple(
+            one
+            for names in self._agents.values()
+            for one in recorded.shapes(self._rows, self.scenario, names, are_rays=False)
+        )
+
+    @cached_property
+    def rays(self) -> tuple[RecordedShapes, ...]:
+        """Rays of range finders and lasers."""
+        return tuple(
+            one
+            for names in self._agents.values()
+            for one in recorded.shapes(self._rows, self.scenario, names, are_rays=True)
+        )
+
+    @cached_property
+    def pictures(self) -> tuple[RecordedPictures, ...]:
+        """Pictures of cameras."""
+        return tuple(
+            one for names in self._agents.values() for one in recorded.pictures(self._rows, self.scenario, names)
+        )
+
+    @cached_property
+    def events(self) -> RecordedTexts:
+        """The referee's log."""
+        return recorded.texts(self._rows, self.scenario, entities.EVENTS)
+
+    @cached_property
+    def contacts(self) -> RecordedTexts:
+        """What vehicles touched."""
+        return recorded.texts(self._rows, self.scenario, entities.CONTACTS)
+
+    @cached_property
+    def radio(self) -> RecordedTexts:
+        """Texts between agents and what became of them."""
+        return recorded.texts(self._rows, self.scenario, entities.RADIO)
+
+    @cached_property
+    def environment(self) -> Environment:
+        """The room with its occupancy and wind; made anew where it is no longer in the cache, which takes its time.
+
+        Raises:
+            EnvironmentDataError: it is not the one that was flown in.
+        """
+        return load_environment(environment_of(self._past, lambda _: None))
+
+    def wind_m_s(self, time_s: float) -> NDArray[np.float32]:
+        """Return the (nx, ny, nz, 3) wind of the environment at a simulated time [s], world frame [m/s]."""
+        wind = self.environment.wind
+        return wind.velocity_m_s[wind.frame_at(self.scenario.gas.warm_up_s + time_s)]
+
+    def figure(self, agent: str, quantity: str) -> RecordedSeries | None:
+        """Return one of `figures`; None where there is none."""
+        return next((one for one in self.figures if (one.agent, one.quantity) == (agent, quantity)), None)
+
+
+def _method_of(agent: AgentSpec, agents: Sequence[AgentSpec]) -> str:
+    start = agent.start
+    if start.process_of is not None:
+        return _method_of(next(other for other in agents if other.name == start.process_of), agents)
+    if start.python is not None:
+        return Path(start.python).stem
+    if start.command is None:
+        return "attached"
+    # Of an interpreter and its script the script.
+    scripts = [word for word in start.command[1:] if Path(word).suffix and not word.startswith("-")]
+    return Path((scripts or start.command)[0]).stem
+
+
+def _json_or_none(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
