@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from gslcosim.benchmark.execution.sandboxing import outside_a_sandbox
 from gslcosim.benchmark.report.writing import write_report
 from gslcosim.benchmark.results import PAIR, Results
 from gslcosim.benchmark.store.columns import TRIALS
@@ -32,7 +33,7 @@ class Ranking:
     verified: dict[str, tuple[int, int] | None]
 
 
-def merge(folders: Sequence[Path], out: Path | None = None) -> Ranking:
+def merge(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: bool = False) -> Ranking:
     """Return one table of several results folders.
 
     An entry that several folders have is one where its program, parameters and flights are the same, such as the
@@ -41,10 +42,12 @@ def merge(folders: Sequence[Path], out: Path | None = None) -> Ranking:
     Args:
         folders: Of results of the same cases.
         out: Where merged results with their report are written; nowhere if absent.
+        demands_sandbox: Whether all flights must be of agents in a sandbox; so they must where the suite of one of the
+            folders demands it.
 
     Raises:
-        UsageError: the folders are of other cases, or the same flight came out differently in two of them, so that
-            they were flown by different software.
+        UsageError: the folders are of other cases, the same flight came out differently in two of them, so that they
+            were flown by different software, or agents were not in the sandbox that is demanded.
     """
     names_alone = [folder.resolve().name for folder in folders]
     submissions = [
@@ -56,6 +59,7 @@ def merge(folders: Sequence[Path], out: Path | None = None) -> Ranking:
     ]
     _check_same_cases(submissions)
     _check_same_flights(submissions)
+    _check_sandboxes(submissions, is_asked=demands_sandbox)
     names = _entry_names(submissions)
     if out is not None:
         _check_out(out)
@@ -102,6 +106,23 @@ def _check_same_cases(submissions: Sequence[_Submission]) -> None:
                 f"{first.manifest.get('suite')} with the hash {there}, was suite {other.manifest.get('suite')} with "
                 f"the hash {here}. Results of other cases, or of another version of them, cannot be ranked together: "
                 "enter the same suite with include, and fly it again."
+            )
+
+
+# Their digests are equal where agents have not cheated, so that only the rows tell.
+def _check_sandboxes(submissions: Sequence[_Submission], *, is_asked: bool) -> None:
+    demanding = next((each for each in submissions if each.manifest.get("sandbox") == "required"), None)
+    if demanding is None and not is_asked:
+        return
+    why = "--sandboxed asks" if demanding is None or is_asked else f"the suite of {demanding.results.folder} demands"
+    for submission in submissions:
+        rows = submission.results.trials.select(["entry", "digest", "sandbox"]).to_pylist()
+        if outside := outside_a_sandbox(rows):
+            told = outside[0]["sandbox"] or "nothing told"
+            raise UsageError(
+                f"{submission.results.folder}: expected agents in a sandbox, as {why}, was {told} in {len(outside)} of "
+                f"{len(rows)} flights, of {', '.join(sorted({row['entry'] for row in outside}))}. Add sandbox: "
+                "required to its suite, and fly it again."
             )
 
 
@@ -187,8 +208,10 @@ def _manifest(
                 entries.setdefault(name, {**told, "name": name, "submission": home.label, "verified": verified})
     first = submissions[0].manifest
     kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
+    demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)
     return {
         **{key: first[key] for key in kept if key in first},
+        "sandbox": "required" if demands else "optional",
         "merged_from": [submission.label for submission in submissions],
         "entries": list(entries.values()),
     }

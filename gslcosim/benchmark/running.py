@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gslcosim.benchmark.execution.pool import LocalPool, n_cores
 from gslcosim.benchmark.execution.running import Progress, Run
+from gslcosim.benchmark.execution.sandboxing import check_sandbox
 from gslcosim.benchmark.execution.selection import Selection
 from gslcosim.benchmark.results import Results
 from gslcosim.benchmark.store.folder import ResultsFolder
@@ -31,13 +32,15 @@ def run(
 
     Raises:
         ScenarioError: the suite is wrong.
-        UsageError: the folder cannot be used or written.
+        UsageError: the folder cannot be used or written, or the suite demands a sandbox that is not here.
         KeyboardInterrupt: it was interrupted; what was flown is kept.
     """
     loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite)
     n_workers = jobs or n_cores()
+    plan = plan_of(loaded)
+    check_sandbox(plan)
     summary = Run(
-        plan_of(loaded),
+        plan,
         ResultsFolder(Path(folder)),
         lambda: LocalPool(n_workers, loaded.suite.limits),
         selection=Selection.of(only),

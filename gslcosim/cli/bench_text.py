@@ -149,6 +149,7 @@ def verification_fields(verification: "Verification") -> dict[str, Any]:
     return {
         "sample": verification.n_sampled,
         "same": verification.n_sampled - len(verification.differences),
+        "sandboxes": dict(verification.sandboxes),
         "differences": [
             {"trial": d.trial, "case": d.case, "entry": d.entry, "columns": d.columns} for d in verification.differences
         ],
@@ -157,15 +158,21 @@ def verification_fields(verification: "Verification") -> dict[str, Any]:
 
 def verification_text(verification: "Verification") -> str:
     """Return what came of a verification."""
+    from gslcosim.runtime.sandbox.choosing import is_sandboxed
+
     n, different = verification.n_sampled, verification.differences
+    started = ", ".join(f"{count} {kind}" for kind, count in sorted(verification.sandboxes.items()))
+    told = f"Sandbox of agents: {started or 'nothing was flown'}."
+    if any(not is_sandboxed(kind) for kind in verification.sandboxes):
+        told += " Agents without one could read the truth; sandbox: required in the suite keeps them from it."
     if not different:
-        return f"{n} of {n} flights came out the same: digests and all figures."
+        return f"{n} of {n} flights came out the same: digests and all figures.\n{told}"
     lines = [f"{len(different)} of {n} flights came out differently:"]
     for each in different:
         name, (before, now) = next(iter(each.columns.items()))
         more = f" and {len(each.columns) - 1} other columns" if len(each.columns) > 1 else ""
         lines.append(f"  {each.trial} {each.case}, {each.entry}: {name} was {before}, is {now}{more}")
-    return "\n".join(lines)
+    return "\n".join([*lines, told])
 
 
 def ranking_text(ranking: "Ranking") -> str:

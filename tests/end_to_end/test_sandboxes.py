@@ -16,11 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from flights import AGENTS, ROOT, TINY_ROOM, fly
+from flights import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 
 from gslcosim._kernel_cache import cache_root
+from gslcosim.runtime.sandbox import choosing
 from gslcosim.runtime.sandbox.choosing import why_there_is_no
 
+REQUIRED, PIPED = "agents[0].sandbox=required", "agents[0].start.door=stdio"
 SANDBOXES = ("bubblewrap", "landlock")
 ATTACKS = re.findall(r"^def ([a-z]\w+)\(\):", (AGENTS / "attacker.py").read_text(), re.MULTILINE)
 SECRET, SECRET_ARGUMENT = "GSLCOSIM_JOIN_of_another=password", "gas.sources-are-at-1-2-3"
@@ -245,11 +247,38 @@ def test_a_sandbox_that_the_machine_lacks_is_refused_before_the_run(tmp_path, mo
     assert "agents.beetle.sandbox: expected bubblewrap on this machine, but bubblewrap is not installed" in ended.errors
 
 
+def test_a_required_sandbox_is_the_strongest_and_never_none(tmp_path, monkeypatch):
+    """Where the machine has none, nothing is started."""
+    ended = fly_here(TINY_ROOM, tmp_path / "there", "--set", REQUIRED, "--set", PIPED)
+    assert ended.result["sandboxes"]["beetle"].startswith(choosing.strongest_sandbox())
+    monkeypatch.setattr(choosing, "why_there_is_no", lambda kind: f"{kind} is away")
+    refused = fly_here(TINY_ROOM, tmp_path / "gone", "--set", REQUIRED, "--set", PIPED)
+    assert (refused.exit_code, refused.run_dir) == (2, None)
+    assert (
+        "agents.beetle.sandbox: expected a sandbox on this machine, there is none: bubblewrap is away" in refused.errors
+    )
+
+
+def test_a_command_that_names_a_file_of_a_run_is_refused(tmp_path):
+    """Files beside what a command names are seen: the truth would be."""
+    run = tmp_path / "earlier" / "logs"
+    run.mkdir(parents=True)
+    for name in ("scenario.yaml", "manifest.json", "logs/world.log"):
+        (run.parent / name).touch()
+    start_by = {"command": ["cat", str(run / "world.log")], "door": "stdio"}
+    words = ("--set", f"agents[0].start={json.dumps(start_by)}")
+    ended = fly_here(TINY_ROOM, tmp_path / "runs", *words)
+    assert ended.exit_code == 3
+    assert "agents.beetle.start: expected a command that names no file of a run" in ended.errors
+    allowed = fly_here(TINY_ROOM, tmp_path / "runs", *words, "--set", f"agents[0].may_read=[{run}]")
+    assert allowed.exit_code == 1
+
+
 def test_an_agent_in_this_process_is_in_none_and_the_result_says_so(tmp_path):
     """What was demanded for it is refused."""
     ended = fly(TINY_ROOM, tmp_path, "--in-process")
     assert ended.result["sandboxes"] == {"beetle": "none: in this process"}
-    for change in ("agents[0].sandbox=landlock", "agents[0].limits={cpu_s: 9}"):
+    for change in ("agents[0].sandbox=landlock", "agents[0].sandbox=required", "agents[0].limits={cpu_s: 9}"):
         refused = fly(TINY_ROOM, tmp_path / "refused", "--in-process", "--set", change)
         assert refused.exit_code == 2
         assert "was an object in this process" in refused.errors

@@ -4,7 +4,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from gslcosim.runtime.in_process import fly_in_process
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.sandbox.choosing import sandboxes_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightResult
 from gslcosim.scenario.loading import LoadedScenario
@@ -102,7 +103,9 @@ def record_trial(trial: Trial, runs_dir: Path) -> FlightResult:
 
 def _outcome(setup: Setup, directory: Path, watch: Watch) -> Outcome:
     try:
-        return fly_in_process(setup, directory, Network(), lambda _: None, watch.note)
+        sandboxes = sandboxes_of(setup.scenario, is_one_process=True)
+        outcome = fly_in_process(setup, directory, Network(), lambda _: None, watch.note)
+        return replace(outcome, sandboxes=sandboxes)
     except GslCosimError as error:
         return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=str(error)))
 

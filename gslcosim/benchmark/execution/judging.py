@@ -64,6 +64,7 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
         "status": status,
         "fault": fault,
         "agent_faults": "",
+        "sandbox": "",
         "digest": "",
         "outcome": "",
         "success": False,
@@ -79,11 +80,12 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
 
 def row_of(trial: Trial, environment_hash: str, outcome: Outcome, watch: Watch) -> Row:
     """Return the row of a flight; one that ended with a fault of the simulation has no result."""
+    sandbox = "; ".join(sorted(set(outcome.sandboxes.values())))
     told = "\n".join(f"{fault.agent}: {fault.text}" for fault in outcome.agent_faults)
     if outcome.fault is not None or outcome.verdict is None or outcome.digest is None:
         text = f"{outcome.fault.participant}: {outcome.fault.text}" if outcome.fault else "the flight was interrupted"
         row = row_without_result(trial, environment_hash, status="fault", fault=text)
-        return row | {"agent_faults": told}
+        return row | {"agent_faults": told, "sandbox": sandbox}
     row = row_without_result(trial, environment_hash, status=FLOWN, fault="")
     results = {result.name: result for result in outcome.verdict.agents}
     names = list(results)
@@ -98,6 +100,7 @@ def row_of(trial: Trial, environment_hash: str, outcome: Outcome, watch: Watch) 
     )
     row |= {
         "agent_faults": told,
+        "sandbox": sandbox,
         "digest": outcome.digest.hex,
         "outcome": outcome.verdict.end_reason,
         "success": success,

@@ -40,6 +40,7 @@ def manifest_of(
         "seed": suite.seed,
         "suite_hash": plan.suite_hash,
         "software_hash": plan.software_hash,
+        "sandbox": "required" if plan.loaded.demands_sandbox else "optional",
         "versions": {
             "gslcosim": gslcosim.__version__,
             "python": sys.version.split()[0],

@@ -1,6 +1,7 @@
 """Flights of a results folder flown again: one to look at it, or a sample to see whether they come out the same."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 from gslcosim.benchmark.execution.jobs import Job, Pool, each_ended
 from gslcosim.benchmark.execution.judging import Row
+from gslcosim.benchmark.execution.sandboxing import outside_a_sandbox
 from gslcosim.benchmark.store.columns import is_of_the_machine
 from gslcosim.benchmark.store.folder import ResultsFolder
 from gslcosim.benchmark.suite.loading import load_suite
@@ -29,9 +31,10 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """What came of flying a sample again."""
+    """What came of flying a sample again; `sandboxes` counts what its agents were started in this time."""
 
     n_sampled: int
+    sandboxes: Mapping[str, int]
     differences: tuple[Difference, ...]
 
 
@@ -42,12 +45,14 @@ class Again:
         """Read the folder.
 
         Raises:
-            UsageError: there are no results, or they were made with another version of the software.
+            UsageError: there are no results, they were made with another version of the software, or without the
+                sandbox that the suite demands.
         """
         folder.check()
         self.folder = folder
         self.rows: dict[str, Row] = {row["trial"]: row for row in folder.rows()}
         self.plan: Plan = plan_of(load_suite(folder.suite))
+        _check_sandboxes(self.plan, folder, self.rows)
         self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
         told = folder.read_json(folder.manifest)
         if len(self.trials) < len(self.rows):
@@ -93,6 +98,7 @@ def verify(
     """
     rooms = _rooms(trials, pool)
     differences: list[Difference] = []
+    sandboxes: Counter[str] = Counter()
     jobs = [Job(key=trial.id, kind="fly", trial=trial, environment_dir=rooms[trial.room]) for trial in trials]
     for i, ended in enumerate(each_ended(pool, jobs)):
         report(i + 1, len(jobs))
@@ -101,6 +107,7 @@ def verify(
             columns: dict[str, tuple[Any, Any]] = {"status": (before["status"], f"{ended.failure}: {ended.text}")}
         else:
             now = ended.result.row
+            sandboxes[now["sandbox"]] += 1
             columns = {name: (before[name], now[name]) for name in _differing(now, before)}
         if columns:
             differences.append(Difference(trial=trial.id, case=trial.case, entry=trial.entry, columns=columns))
@@ -111,7 +118,7 @@ def verify(
         "at": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     again.folder.write_json(again.folder.manifest, manifest)
-    return Verification(n_sampled=len(trials), differences=tuple(differences))
+    return Verification(n_sampled=len(trials), sandboxes=sandboxes, differences=tuple(differences))
 
 
 def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
@@ -132,6 +139,17 @@ def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
         raise UsageError(f"{trial.case}, {trial.entry}: {ended.failure} again: {ended.text}")
     ended.result.run_dir.rename(place)
     return place, ended.result.result["digest"]
+
+
+def _check_sandboxes(plan: Plan, folder: ResultsFolder, rows: Mapping[str, Row]) -> None:
+    demanding = {case.name for case in plan.cases if case.is_sandboxed}
+    outside = outside_a_sandbox(row for row in rows.values() if row["case"] in demanding)
+    if outside:
+        raise UsageError(
+            f"{folder.path}: expected agents in a sandbox, as the suite demands (sandbox: required), was "
+            f"{outside[0]['sandbox'] or 'nothing told'} in {len(outside)} of {len(rows)} flights. Fly them again with "
+            "bench run."
+        )
 
 
 def _rooms(trials: Sequence[Trial], pool: Pool) -> dict[str, Path]:

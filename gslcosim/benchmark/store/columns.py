@@ -1,8 +1,8 @@
 """The columns of a benchmark's tables: the one place where their names, types and meanings are said.
 
-`trials.parquet` has a row for each trial, in the order of the suite. Columns that begin with `wall_` depend on the
-machine and its load; all others are the same to the bit wherever, however often and by however many workers the suite
-is flown. `tracks.parquet` has a row for each agent of each trial, with a value for each second.
+`trials.parquet` has a row for each trial, in the order of the suite. Columns that begin with `wall_`, and
+`sandbox`, depend on the machine and its load; all others are the same to the bit wherever, however often and by however
+many workers the suite is flown. `tracks.parquet` has a row for each agent of each trial, with a value for each second.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import pyarrow as pa
 
 WALL = "wall_"
+SANDBOX = "sandbox"
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ TRIAL_COLUMNS = (
     Column("wall_judging_s", _REAL, "figures of this row [s of wall clock]"),
     Column("wall_storing_s", _REAL, "packing row and track for the file [s of wall clock]"),
     Column("wall_worker", _TEXT, "who flew it"),
+    Column(SANDBOX, _TEXT, "what agents were started in: bubblewrap, landlock with its version, none and why"),
 )
 
 _SERIES = pa.list_(pa.float32())
@@ -125,4 +127,4 @@ TRACKS = pa.schema([(column.name, column.type) for column in TRACK_COLUMNS])
 
 def is_of_the_machine(column: str) -> bool:
     """Return whether a column's values depend on the machine and its load."""
-    return column.startswith(WALL)
+    return column.startswith(WALL) or column == SANDBOX

@@ -24,6 +24,8 @@ TEAM_SEPARATION_M = 0.4
 NOSE_OFFSET_M = 0.25
 _MOST_RINGS = 12
 
+# A Python program in a process of its own.
+_APART = {"door": "stdio"}
 NO_GAS = {"kind": "scheduled", "schedule": [[0, 0]]}
 
 
@@ -59,6 +61,7 @@ def with_entry(
     card: MethodCard | None,
     directory: Path,
     scenario_dir: Path,
+    is_sandboxed: bool = False,
 ) -> dict[str, Any]:
     """Return the values of a scenario that an entry flies in place of the scenario's own agents.
 
@@ -69,14 +72,17 @@ def with_entry(
         card: Its card, if it has one.
         directory: Where the entry's relative paths start.
         scenario_dir: Where the scenario's do.
+        is_sandboxed: Whether its program has to be a process in a sandbox.
 
     Raises:
         ScenarioError: there is no room for its robots.
     """
     values = plain_values(scenario)
     first = values["agents"][0]
+    if is_sandboxed:
+        first["sandbox"] = "required"
     first |= {
-        "start": _start(entry, directory),
+        "start": _start(entry, directory) | (_APART if is_sandboxed and entry.start.python is not None else {}),
         "parameters": {**entry.parameters, **entry.parameters_in.get(name, {})},
         "knows": _knows(entry, card),
     }

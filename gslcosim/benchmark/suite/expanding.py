@@ -24,7 +24,7 @@ def cases_of(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
         ScenarioError: two scenarios have one name, or a scenario is not there.
     """
     seen: dict[str, str] = {}
-    for owner, case in _cases(loaded):
+    for owner, case in _cases(loaded, is_sandboxed=False):
         if case.name in seen:
             raise ScenarioError(
                 f"{loaded.shown_path}: scenarios: expected cases with names of their own, was {case.name} twice "
@@ -34,10 +34,11 @@ def cases_of(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
         yield owner, case
 
 
-def _cases(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
-    for inner in loaded.included:
-        yield from _cases(inner)
+def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedSuite, Case]]:
     suite = loaded.suite
+    is_sandboxed = is_sandboxed or suite.sandbox == "required"
+    for inner in loaded.included:
+        yield from _cases(inner, is_sandboxed=is_sandboxed)
     for i, spec in enumerate(suite.scenarios):
         source = _source(spec, loaded)
         name = spec.name or _name_in(source)
@@ -56,6 +57,7 @@ def _cases(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
                     repetitions=suite.repetitions,
                     gas_seeds=suite.gas_seeds or suite.repetitions,
                     no_source_frac=suite.controls.no_source_frac,
+                    is_sandboxed=is_sandboxed,
                     set_in=f"{loaded.shown_path}: scenarios[{i}] {name}",
                 ),
             )

@@ -31,6 +31,11 @@ class LoadedSuite:
     shown_path: str
     included: tuple["LoadedSuite", ...] = ()
 
+    @property
+    def demands_sandbox(self) -> bool:
+        """Whether agents of some of its cases, or of all, are to be flown in a sandbox."""
+        return self.suite.sandbox == "required" or any(inner.demands_sandbox for inner in self.included)
+
 
 def bundled_suites() -> dict[str, Path]:
     """Return the bundled suite files by name."""

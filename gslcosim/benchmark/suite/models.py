@@ -110,6 +110,9 @@ class Suite(Spec):
     `when: places_are_free` leaves out cases in which a vehicle or a source would stand in something solid; otherwise
     they are errors. `gas_seeds` is how many plumes each scenario has, as many as repetitions if absent. `include` takes
     the cases of other suites, and their entries where this one has none. `anchors` are flown beside the entries.
+    `sandbox: required` flies every agent of these cases as a process in a sandbox, Python agents too, wherever the
+    suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
+    trusts.
     """
 
     schema_: Literal["gslcosim/suite/1"] = Field(alias="schema")
@@ -130,6 +133,7 @@ class Suite(Spec):
     controls: ControlsSpec = ControlsSpec()
     record: RecordSpec = RecordSpec()
     limits: LimitsSpec = LimitsSpec()
+    sandbox: Literal["optional", "required"] = "optional"
 
     @property
     def entries_with_anchors(self) -> tuple[EntrySpec, ...]:

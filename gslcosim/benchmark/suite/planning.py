@@ -246,6 +246,7 @@ class _Resolved:
                 card=entry.card,
                 directory=entry.directory,
                 scenario_dir=self.directory,
+                is_sandboxed=self.case.is_sandboxed,
             )
             if is_control:
                 without_gas(values)

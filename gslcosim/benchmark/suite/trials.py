@@ -13,7 +13,8 @@ from gslcosim.scenario import Scenario
 class Case:
     """One scenario of a suite with one combination of what varies; without entry and repetition.
 
-    `varied` holds values by path; `set_in` says, for problems, which file sets them.
+    `varied` holds values by path; `set_in` says, for problems, which file sets them. `is_sandboxed` is whether its
+    suite, or one that includes it, demands a sandbox for agents.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Case:
     repetitions: int
     gas_seeds: int
     no_source_frac: float
+    is_sandboxed: bool
     set_in: str
 
     @property

@@ -105,6 +105,7 @@ def _add_trust(action: Any) -> None:
         _rank,
     )
     rank.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="folders of results of one suite")
+    rank.add_argument("--sandboxed", action="store_true", help="refuse flights whose agents were not in a sandbox")
     rank.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
 
 
@@ -181,6 +182,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
 
     selection = Selection.of(arguments.only, arguments.filter)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
+    _check_here(arguments, plan)
     folder = ResultsFolder(arguments.results or RESULTS_DIR / loaded.suite.name)
     with watched_run(loaded.suite.name, is_quiet=arguments.json) as report:
         run = Run(
@@ -219,12 +221,14 @@ def _report(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     from gslcosim.benchmark.execution.pool import LocalPool
+    from gslcosim.benchmark.execution.sandboxing import check_sandbox
     from gslcosim.benchmark.execution.verifying import Again, record
     from gslcosim.benchmark.store.folder import ResultsFolder
 
     again = Again(ResultsFolder(arguments.results))
     trial = again.trial(arguments.trial)
     expected = again.rows[trial.id]["digest"]
+    check_sandbox(again.plan)
     pool = LocalPool(1, again.plan.loaded.suite.limits)
     try:
         place, digest = record(again, trial, pool)
@@ -254,6 +258,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     trials = again.sample(arguments.sample, seed=arguments.seed)
     if not trials:
         raise UsageError(f"{arguments.results}: expected flights with a result, found none.")
+    _check_here(arguments, again.plan)
     pool = _pool(arguments, again.plan.loaded.suite.limits)
     try:
         with watched_count("verifying", is_quiet=arguments.json) as report:
@@ -271,7 +276,7 @@ def _rank(arguments: argparse.Namespace) -> int:
     from gslcosim.benchmark.merging import merge
     from gslcosim.cli.bench_text import ranking_text
 
-    ranking = merge(arguments.results, arguments.out)
+    ranking = merge(arguments.results, arguments.out, demands_sandbox=arguments.sandboxed)
     if arguments.json:
         write_json({**ranking.leaderboard, "submissions": ranking.submissions, "verified": ranking.verified})
     else:
@@ -287,6 +292,14 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
     with watched_count("planning", is_quiet=is_quiet) as report:
         plan = plan_of(loaded, progress=lambda n: report(n, 0))
     return loaded, plan
+
+
+# A cluster's nodes tell for themselves, flight by flight.
+def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
+    from gslcosim.benchmark.execution.sandboxing import check_sandbox
+
+    if arguments.ray is None:
+        check_sandbox(plan)
 
 
 def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":

@@ -23,7 +23,15 @@ MAX_DEPTH, MAX_ENTRIES, MAX_SCENARIO_BYTES = 4, 5000, 1 << 20
 _NOT_SEARCHED = {".git", ".venv", "venv", "node_modules", "__pycache__", "site-packages", "target"}
 _SCENARIO_FILES = (".yaml", ".yml", ".json")
 # Files with passwords of other processes are none of its business either.
-_IS_TRUTH = re.compile(rb'gslcosim/(scenario|suite|result)/|"password"')
+_IS_TRUTH = re.compile(rb'gslcosim/(scenario|suite|results?|maps|environment)/|"password"')
+# What stands together in the folder of a run, of results of a suite, and of a room with its wind.
+_SIGNS_OF_TRUTH = (
+    ("scenario.yaml", "manifest.json"),
+    ("suite.yaml", "manifest.json"),
+    ("environment.yaml", "occupancy.npy"),
+)
+# Results keep the programs that were flown.
+_PROGRAMS = "agents"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,12 +102,24 @@ def is_bundled(command: Sequence[str]) -> bool:
 
 
 def truth_within(folders: Iterable[Path]) -> list[Path]:
-    """Return the scenarios, suites, results and runs that lie in folders, however they are named.
+    """Return the scenarios, suites, results, runs and rooms that lie in folders, however they are named.
 
     Args:
         folders: They are searched a few levels deep.
     """
     return [found for folder in folders for found in _truth(folder, MAX_DEPTH, [MAX_ENTRIES])]
+
+
+def lies_in_truth(folder: Path) -> bool:
+    """Return whether a folder is, or lies in, that of a run, of results of a suite or of a room.
+
+    Args:
+        folder: The programs that results keep do not count as part of them.
+    """
+    around = [folder.resolve(), *folder.resolve().parents]
+    return any(
+        _holds_run_results_or_room(place) and not folder.resolve().is_relative_to(place / _PROGRAMS) for place in around
+    )
 
 
 def always_hidden() -> list[Path]:
@@ -144,7 +164,7 @@ def _truth(folder: Path, depth: int, left: list[int]) -> Iterator[Path]:
         entries = sorted(folder.iterdir())
     except OSError:
         return
-    if (folder / "scenario.yaml").is_file() and (folder / "manifest.json").is_file():
+    if _holds_run_results_or_room(folder):
         yield folder
         return
     for entry in entries:
@@ -156,6 +176,10 @@ def _truth(folder: Path, depth: int, left: list[int]) -> Iterator[Path]:
                 yield from _truth(entry, depth - 1, left)
         elif entry.suffix in _SCENARIO_FILES and _holds_truth(entry):
             yield entry
+
+
+def _holds_run_results_or_room(folder: Path) -> bool:
+    return any(all((folder / name).is_file() for name in names) for names in _SIGNS_OF_TRUTH)
 
 
 def _holds_truth(path: Path) -> bool:

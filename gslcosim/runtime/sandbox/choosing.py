@@ -47,6 +47,11 @@ def sandboxes_of(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, st
     return {agent.name: _sandbox_of(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents}
 
 
+def is_sandboxed(told: str) -> bool:
+    """Return whether words of `sandboxes_of`, or several of them joined by `; `, are all about sandboxes."""
+    return bool(told) and not any(each.startswith("none") for each in told.split("; "))
+
+
 def sandbox_kind(agent: AgentSpec) -> SandboxKind:
     """Return which sandbox an agent's process is started in.
 
@@ -55,6 +60,13 @@ def sandbox_kind(agent: AgentSpec) -> SandboxKind:
     """
     if agent.sandbox == "auto":
         return strongest_sandbox()
+    if agent.sandbox == "required":
+        if (strongest := strongest_sandbox()) == "none":
+            raise UsageError(
+                f"agents.{agent.name}.sandbox: expected a sandbox on this machine, there is none: "
+                f"{why_there_is_no('bubblewrap')}; {why_there_is_no('landlock')}. Install bubblewrap, or take auto."
+            )
+        return strongest
     if reason := why_there_is_no(agent.sandbox):
         raise UsageError(
             f"agents.{agent.name}.sandbox: expected {agent.sandbox} on this machine, but {reason}. Install it, or take "
@@ -84,7 +96,7 @@ def _check_nothing_is_demanded(agent: AgentSpec) -> None:
         else "Leave out --in-process, or start it with door: stdio."
     )
     wanted = {
-        "sandbox": agent.sandbox if agent.sandbox in ("bubblewrap", "landlock") else "",
+        "sandbox": {"required": "a sandbox", "auto": "", "none": ""}.get(agent.sandbox, agent.sandbox),
         "limits": "bounds" if agent.limits.are_given else "",
     }
     for key, value in wanted.items():

@@ -4,12 +4,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from gslcosim.errors import UsageError
 from gslcosim.runtime.sandbox.cells import (
     NUMBA_VARIABLE,
     SYSTEM,
     AgentCell,
     always_hidden,
     is_bundled,
+    lies_in_truth,
     own_folders,
     python_folders,
     truth_within,
@@ -42,7 +44,7 @@ def confinement_of(
         tcp_port: The port of its door.
 
     Raises:
-        UsageError: the sandbox that the scenario demands does not work here.
+        UsageError: the sandbox that the scenario demands does not work here, or the command names the truth.
     """
     kind = sandbox_kind(agent)
     if kind == "none":
@@ -51,6 +53,12 @@ def confinement_of(
     scratch.mkdir(mode=0o700)
     own = own_folders(command, directory)
     granted = [(directory / Path(path).expanduser()).absolute() for path in agent.may_read]
+    if told := next((folder for folder in own if folder not in granted and lies_in_truth(folder)), None):
+        raise UsageError(
+            f"agents.{agent.name}.start: expected a command that names no file of a run, of results or of an "
+            f"environment, which an agent in a sandbox does not see, was one in {told}. Move the program elsewhere, or "
+            "name the folder in may_read."
+        )
     of_python = python_folders()
     searched = {*own, *granted, directory}.difference(of_python)
     hidden = [*always_hidden(), *truth_within(searched), *_places_of(setup)]

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from gslcosim.scenario.models.spec import Positive, Spec
 
-SandboxChoice = Literal["auto", "bubblewrap", "landlock", "none"]
+SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
 
 
 class AgentLimitsSpec(Spec):

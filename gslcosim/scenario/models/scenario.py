@@ -279,9 +279,10 @@ class AgentSpec(Spec):
     `knows` grants knowledge that sensors do not give.
     `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
     `{latency: N}` N ticks after each observation.
-    `sandbox` is what its process is started in: `auto` is the strongest that the machine has, `bubblewrap` and
-    `landlock` demand one, `none` starts it without. It sees its own folder and no run; `may_read` and `may_write` name
-    more folders. `limits` bounds what it uses.
+    `sandbox` is what its process is started in: `auto` is the strongest that the machine has, `required` the same but
+    an error where that is none or the agent has no process here, `bubblewrap` and `landlock` demand one, `none` starts
+    it without. It sees its own folder and no run; `may_read` and `may_write` name more folders. `limits` bounds what it
+    uses.
     """
 
     name: Name = Field(description="what the agent is called")
@@ -303,7 +304,8 @@ class AgentSpec(Spec):
     )
     knows: KnowledgeSpec = Field(default=KnowledgeSpec(), description="what it is told beyond its sensors")
     sandbox: SandboxChoice = Field(
-        default="auto", description="what its process is started in; auto: the strongest that the machine has"
+        default="auto",
+        description="what its process is started in; auto: the strongest here; required: that, but not none",
     )
     limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="the bounds of what its processes use")
     may_read: tuple[str, ...] = Field(default=(), description="folders that it sees besides its own")

@@ -1,0 +1,148 @@
+"""Suites that demand a sandbox: the same rows as without, no way to the truth, and nobody ranked beside them unseen."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from gslcosim.benchmark import run
+from gslcosim.benchmark.execution import sandboxing
+from gslcosim.benchmark.merging import merge
+from gslcosim.benchmark.store.columns import is_of_the_machine
+from gslcosim.benchmark.suite import load_suite, plan_of
+from gslcosim.cli.main import main
+from gslcosim.errors import UsageError
+from gslcosim.runtime.sandbox.choosing import strongest_sandbox
+
+HOSTILE = Path(__file__).parent / "hostile"
+# Three entries of which one is honest, one a team in one process, and one a thief.
+CASES = """
+schema: gslcosim/suite/1
+name: cases
+scenarios: [{source: tiny_room, set: {referee.stop.time_limit_s: 30}}]
+set: {gas.tape: true}
+anchors: []
+entries:
+  - {name: dung_beetle, start: {python: dung_beetle}}
+  - {name: calling_beetle, start: {python: calling_beetle}, sensors: by_method, robots: 2}
+  - {name: thief, start: {python: thief.py}}
+"""
+REQUIRED = "schema: gslcosim/suite/1\nname: required\ninclude: [cases]\nsandbox: required\n"
+
+pytestmark = pytest.mark.skipif(strongest_sandbox() == "none", reason="this machine has no sandbox")
+
+
+def suites(folder: Path) -> tuple[Path, Path]:
+    """Write a suite, and one that includes it and demands a sandbox."""
+    for name, text in (("cases", CASES), ("required", REQUIRED)):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "suite.yaml").write_text(text.replace("[cases]", "[../cases]"))
+    shutil.copy(HOSTILE / "thief.py", folder / "cases")
+    return folder / "cases" / "suite.yaml", folder / "required" / "suite.yaml"
+
+
+def rows_of(folder: Path) -> dict[str, dict[str, Any]]:
+    return {row["entry"]: row for row in pq.read_table(folder / "trials.parquet").to_pylist()}
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The same cases, flown with Python agents in the worker and with all agents in sandboxes."""
+    root = tmp_path_factory.mktemp("s")
+    for path, name in zip(suites(root / "suites"), ("trusting", "sealed"), strict=True):
+        run(path, root / name, jobs=1)
+    return root / "trusting", root / "sealed"
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+@pytest.mark.tour
+def test_honest_agents_fly_the_same_and_a_thief_finds_nothing(flown: tuple[Path, Path]) -> None:
+    """The columns that say who and where differ; the thief reads the source from its process's memory."""
+    trusting, sealed = (rows_of(folder) for folder in flown)
+    assert {row["status"] for row in (*trusting.values(), *sealed.values())} == {"flown"}
+    for entry in ("dung_beetle", "calling_beetle"):
+        differing = {name for name in trusting[entry] if trusting[entry][name] != sealed[entry][name]}
+        assert {name for name in differing if not is_of_the_machine(name)} == {"trial"}
+    assert {row["sandbox"] for row in trusting.values()} == {"none: in this process"}
+    assert all(row["sandbox"].startswith(strongest_sandbox()) for row in sealed.values())
+    assert trusting["thief"]["success"]
+    assert not sealed["thief"]["success"]
+    assert sealed["thief"]["path_length_m"] < 2.5
+    hashes = [json.loads((folder / "manifest.json").read_text())["suite_hash"] for folder in flown]
+    assert hashes[0] == hashes[1]
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+def test_verify_says_what_agents_were_in_and_refuses_rows_without_the_sandbox_that_is_demanded(
+    flown: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trusting, sealed = flown
+    assert main(["bench", "verify", str(sealed), "--sample", "1", "--jobs", "1", "--seed", "1"]) == 0
+    assert f"Sandbox of agents: 1 {strongest_sandbox()}" in capsys.readouterr().out
+    assert main(["bench", "verify", str(trusting), "--sample", "1", "--jobs", "1"]) == 0
+    assert "1 none: in this process. Agents without one could read the truth" in capsys.readouterr().out
+    changed = tmp_path / "changed"
+    shutil.copytree(trusting, changed)
+    text = (changed / "suite.yaml").read_text()
+    (changed / "suite.yaml").write_text(text.replace("sandbox: optional", "sandbox: required"))
+    assert main(["bench", "verify", str(changed), "--sample", "1", "--jobs", "1"]) == 2
+    told = capsys.readouterr().err
+    assert "expected agents in a sandbox, as the suite demands (sandbox: required), was none: in this process" in told
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+def test_a_ranking_refuses_flights_outside_a_sandbox_where_one_folder_demands_it_or_who_ranks(
+    flown: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without the thief digests are equal, so that only the rows tell."""
+    trusting, sealed = (honest(folder, tmp_path / folder.name) for folder in flown)
+    with pytest.raises(UsageError, match=r"as the suite of .*sealed demands, was none: in this process in 2 of 2"):
+        merge([trusting, sealed])
+    merge([trusting])
+    assert main(["bench", "rank", str(trusting), "--sandboxed"]) == 2
+    assert "as --sandboxed asks, was none: in this process" in capsys.readouterr().err
+    assert main(["bench", "rank", str(sealed), "--sandboxed"]) == 0
+
+
+def honest(folder: Path, to: Path) -> Path:
+    """Copy results without the thief's."""
+    shutil.copytree(folder, to)
+    rows = [row for row in pq.read_table(to / "trials.parquet").to_pylist() if row["entry"] != "thief"]
+    schema = pq.read_schema(to / "trials.parquet")
+    pq.write_table(pa.Table.from_pylist(rows, schema=schema), to / "trials.parquet")
+    return to
+
+
+def test_a_suite_passes_its_demand_on_to_what_it_includes(tmp_path: Path) -> None:
+    """Also through a suite between, and whatever the scenario says; programs of other languages stay as they are."""
+    cases, required = suites(tmp_path)
+    other = "{name: x, start: {command: [sh], door: tcp}}"
+    text = cases.read_text().replace("{name: thief, start: {python: thief.py}}", other)
+    cases.write_text(text.replace("gas.tape: true", "gas.tape: true, 'agents[0].sandbox': none"))
+    (tmp_path / "outer").mkdir()
+    outer = tmp_path / "outer" / "suite.yaml"
+    outer.write_text(REQUIRED.replace("[cases]", "[../required]").replace("sandbox: required\n", ""))
+    for path in (required, outer):
+        plan = plan_of(load_suite(path))
+        agents = [agent for trial in plan.trials for agent in trial.resolved.agents]
+        assert [agent.sandbox for agent in agents] == ["required"] * 4
+        assert [agent.start.door for agent in agents if not agent.start.process_of] == ["stdio", "stdio", "tcp"]
+        assert plan.loaded.demands_sandbox
+    assert {agent.sandbox for trial in plan_of(load_suite(cases)).trials for agent in trial.resolved.agents} == {"none"}
+
+
+def test_a_machine_without_a_sandbox_is_told_before_anything_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, required = suites(tmp_path)
+    monkeypatch.setattr(sandboxing, "strongest_sandbox", lambda: "none")
+    with pytest.raises(UsageError, match="sandbox: expected a machine that has a sandbox for agents"):
+        run(required, tmp_path / "results", jobs=1)
+    assert not (tmp_path / "results").exists()
