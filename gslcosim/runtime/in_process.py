@@ -4,7 +4,7 @@ import os
 import queue
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,19 @@ class InProcessFlight:
     def fly(self, is_interrupted: Callable[[], bool]) -> Outcome:
         """Fly until the verdict, a fault or an interruption."""
         outcome = Outcome()
+        for _ in self.pauses(outcome, is_interrupted):
+            pass
+        return outcome
+
+    def pauses(self, outcome: Outcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
+        """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
+
+        Whoever flies an agent by hand answers in the pause.
+
+        Args:
+            outcome: What the flight has brought in is put into it, in the end.
+            is_interrupted: Is asked again and again whether to go on.
+        """
         started = time.perf_counter()
         flying_since = started
         try:
@@ -95,7 +108,7 @@ class InProcessFlight:
                     self._deliver(sent)
             flying_since = time.perf_counter()
             outcome.start_up_s = flying_since - started
-            self._step_all(is_interrupted, flying_since)
+            yield from self._step_all(is_interrupted, flying_since)
         except Exception as error:  # a fault of any core ends the run with its name
             # The journal of commands is the runtime's own, whoever asked the agent.
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
@@ -113,19 +126,19 @@ class InProcessFlight:
         outcome.account = _account_of(stepper.core for stepper in self._steppers.values())
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
-        return outcome
 
     @property
     def _tick(self) -> int:
         return max(min(stepper.gate.next_tick for stepper in self._steppers.values()) - 1, 0)
 
-    def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> None:
+    def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> Iterator[None]:
         steppers = list(self._steppers.items())
         while self._tick_is_open() and not is_interrupted():
             self._hear_agents()
             for name, stepper in steppers:
                 may_step = stepper.gate.may_step()
                 while not may_step and self._waits_for_agent(stepper) and not is_interrupted():
+                    yield
                     self._wait_for_agent()
                     may_step = stepper.gate.may_step()
                 if is_interrupted():

@@ -1,0 +1,16 @@
+"""What Gymnasium is told of our environments, where it is installed."""
+
+import importlib.util
+
+SEARCH = "gslcosim/Search-v0"
+REMEDY = "pip install 'gslcosim[gym]'"
+
+
+def register_environments() -> None:
+    """Register the environments with Gymnasium, once; do nothing where it is not installed."""
+    if importlib.util.find_spec("gymnasium") is None:
+        return
+    from gymnasium.envs.registration import register, registry
+
+    if SEARCH not in registry:
+        register(id=SEARCH, entry_point="gslcosim.training.search_env:SearchEnv")

@@ -1,0 +1,192 @@
+"""One agent's search as an environment of Gymnasium: the flight of a scenario in this process, step by step."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import UsageError
+from gslcosim.search.learned.acting import ActionKind, action_kind
+from gslcosim.search.learned.observing import ObservationVector
+from gslcosim.training.hand_flight import HandFlight
+from gslcosim.training.learning_task import LearningTask
+from gslcosim.training.map_drawing import MapDrawing
+from gslcosim.training.registration import REMEDY
+from gslcosim.training.rewards import Moment, Reward, Scale, reward_function
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ImportError as error:  # an extra
+    raise UsageError(f"gymnasium: expected the package, found none. Install it with: {REMEDY}") from error
+
+_MOST_SEED = 2**31
+
+
+class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
+    """A scenario with one agent, whose commands are the actions.
+
+    A step lasts from one question to the next: to the end of a leg and its hold with `mode: on_request`, a tick with
+    `mode: lockstep`. It is the flight that `gslcosim up` makes of the same commands, to the bit; `info["digest"]` has
+    the run's digest after the last step.
+
+    Observations are vectors in [-1, 1]; `observation_names` says what each number is. `info` has the referee's figures:
+    `distance_to_source_m`, `path_length_m`, `n_commands`, `time_s`, and after the last step `outcome`, `success` and
+    `digest`. A search that ends at its time limit is truncated; every other end terminates it.
+
+    Args:
+        scenario: A file, or the name of a bundled scenario.
+        overrides: Values to replace, such as `agents[0].mode=lockstep`.
+        action: `waypoint`, `waypoint_3d`, `velocity`, `velocity_3d`, `drive` (vectors in [-1, 1]), or `heading`, one of
+            eight directions, or to hold.
+        step_m: The longest leg [m].
+        speed_m_s: The highest speed of velocities and drives [m/s].
+        hold_s: How long a waypoint is held and a velocity kept [s]; absent: as the scenario says.
+        reward: `sparse`, `potential`, or a function of the moments before and after a step and their scale.
+        discount: Of the shaping of `potential`.
+        render_mode: `rgb_array` for a picture of the map.
+
+    Raises:
+        UsageError: an argument is not one of those, or the scenario has several agents.
+        ScenarioError: the scenario has problems.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - as Gymnasium declares it
+
+    def __init__(
+        self,
+        scenario: str | Path = "warehouse_empty",
+        *,
+        overrides: Sequence[str] = (),
+        action: str = "waypoint",
+        step_m: float = 1.0,
+        speed_m_s: float = 1.0,
+        hold_s: float | None = None,
+        reward: str | Reward = "potential",
+        discount: float = 0.99,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UsageError(f"render_mode: expected rgb_array or None, was {render_mode!r}.")
+        self.render_mode = render_mode
+        self._task = LearningTask(scenario=scenario, overrides=tuple(overrides))
+        self._action_settings = {"step_m": step_m, "speed_m_s": speed_m_s, "hold_s": hold_s}
+        self._action_name = action
+        self._reward = reward_function(reward)
+        self._discount = discount
+        # A first search tells what there is to see; the first reset begins another.
+        search = self._begun(seed=0)
+        search.flight.close()
+        self.observation_names: tuple[str, ...] = search.vector.names
+        self.observation_space = spaces.Box(-1.0, 1.0, (search.vector.size,), np.float32)
+        self.action_space = _space_of(search.actions)
+        self._search: _Search | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin a search; `seed` is the scenario's seed, without which the next is drawn; `options` has no meaning.
+
+        Raises:
+            UsageError: there are options.
+        """
+        if options:
+            raise UsageError(f"reset: options: expected none, was {', '.join(options)}.")
+        super().reset(seed=seed)
+        self.close()
+        drawn = int(self.np_random.integers(_MOST_SEED)) if seed is None else seed % _MOST_SEED
+        search = self._search = self._begun(drawn)
+        return search.seen(), search.info()
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Give a command and fly on until the next is asked for, or to the end; see the class."""
+        search = self._search
+        if search is None or search.flight.is_over:
+            raise UsageError("step: expected a search that goes on, was none. Call reset first.")
+        before = search.moment()
+        search.act(action)
+        after = search.moment()
+        is_truncated = after.outcome == "time_limit"
+        is_terminated = search.flight.is_over and not is_truncated
+        return search.seen(), self._reward(before, after, search.scale), is_terminated, is_truncated, search.info()
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Return the map with the way so far, (height, width, 3); None without `render_mode`."""
+        if self.render_mode != "rgb_array" or self._search is None:
+            return None
+        return self._search.drawing.pixels()
+
+    def close(self) -> None:
+        """End the search that goes on, if one does."""
+        search, self._search = self._search, None
+        if search is not None:
+            search.flight.close()
+
+    def _begun(self, seed: int) -> "_Search":
+        loaded = self._task.loaded(seed)
+        scenario = loaded.scenario
+        if len(scenario.agents) != 1:
+            raise UsageError(
+                f"scenario: expected one agent, was {len(scenario.agents)} in {scenario.name}. "
+                "gslcosim.training.parallel_env is for several."
+            )
+        flight = HandFlight(loaded)
+        briefing = flight.briefing_of(scenario.agents[0].name)
+        sources_m = [source.position_m for source in scenario.gas.sources]
+        return _Search(
+            agent=briefing.agent,
+            flight=flight,
+            vector=ObservationVector(briefing),
+            actions=action_kind(self._action_name, briefing, **self._action_settings),
+            scale=flight.scale(self._discount),
+            drawing=MapDrawing(flight.environment, briefing.search_height_m, sources_m),
+        )
+
+
+@dataclass
+class _Search:
+    """One flight with what turns its messages into numbers, and numbers into commands."""
+
+    agent: str
+    flight: HandFlight
+    vector: ObservationVector
+    actions: ActionKind
+    scale: Scale
+    drawing: MapDrawing
+
+    def act(self, action: Any) -> None:
+        self.flight.answer(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
+        self.flight.go_on()
+
+    def seen(self) -> NDArray[np.float32]:
+        observation = self.flight.seen_by(self.agent)
+        self.drawing.move_to(observation.position_world_m)
+        return self.vector.of(observation)
+
+    def moment(self) -> Moment:
+        score = self.flight.scores[self.agent]
+        return Moment(
+            distance_m=score.distance_to_source_m,
+            time_s=self.flight.seen_by(self.agent).time_s,
+            n_commands=score.n_commands,
+            outcome=self.flight.outcome_of(self.agent),
+        )
+
+    def info(self) -> dict[str, Any]:
+        score = self.flight.scores[self.agent]
+        return {
+            "distance_to_source_m": score.distance_to_source_m,
+            "path_length_m": score.path_length_m,
+            "n_commands": score.n_commands,
+            "time_s": self.flight.seen_by(self.agent).time_s,
+            **self.flight.end_of(self.agent),
+        }
+
+
+def _space_of(actions: ActionKind) -> "spaces.Space[Any]":
+    if actions.n_choices:
+        return spaces.Discrete(actions.n_choices)
+    return spaces.Box(-1.0, 1.0, (actions.n_numbers,), np.float32)
