@@ -1,1 +1,1 @@
-"""What learned methods share: observations as vectors, actions as commands, and policies that numpy alone evaluates."""
+"""What learned methods share: observations as vectors, actions as commands."""
