@@ -9,7 +9,28 @@ from pathlib import Path
 
 from gslcosim._kernel_cache import PACKAGE_DIR, cache_root
 
+# Beside gslcosim's own code, what computes flights.
+COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack")
+# Code that shows flights, or counts over them, decides none.
+_NO_MATTER = (
+    "cli",
+    "benchmark/report",
+    "benchmark/statistics",
+    "benchmark/tuning",
+    "recording",
+    "conformance",
+    "contract/publish",
+)
 _DIGEST_BYTES = 16
+
+
+def deciding_code_hash() -> str:
+    """Return what changes when any code of the package does that decides what comes of a flight."""
+    return code_hash([path for path in sorted(PACKAGE_DIR.rglob("*.py")) if not _is_idle(path)])
+
+
+def _is_idle(path: Path) -> bool:
+    return path.relative_to(PACKAGE_DIR).as_posix().startswith(_NO_MATTER)
 
 
 def package_files(*parts: str) -> list[Path]:

@@ -24,10 +24,16 @@ Answerer = Callable[[bytes], list[bytes]]
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """The router's TLS certificate and its private key, PEM files."""
+    """A TLS certificate and its private key, PEM files: the router's, or that of who joins it.
+
+    The other two are the router's alone. `ca` vouches for it; absent: its certificate vouches for itself.
+    `client_ca` vouches for those who may join; absent: all may who know name and password.
+    """
 
     certificate: Path
     private_key: Path
+    ca: Path | None = None
+    client_ca: Path | None = None
 
 
 class Join(BaseModel):
@@ -36,7 +42,9 @@ class Join(BaseModel):
     `run_dir` is given to services only; agents never learn it. `tls_root_ca` is the PEM text of the certificate that
     vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
     they are several; otherwise it flies the one of its `name`. `is_watched` says that whoever starts the run sees
-    whether the process ends or is stopped, so that nobody has to conclude it from silence.
+    whether the process ends or is stopped, so that nobody has to conclude it from silence. Others are given up after
+    `lease_s` [s] of silence. Where the router lets nobody in without a client certificate, `needs_tls_client` says so,
+    and `tls_client_certificate` and `tls_client_key` are PEM texts that the host that joins has added.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -50,6 +58,10 @@ class Join(BaseModel):
     tls_root_ca: str | None = None
     agents: tuple[str, ...] | None = None
     is_watched: bool = False
+    lease_s: float | None = None
+    needs_tls_client: bool = False
+    tls_client_certificate: str | None = None
+    tls_client_key: str | None = None
 
     @classmethod
     def from_environment(cls) -> "Join":
@@ -68,20 +80,42 @@ class Join(BaseModel):
                 "holds it; it is not set. `gslcosim up` sets it for the processes it starts."
             )
         if not text.lstrip().startswith("{"):
-            text = _wait_for_file(Path(text))
+            text = read_join_file(Path(text), place=JOIN_VARIABLE)
+        return cls.from_text(text, place=JOIN_VARIABLE)
+
+    @classmethod
+    def from_text(cls, text: str, *, place: str) -> "Join":
+        """Return the join data that a JSON text holds.
+
+        Args:
+            text: What `gslcosim up` has written.
+            place: Where it comes from, for errors.
+
+        Raises:
+            UsageError: it is not what it should be.
+        """
         try:
             return cls.model_validate(json.loads(text))
         except (json.JSONDecodeError, ValidationError) as error:
-            raise UsageError(f"{JOIN_VARIABLE}: expected JSON as `gslcosim up` writes it; {error}") from error
+            raise UsageError(f"{place}: expected JSON as `gslcosim up` writes it; {error}") from error
 
 
-def _wait_for_file(path: Path) -> str:
-    deadline = time.monotonic() + JOIN_FILE_WAIT_S
+def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) -> str:
+    """Return what a file with join data holds, which is waited for where it does not exist yet.
+
+    Args:
+        path: The file.
+        place: Who names it, for errors.
+        wait_s: For how long [s].
+
+    Raises:
+        UsageError: there is none within that time.
+    """
+    deadline = time.monotonic() + wait_s
     while not path.exists():
         if time.monotonic() > deadline:
-            raise UsageError(
-                f"{JOIN_VARIABLE}: expected a file within {JOIN_FILE_WAIT_S:g} s, found none.\nFile: {path}"
-            )
+            within = f" within {wait_s:g} s" if wait_s else ""
+            raise UsageError(f"{place}: expected a file{within}, found none.\nFile: {path}")
         time.sleep(0.05)
     text = path.read_text()
     if path.parent == INHERITED_FILES:

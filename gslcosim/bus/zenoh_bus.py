@@ -20,7 +20,8 @@ import zenoh.handlers
 from gslcosim.bus.port import Answerer, Certificate, Handler, Join
 from gslcosim.errors import SimulationFault
 
-# How soon others learn that a member elsewhere hangs without its process having ended [ms].
+# How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not
+# say.
 LEASE_MS = 2500
 # How long members elsewhere put up with a router that is silent, because the supervisor is paused [ms].
 ROUTER_LEASE_MS = 60_000
@@ -74,15 +75,19 @@ class ZenohBus:
         Raises:
             SimulationFault: nothing answers at the endpoint, or name and password are refused.
         """
-        config = session_config(join.namespace, lease_ms=PATIENCE_MS if join.is_watched else LEASE_MS)
-        if join.is_watched:
-            _set_unread_limit(config, PATIENCE_MS)
+        elsewhere_ms = LEASE_MS if join.lease_s is None else round(1000 * join.lease_s)
+        config = session_config(join.namespace, lease_ms=PATIENCE_MS if join.is_watched else elsewhere_ms)
+        if join.is_watched or join.lease_s is not None:
+            _set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
         config.insert_json5("listen/endpoints", "[]")
         if join.tls_root_ca is not None:
-            encoded = base64.b64encode(join.tls_root_ca.encode()).decode()
-            config.insert_json5("transport/link/tls/root_ca_certificate_base64", json.dumps(encoded))
+            _insert_base64(config, "root_ca_certificate_base64", join.tls_root_ca)
+        if join.tls_client_certificate is not None and join.tls_client_key is not None:
+            config.insert_json5("transport/link/tls/enable_mtls", "true")
+            _insert_base64(config, "connect_certificate_base64", join.tls_client_certificate)
+            _insert_base64(config, "connect_private_key_base64", join.tls_client_key)
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
         try:
@@ -90,7 +95,7 @@ class ZenohBus:
         except zenoh.ZError as error:
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
-                f"ended, or user {join.user!r} and its password were refused. ({error})"
+                f"ended, or {_what_is_refused(join)} refused. ({error})"
             ) from error
 
     @classmethod
@@ -103,11 +108,13 @@ class ZenohBus:
         agents: Iterable[AgentUser],
         secrets_dir: Path,
         tls: Certificate | None = None,
+        lease_s: float = 0.0,
     ) -> Self:
         """Open the run's router, with one account for the services and one for each process that flies agents.
 
         It is confined to `agents/<name>/**` of its agents: it may write their commands and their liveliness tokens
         there and read the rest of it; everything else is denied in both directions.
+        Who is cut off keeps its place for `lease_s`, the longest lease of those elsewhere.
 
         Raises:
             SimulationFault: an endpoint cannot be listened on.
@@ -119,12 +126,15 @@ class ZenohBus:
         accounts.write_text("\n".join(lines) + "\n")
         is_local = all(endpoint.startswith("unixsock-stream/") for endpoint in endpoints)
         config = session_config(namespace, lease_ms=PATIENCE_MS if is_local else ROUTER_LEASE_MS)
-        _set_unread_limit(config, UNREAD_LIMIT_MS)
+        _set_unread_limit(config, max(UNREAD_LIMIT_MS, round(1000 * lease_s)))
         config.insert_json5("mode", '"router"')
         config.insert_json5("listen/endpoints", json.dumps(endpoints))
         if tls is not None:
             config.insert_json5("transport/link/tls/listen_certificate", json.dumps(str(tls.certificate)))
             config.insert_json5("transport/link/tls/listen_private_key", json.dumps(str(tls.private_key)))
+            if tls.client_ca is not None:
+                config.insert_json5("transport/link/tls/enable_mtls", "true")
+                config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(str(tls.client_ca)))
         config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_USER))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
@@ -270,6 +280,15 @@ def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.
     config.insert_json5("transport/link/tx/lease", str(lease_ms))
     config.insert_json5("transport/link/tx/keep_alive", "4")
     return config
+
+
+def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:
+    config.insert_json5(f"transport/link/tls/{key}", json.dumps(base64.b64encode(pem.encode()).decode()))
+
+
+def _what_is_refused(join: Join) -> str:
+    account = f"user {join.user!r} and its password"
+    return f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"
 
 
 def _set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:

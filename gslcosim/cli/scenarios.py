@@ -35,7 +35,8 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     from gslcosim.scenario import load_scenario
 
     # Where services are started elsewhere, pictures are drawn there too.
-    draws_here = not getattr(arguments, "no_services", False)
+    named = {name.strip() for words in getattr(arguments, "elsewhere", ()) for name in words.split(",")}
+    draws_here = not named & {"all", "cameras"}
     return load_scenario(
         arguments.scenario,
         overrides=arguments.set,

@@ -67,10 +67,16 @@ def fly(
     began = time.perf_counter()
     scenario = loaded.scenario
     network = network or Network()
-    network.check()
+    services = service_names(scenario)
     dataflow_of(scenario)
     processes = scenario.processes if processes is None else processes
-    groups = groups_of(processes, service_names(scenario))
+    network.check(services, is_one_process=processes == "one")
+    for agent in scenario.agents:
+        if agent.start.attach and agent.start.door == "tcp":
+            network.check_gateway(agent.name)
+    started_here = [name for name in services if not network.is_elsewhere(name)]
+    groups = groups_of(processes, started_here) if started_here else ()
+    groups = (*groups, *((name,) for name in services if network.is_elsewhere(name)))
     sandboxes = sandboxes_of(scenario, is_one_process=processes == "one")
     if repetition is not None:
         environment_dir = repetition.environment_dir

@@ -53,10 +53,9 @@ def test_all_run_the_same_image(services):
     assert {service["image"] for service in services.values()} == {"gslcosim:local"}
 
 
-def test_each_service_runs_its_own_module_with_its_own_join_file(services):
+def test_each_service_joins_with_its_own_join_file(services):
     for name in set(services) - {"supervisor", "agent-beetle"}:
-        assert services[name]["command"] == ["python", "-m", "gslcosim_services", name]
-        assert services[name]["environment"]["GSLCOSIM_JOIN"] == f"/join/services/{name}.json"
+        assert services[name]["command"] == ["gslcosim", "join", "--wait=120", f"/join/services/{name}.json", name]
 
 
 def test_an_agents_container_holds_neither_the_run_nor_the_services_passwords(services):
@@ -66,7 +65,7 @@ def test_an_agents_container_holds_neither_the_run_nor_the_services_passwords(se
 
 def test_the_supervisor_is_told_where_the_others_look(services):
     command = services["supervisor"]["command"]
-    assert {"--join-dir=/join", "--no-services", "--listen=tcp/supervisor:7447"} <= set(command)
+    assert {"--join-dir=/join", "--no-services", "--listen=tcp/supervisor:7447", "--insecure"} <= set(command)
     assert mounts(services["supervisor"]) == {"runs", "cache", "join-services", "join-agents"}
 
 

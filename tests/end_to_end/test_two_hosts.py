@@ -1,79 +1,167 @@
-"""An agent on another host joins over TCP and over TLS; the hosts are network namespaces of this machine."""
+"""Services and agents of another host take part in a run; the hosts are network namespaces of this machine."""
 
 import contextlib
+import json
 import os
 import shutil
-import subprocess
-import sys
+import time
+from pathlib import Path
 
 import pytest
-from flights import ROOT, TINY_ROOM, fly_here, start
+from flights import TINY_ROOM, fly_here, start
+from two_hosts import HERE, Quality, make_certificates, two_hosts, why_not
 
-HERE, THERE = "10.213.7.1", "10.213.7.2"
-AGENT = ROOT / "agents" / "dung_beetle" / "agent.py"
+from gslcosim._kernel_cache import cache_root
+
+ATTACHED = ("--set", "agents[0].start={attach: true}")
+MUTUAL_TLS = (
+    "--tls-certificate=server.pem", "--tls-key=server.key", "--tls-ca=ca.pem", "--tls-client-ca=ca.pem",
+)  # fmt: skip
+BAD = Quality(delay_s=0.1, loss_frac=0.05, reorder_frac=0.05)
 
 
-def ip(*words, check=True):
-    return subprocess.run(["ip", *words], capture_output=True, text=True, check=check)
+@pytest.fixture(scope="module")
+def digest_here(tmp_path_factory):
+    """The digest of the run on one host."""
+    return fly_here(TINY_ROOM, tmp_path_factory.mktemp("alone")).result["digest"]
 
 
 @pytest.fixture
-def hosts():
-    """Two network namespaces with a cable between them and no way out."""
-    if shutil.which("ip") is None or os.geteuid() != 0:
-        pytest.skip("needs root and `ip` (Debian's iproute2) to make network namespaces")
-    names = [f"gslcosim-{os.getpid()}-{side}" for side in "ab"]
-    ends = [f"gs{os.getpid() % 100000}{side}" for side in "ab"]
-    try:
-        for name in names:
-            ip("netns", "add", name)
-        ip("link", "add", ends[0], "netns", names[0], "type", "veth", "peer", "name", ends[1], "netns", names[1])
-        for name, end, address in zip(names, ends, (HERE, THERE), strict=True):
-            ip("-n", name, "address", "add", f"{address}/24", "dev", end)
-            ip("-n", name, "link", "set", end, "up")
-            ip("-n", name, "link", "set", "lo", "up")
-    except subprocess.CalledProcessError as error:
-        for name in names:
-            ip("netns", "delete", name, check=False)
-        pytest.skip(f"network namespaces cannot be made here: {error.stderr.strip()}")
-    yield names
-    for name in names:
-        ip("netns", "delete", name)
+def hosts(request):
+    """Two hosts with a cable between them, or with a wire of the quality that the test is given."""
+    quality = getattr(request, "param", None)
+    if reason := why_not(needs_wire=quality is not None):
+        pytest.skip(reason)
+    with two_hosts(quality) as both:
+        yield both
 
 
-def certificate_of(address, folder):
+@pytest.fixture
+def there(hosts, tmp_path):
+    """Start `gslcosim join` on the second host, which has nothing but the join file and its own empty disks."""
+    started = []
+    disk, runs = tmp_path / "there", tmp_path / "runs"
+    disk.mkdir()
+    runs.mkdir()
+
+    def join(*words, **variables):
+        hidden = (runs, cache_root() / "environments")
+        elsewhere = {"GSLCOSIM_CACHE": str(disk / "cache"), "NUMBA_CACHE_DIR": os.environ["NUMBA_CACHE_DIR"]}
+        process = hosts.start_there("join", *words, cwd=disk, hidden=hidden, **elsewhere, **variables)
+        started.append(process)
+        return process
+
+    yield join
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def fly(hosts, tmp_path, *options):
+    return start(TINY_ROOM, tmp_path / "runs", f"--join-dir={tmp_path / 'join'}", *options, prefix=hosts.run_here)
+
+
+def certificates(folder):
     if shutil.which("openssl") is None:
-        pytest.skip("needs openssl to make a certificate")
-    call = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
-    call += ["-days", "2", "-keyout", "key.pem", "-out", "certificate.pem", "-subj", "/CN=supervisor"]
-    call += ["-addext", f"subjectAltName=IP:{address}", "-addext", "basicConstraints=critical,CA:FALSE"]
-    subprocess.run(call, cwd=folder, check=True, capture_output=True)
-    return ["--tls-certificate", str(folder / "certificate.pem"), "--tls-key", str(folder / "key.pem")]
+        pytest.skip("needs openssl to make certificates")
+    make_certificates(folder)
+
+
+def with_paths(options, folder):
+    return [option.replace("=", f"={folder}/") for option in options]
+
+
+@pytest.mark.tour
+def test_services_on_another_host_need_the_join_file_and_a_certificate_only(hosts, there, tmp_path, digest_here):
+    """The room is fetched, the digest is that of one host; who has no certificate is not let in."""
+    certificates(tmp_path)
+    flight = fly(
+        hosts, tmp_path, "--elsewhere=fields,sensing", f"--listen=tls/{HERE}:7447", *with_paths(MUTUAL_TLS, tmp_path)
+    )
+    file = tmp_path / "join" / "services" / "fields.json"
+    flight.wait_for(file.exists)
+    stranger = there(file, "fields")
+    assert "--tls-certificate and --tls-key" in stranger.communicate(timeout=60)[1]
+    assert stranger.returncode == 2
+    client = (f"--tls-certificate={tmp_path}/client.pem", f"--tls-key={tmp_path}/client.key")
+    joined = there(file, "fields", "sensing", "--json", *client)
+    ended = flight.end()
+    output, errors = joined.communicate(timeout=30)
+    assert joined.returncode == 0, errors
+    assert ended.result.get("valid") is True, ended.errors
+    assert ended.result["digest"] == digest_here
+    part = json.loads(output)
+    assert (part["services"], part["is_whole"], part["recording"]) == (["fields", "sensing"], True, None)
+    assert Path(part["run_dir"]).is_relative_to("runs")
+    assert list((tmp_path / "there" / "cache" / "environments").glob("*/wind.npy"))
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
-def test_an_agent_on_another_host_flies_the_same_run(hosts, tmp_path, protocol):
-    """The digest is that of a run on one host; nothing but the join file goes from one to the other."""
-    here, there = hosts
-    options = [f"--listen={protocol}/{HERE}:7447", f"--join-dir={tmp_path / 'join'}"]
-    options += certificate_of(HERE, tmp_path) if protocol == "tls" else []
-    join_file = tmp_path / "join" / "agents" / "beetle.json"
-    agent = subprocess.Popen(
-        ["ip", "netns", "exec", there, sys.executable, str(AGENT)],
-        env={**os.environ, "GSLCOSIM_JOIN": str(join_file)},
-    )
-    with contextlib.ExitStack() as cleanup:
-        cleanup.callback(agent.wait)
-        cleanup.callback(agent.kill)
-        flight = start(
-            TINY_ROOM,
-            tmp_path / "runs",
-            *options,
-            "--set",
-            "agents[0].start={attach: true}",
-            prefix=("ip", "netns", "exec", here),
-        )
-        ended = flight.end()
-        assert ended.result.get("valid") is True, ended.errors
-        assert agent.wait(timeout=15) == 0
-    assert ended.result["digest"] == fly_here(TINY_ROOM, tmp_path / "alone").result["digest"]
+def test_an_agent_on_another_host_flies_the_same_run(hosts, there, tmp_path, digest_here, protocol):
+    """Nothing but the join file goes from one to the other, which the agent's host waits for."""
+    options = ["--insecure"]
+    if protocol == "tls":
+        certificates(tmp_path)
+        options = with_paths(MUTUAL_TLS[:3], tmp_path)
+    agent = there("--wait=60", tmp_path / "join" / "agents" / "beetle.json", "agent", "dung_beetle")
+    ended = fly(hosts, tmp_path, f"--listen={protocol}/{HERE}:7447", *options, *ATTACHED).end()
+    assert ended.result.get("valid") is True, ended.errors
+    _, errors = agent.communicate(timeout=30)
+    assert agent.returncode == 0, errors
+    assert ended.result["digest"] == digest_here
+
+
+@pytest.mark.parametrize("hosts", [BAD], indirect=True)
+def test_a_bad_link_that_is_cut_for_three_seconds_changes_nothing_but_the_time(hosts, there, tmp_path, digest_here):
+    """100 ms each way, 5 % of the packets lost and 5 % out of order, and nothing at all for 3 s in flight."""
+    flight = fly(hosts, tmp_path, "--elsewhere=fields,sensing", f"--listen=tcp/{HERE}:7447", "--insecure")
+    file = tmp_path / "join" / "services" / "fields.json"
+    joined = there("--wait=60", file, "fields", "sensing")
+    flight.wait_until_flying()
+    hosts.wire.cut(3.0)
+    ended = flight.end()
+    _, errors = joined.communicate(timeout=60)
+    assert ended.result.get("valid") is True, ended.errors
+    assert ended.result["digest"] == digest_here
+    assert joined.returncode == 0, errors
+
+
+@pytest.mark.parametrize("hosts", [Quality(delay_s=0.02)], indirect=True)
+def test_a_host_that_vanishes_is_named_within_its_lease(hosts, there, tmp_path):
+    """The link is cut for good: the run ends with the service's name, and the other host notices too."""
+    lease_s = 2.0
+    options = ("--elsewhere=fields", f"--listen=tcp/{HERE}:7447", "--insecure", f"--lease-s={lease_s}")
+    flight = fly(hosts, tmp_path, *options)
+    there("--wait=60", tmp_path / "join" / "services" / "fields.json")
+    flight.wait_until_flying()
+    hosts.wire.cut()
+    cut_at_s = time.monotonic()
+    ended = flight.end()
+    assert time.monotonic() - cut_at_s < lease_s + 5.0
+    assert ended.exit_code == 3
+    fault = ended.result["faults"][0]
+    assert fault["participant"] == "fields"
+    assert "contact was lost" in fault["text"]
+
+
+def test_what_the_run_does_not_await_is_refused_and_ctrl_c_names_the_host(hosts, there, tmp_path):
+    flight = fly(hosts, tmp_path, "--elsewhere=fields", f"--listen=tcp/{HERE}:7447", "--insecure")
+    file = tmp_path / "join" / "services" / "fields.json"
+    flight.wait_for(file.exists)
+    wrong = there(file, "world")
+    assert "awaits from elsewhere (fields), was 'world'" in wrong.communicate(timeout=60)[1]
+    assert wrong.returncode == 2
+    right = there(file)
+    lines = []
+    while not lines or "ready" not in lines[-1]:
+        lines.append(right.stderr.readline())
+        assert lines[-1], lines
+    with contextlib.suppress(ProcessLookupError):
+        right.terminate()
+    ended = flight.end()
+    right.communicate(timeout=30)
+    assert right.returncode == 130
+    assert ended.exit_code == 3
+    assert ended.result["faults"][0]["participant"] == "fields"
+    assert "was ended on" in ended.result["faults"][0]["text"]

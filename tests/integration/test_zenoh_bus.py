@@ -151,3 +151,25 @@ def test_the_end_of_a_member_is_seen(net):
     assert states.get(timeout=PATIENCE_S) == ("alive/fields", False)
     router.close()
     assert lost.wait(PATIENCE_S)
+
+
+def test_what_the_routers_own_session_answers_is_for_services_alone(net):
+    """Other hosts ask it for scenario and room: an agent that asks hears nothing."""
+    router, join = net
+    service, agent = join("service", "s"), join("agent_a", "of a")
+    router.answer("rpc/run/offer", lambda question: [b"the scenario"])
+    of_agent, of_service = queue.Queue(), queue.Queue()
+    for _ in range(50):  # until the route is there
+        agent.ask("rpc/run/offer", b"", lambda _, payload: of_agent.put(payload))
+        service.ask("rpc/run/offer", b"", lambda _, payload: of_service.put(payload))
+        try:
+            assert of_service.get(timeout=0.2) == b"the scenario"
+            break
+        except queue.Empty:
+            continue
+    else:
+        pytest.fail("the service has heard nothing")
+    settle(router, agent)
+    agent.ask("rpc/run/offer", b"", lambda _, payload: of_agent.put(payload))
+    settle(router, agent)
+    assert of_agent.empty()

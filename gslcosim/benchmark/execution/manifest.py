@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import gslcosim
+from gslcosim._code_identity import COMPUTING_PACKAGES
 from gslcosim.benchmark.store.folder import RESULTS_SCHEMA
-from gslcosim.benchmark.suite.identity import PACKAGES
 from gslcosim.benchmark.suite.models import LOWER_ANCHOR, UPPER_ANCHOR
 from gslcosim.benchmark.suite.planning import Plan
 
@@ -44,7 +44,7 @@ def manifest_of(
         "versions": {
             "gslcosim": gslcosim.__version__,
             "python": sys.version.split()[0],
-            **{name: version(name) for name in PACKAGES},
+            **{name: version(name) for name in COMPUTING_PACKAGES},
         },
         "machine": _machine(sessions),
         "entries": [

@@ -8,25 +8,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gslcosim._code_identity import code_hash
-from gslcosim._kernel_cache import PACKAGE_DIR
+from gslcosim._code_identity import COMPUTING_PACKAGES, deciding_code_hash
 from gslcosim.benchmark.suite.equipping import files_named, program_of
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.methods.card import CARD_FILE
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.dumping import plain_values
 
-PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack")
-# Code that shows flights, or counts over them, decides none.
-_NO_MATTER = (
-    "cli",
-    "benchmark/report",
-    "benchmark/statistics",
-    "benchmark/tuning",
-    "recording",
-    "conformance",
-    "contract/publish",
-)
 _HEAD_BYTES = 65_536
 _DIGITS = 24
 
@@ -35,15 +23,10 @@ _DIGITS = 24
 def software_hash() -> str:
     """Return what the package's own code and the packages that it computes with are."""
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
-    paths = [path for path in sorted(PACKAGE_DIR.rglob("*.py")) if not _is_idle(path)]
-    digest.update(code_hash(paths).encode())
+    digest.update(deciding_code_hash().encode())
     python = ".".join(str(part) for part in sys.version_info[:2])
-    digest.update(json.dumps([python, *((name, version(name)) for name in PACKAGES)]).encode())
+    digest.update(json.dumps([python, *((name, version(name)) for name in COMPUTING_PACKAGES)]).encode())
     return digest.hexdigest()
-
-
-def _is_idle(path: Path) -> bool:
-    return path.relative_to(PACKAGE_DIR).as_posix().startswith(_NO_MATTER)
 
 
 def agent_hash(entry: EntrySpec, directory: Path) -> str:

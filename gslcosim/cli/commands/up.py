@@ -14,12 +14,14 @@ from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
     from gslcosim.bus.port import Certificate
+    from gslcosim.runtime.joining import Network
     from gslcosim.runtime.over_bus.forks import ForkServer
 
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
   gslcosim up warehouse_empty --live
+  gslcosim up warehouse_empty --elsewhere fields --listen tcp/127.0.0.1:7447
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
 
 
@@ -41,12 +43,26 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="ENDPOINT",
-        help="let processes on other hosts join here, as often as needed, for example tcp/0.0.0.0:7447",
+        help="let processes on other hosts join here, as often as needed, for example tls/0.0.0.0:7447",
+    )
+    parser.add_argument(
+        "--insecure",
+        action="store_true",
+        help="listen beyond this machine without TLS: whoever is on the way can read and change the run",
+    )
+    parser.add_argument(
+        "--elsewhere",
+        action="append",
+        default=[],
+        metavar="SERVICE,…",
+        help="do not start these services: gslcosim join starts them on another host; all for all of them",
     )
     parser.add_argument(
         "--no-services",
-        action="store_true",
-        help="do not start the services: they are started elsewhere and join, as in compose.yaml",
+        action="append_const",
+        const="all",
+        dest="elsewhere",
+        help="the same as --elsewhere all, as in compose.yaml",
     )
     parser.add_argument(
         "--join-dir",
@@ -58,6 +74,22 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tls-certificate", type=Path, metavar="FILE", help="PEM certificate for endpoints that begin with tls/"
     )
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="PEM private key of the certificate")
+    parser.add_argument(
+        "--tls-ca", type=Path, metavar="FILE", help="PEM certificate that vouches for it (default: itself)"
+    )
+    parser.add_argument(
+        "--tls-client-ca",
+        type=Path,
+        metavar="FILE",
+        help="let nobody in by tls/ without a certificate for which this PEM certificate vouches",
+    )
+    parser.add_argument(
+        "--lease-s",
+        type=float,
+        default=None,
+        metavar="S",
+        help="give up processes on other hosts after so many seconds without a sign of life (default: 10)",
+    )
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -65,7 +97,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.over_bus.forks import ForkServer
 
-    is_forking = arguments.processes != "one" and not arguments.no_services and ForkServer.is_possible()
+    is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
     # First of all: it imports what services need while the scenario is read and checked.
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
         return _fly(arguments, fork_server)
@@ -76,14 +108,8 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
 
     from gslcosim.cli.flight_report import summary, watched_flight
     from gslcosim.runtime.flight import fly
-    from gslcosim.runtime.joining import Network
 
-    network = Network(
-        listen=tuple(arguments.listen),
-        starts_services=not arguments.no_services,
-        join_dir=arguments.join_dir,
-        tls=_certificate(arguments),
-    )
+    network = _network(arguments)
     title = f"{loaded.name}, seed {loaded.scenario.seed}"
     with live_flight(arguments.live, loaded.scenario) as live:
         with watched_flight(title, is_quiet=arguments.quiet or arguments.json) as report:
@@ -107,14 +133,35 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
     return flight.exit_code
 
 
+def _network(arguments: argparse.Namespace) -> "Network":
+    from gslcosim.runtime.joining import LEASE_S, Network
+
+    named = [name.strip() for words in arguments.elsewhere for name in words.split(",")]
+    return Network(
+        listen=tuple(arguments.listen),
+        elsewhere=tuple(dict.fromkeys(named)),
+        join_dir=arguments.join_dir,
+        tls=_certificate(arguments),
+        lease_s=LEASE_S if arguments.lease_s is None else arguments.lease_s,
+        is_insecure=arguments.insecure,
+    )
+
+
 def _certificate(arguments: argparse.Namespace) -> "Certificate | None":
     from gslcosim.bus.port import Certificate
 
     if arguments.tls_certificate is None and arguments.tls_key is None:
+        if arguments.tls_ca is not None or arguments.tls_client_ca is not None:
+            raise UsageError("expected --tls-certificate and --tls-key with --tls-ca or --tls-client-ca, found none.")
         return None
     if arguments.tls_certificate is None or arguments.tls_key is None:
         raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
-    return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key)
+    return Certificate(
+        certificate=arguments.tls_certificate,
+        private_key=arguments.tls_key,
+        ca=arguments.tls_ca,
+        client_ca=arguments.tls_client_ca,
+    )
 
 
 COMMAND = Command(

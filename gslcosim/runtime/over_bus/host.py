@@ -68,6 +68,7 @@ class Host:
         self._is_started = False
         self._is_dismissed = False
         self._has_end = False
+        self._has_said_goodbye = False
 
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready (last)."""
@@ -113,6 +114,21 @@ class Host:
         except Exception as error:
             self._report(error)
             raise
+
+    @property
+    def last_tick(self) -> int:
+        """The last tick that all its participants have finished, -1 before the first."""
+        return min(hosted.last_tick for hosted in self._hosted)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all its participants have come to the end of the run."""
+        return self._has_end and all(hosted.gate.is_finished for hosted in self._hosted)
+
+    @property
+    def n_resends(self) -> int:
+        """How many messages it had to ask for again."""
+        return self._timing.n_resends
 
     @property
     def _are_finished(self) -> bool:
@@ -209,6 +225,7 @@ class Host:
         while not self._is_dismissed:
             for hosted in self._hosted:
                 hosted.say_goodbye()
+            self._has_said_goodbye = True
             resend_at = time.monotonic() + BYE_EVERY_S
             while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
                 try:
@@ -249,6 +266,10 @@ class Host:
         self._has_end = True
 
     def _on_lost_link(self) -> None:
+        if self._has_said_goodbye:
+            # On a bad link the last word may come too late; nobody needs us any more.
+            self._set_dismissed()
+            return
         raise RunTimeoutError(
             f"{self._acting.name}: the link to the run's router was lost; the supervisor may have ended."
         )

@@ -7,11 +7,12 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from gslcosim.errors import MachineError, SimulationFault, UsageError
+from gslcosim.errors import MachineError, SimulationFault
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.grouping import Group, process_name
+from gslcosim.runtime.hosts.offering import Offering
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
@@ -45,12 +46,7 @@ def fly_over_bus(
         report: Is told how the flight goes.
         groups: The services of each process.
         fork_server: Forks the services, if there is one already.
-
-    Raises:
-        UsageError: services that are started elsewhere are to share processes.
     """
-    if not network.starts_services and any(len(group) > 1 for group in groups):
-        raise UsageError("--no-services: expected --processes separate with it; each service is started elsewhere.")
     keep_memory_private()
     outcome = Outcome()
     began = time.perf_counter()
@@ -74,15 +70,20 @@ def fly_over_bus(
         socket_dir = stack.enter_context(ScratchFolder()).path
         stack.callback(guests.close)
         interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
-        if fork_server is None and network.starts_services and ForkServer.is_possible():
+        starts_services = not all(network.is_elsewhere(group[0]) for group in groups)
+        if fork_server is None and starts_services and ForkServer.is_possible():
             fork_server = stack.enter_context(ForkServer())
         children = stack.enter_context(Children(on_exit))
         stack.enter_context(ProcessWatch(lambda: _pids(children, fork_server), on_stopped))
         router = RunRouter(setup.run_dir, network, socket_dir, crews)
         bus = stack.enter_context(router.open())
         supervisor = Supervisor(setup, bus, guests, notices, report, groups)
+        expected = [group[0] for group in groups if network.is_elsewhere(group[0])]
+        offering = Offering(setup, expected) if expected else None
         try:
             supervisor.listen()
+            if offering is not None:
+                offering.answer_on(bus)
             _start(setup, network, router, children, groups, fork_server)
             _start_agents(setup, directory, network, router, children, tuple(crews), socket_dir)
             guests.start(children, socket_dir)
@@ -99,6 +100,8 @@ def fly_over_bus(
             fork_server.wake()
         # Before its start nobody has anything to finish, and who has not joined yet hears nothing.
         children.wait(EXIT_LIMIT_S if supervisor.has_begun else 0.0)
+        if offering is not None:
+            offering.wait_until_gone(EXIT_LIMIT_S)
         supervisor.complete(outcome)
     return outcome
 
@@ -127,8 +130,9 @@ def _start(
     # The last has most to import.
     for group in reversed(groups):
         name = process_name(group)
-        join = router.join_of_service(name, is_watched=network.starts_services and can_see_stops())
-        if not network.starts_services:
+        is_elsewhere = network.is_elsewhere(group[0])
+        join = router.join_of_service(name, is_watched=not is_elsewhere and can_see_stops())
+        if is_elsewhere:
             network.write_join("services", join, run_dir.path)
         elif fork_server is not None:
             try:

@@ -46,6 +46,7 @@ class RunRouter:
             agents=self._accounts.values(),
             secrets_dir=self._socket_dir,
             tls=self._network.tls,
+            lease_s=self._network.lease_s,
         )
 
     def join_of_service(self, name: str, *, is_watched: bool) -> Join:

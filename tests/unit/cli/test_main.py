@@ -32,10 +32,10 @@ def options_of(name):
         (["vladiate", "x"], f"gslcosim: expected one of the commands {ALL}, was "
          "'vladiate'. Did you mean validate?"),
         (["fly"], f"gslcosim: expected one of the commands {ALL}, was 'fly'."),
-        (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --help, --in-process, --join-dir, "
-         "--json, "
+        (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
+         "--insecure, --join-dir, --json, --lease-s, "
          "--listen, --live, --no-services, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
-         "--tls-certificate, --tls-key, "
+         "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, "
          "was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),
         (["up"], "gslcosim up: the following arguments are required: SCENARIO. See gslcosim up --help."),

@@ -55,7 +55,7 @@ def test_the_table_of_the_architecture_has_each_service():
 
 
 def test_compose_starts_services_of_the_list_only():
-    started = re.findall(r"gslcosim_services, (\w+)\]", (ROOT / "compose.yaml").read_text())
+    started = re.findall(r"/join/services/\w+\.json, (\w+)\]", (ROOT / "compose.yaml").read_text())
     assert started == list(service_names(load_scenario("warehouse_empty").scenario))
 
 

@@ -60,8 +60,19 @@ def test_other_hosts_are_let_in_as_the_options_say(flight, tmp_path):
     options = ["--listen", "tcp/0.0.0.0:1", "--listen", "tcp/0.0.0.0:2", "--no-services", "--join-dir", str(tmp_path)]
     assert main(["up", "tiny_room", *options]) == 0
     assert flight["network"].listen == ("tcp/0.0.0.0:1", "tcp/0.0.0.0:2")
-    assert flight["network"].starts_services is False
+    assert flight["network"].elsewhere == ("all",)
     assert flight["network"].join_dir == tmp_path
+
+
+def test_services_elsewhere_are_named_in_one_word_or_several(flight):
+    assert main(["up", "tiny_room", "--elsewhere", "fields,sensing", "--elsewhere", "referee", "--lease-s", "30"]) == 0
+    assert flight["network"].elsewhere == ("fields", "sensing", "referee")
+    assert flight["network"].lease_s == 30
+
+
+def test_a_certificate_of_clients_alone_is_refused(flight, capsys):
+    assert main(["up", "tiny_room", "--tls-client-ca", "ca.pem"]) == 2
+    assert "--tls-certificate and --tls-key" in capsys.readouterr().err
 
 
 def test_a_pipe_gets_a_line_for_each_state_and_the_figures_at_the_end(flight, capsys, tmp_path):

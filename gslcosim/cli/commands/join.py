@@ -1,0 +1,119 @@
+"""`gslcosim join`: take part in a run that is flown on another host."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.bus.port import Certificate
+    from gslcosim.runtime.hosts.join_files import JoinFile
+    from gslcosim.runtime.hosts.taking_part import PartTaken
+
+EXAMPLES = """  gslcosim join join/services/fields.json
+  gslcosim join join/services/fields.json fields sensing --tls-certificate client.pem --tls-key client.key
+  gslcosim join join/agents/beetle.json agent dung_beetle
+  gslcosim join join/agents/beetle.json agent -- ./my_agent --fast"""
+AGENT = "agent"
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, metavar="JOIN_FILE", help="the join file that gslcosim up has written")
+    parser.add_argument(
+        "what",
+        nargs="*",
+        metavar="SERVICE",
+        help="services to run, in this one process (default: that of the file); or the word agent and a bundled "
+        "agent, a file of Python or a command line",
+    )
+    parser.add_argument(
+        "--wait", type=float, default=0.0, metavar="S", help="wait so many seconds for the join file (default: 0)"
+    )
+    parser.add_argument(
+        "--endpoint",
+        metavar="ENDPOINT",
+        help="where the run is reached from here, if not where the join file says, for example tls/10.0.0.7:7447",
+    )
+    parser.add_argument("--tls-certificate", type=Path, metavar="FILE", help="PEM certificate of this host")
+    parser.add_argument("--tls-key", type=Path, metavar="FILE", help="PEM private key of the certificate")
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.runtime.hosts.join_files import JoinFile
+
+    joined = JoinFile.read(
+        arguments.file, wait_s=arguments.wait, endpoint=arguments.endpoint, client=_client_certificate(arguments)
+    )
+    say = _say_nothing if arguments.quiet or arguments.json else write_note
+    if arguments.what[:1] == [AGENT]:
+        return _fly_agent(joined, arguments.what[1:], arguments, say)
+    if joined.join is None or joined.is_of_agent:
+        raise UsageError(f"{joined.path}: expected a service's join file, or agent and its program after this agent's.")
+
+    from gslcosim.runtime.hosts.taking_part import serve_from_here
+
+    names = arguments.what or [joined.name]
+    part = serve_from_here(joined.join, names, runs_dir=arguments.runs_dir, say=say)
+    if arguments.json:
+        recording = part.recording and str(part.recording)
+        write_json({**asdict(part), "run_dir": str(part.run_dir), "recording": recording})
+    elif not arguments.quiet:
+        write(_told(part))
+    if not part.is_whole:
+        write_note(f"{part.run_id}: ended before its verdict; gslcosim up on the run's host says why.")
+        return ExitCode.FAULT
+    return ExitCode.SUCCESS
+
+
+def _fly_agent(joined: "JoinFile", words: list[str], arguments: argparse.Namespace, say: Callable[[str], None]) -> int:
+    from gslcosim.runtime.hosts.agents_from_here import agent_command, fly_agent_from_here
+
+    if not joined.is_of_agent:
+        raise UsageError(f"{joined.path}: expected the join file of an agent, was that of service {joined.name}.")
+    fly_agent_from_here(joined, agent_command(words), say=say)
+    if arguments.json:
+        write_json({"agent": joined.name, "exit_code": 0})
+    return ExitCode.SUCCESS
+
+
+def _told(part: "PartTaken") -> str:
+    end = "to its end" if part.is_whole else "not to its end"
+    lines = [f"Took part as {', '.join(part.services)} up to tick {part.last_tick}, {end}."]
+    if part.n_resends:
+        lines.append(f"resends    {part.n_resends} messages had to be asked for again")
+    lines.append(f"run        {part.run_dir}")
+    if part.recording is not None:
+        lines += [f"recording  {part.recording}", f"open it    gslcosim view {part.run_dir}"]
+    return "\n".join(lines)
+
+
+def _client_certificate(arguments: argparse.Namespace) -> "Certificate | None":
+    from gslcosim.bus.port import Certificate
+
+    if arguments.tls_certificate is None and arguments.tls_key is None:
+        return None
+    if arguments.tls_certificate is None or arguments.tls_key is None:
+        raise UsageError("expected --tls-certificate and --tls-key together, found one of them.")
+    return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key)
+
+
+def _say_nothing(text: str) -> None:
+    del text
+
+
+COMMAND = Command(
+    name="join",
+    summary="take part in a run that is flown on another host: as some of its services, or as an agent",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,72 @@
+"""Flying the agent of a run that is flown on another host."""
+
+import os
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE
+from gslcosim.errors import SimulationFault, UsageError
+from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.agents.starting import find_python_agent
+from gslcosim.runtime.hosts.fetching import Say
+from gslcosim.runtime.hosts.join_files import JoinFile
+from gslcosim.runtime.interruption import Interruption
+from gslcosim.runtime.processes import OUR_VARIABLES, check_program, ending_with_parent, exit_text, python_command
+from gslcosim.runtime.sandbox.launching import file_of
+
+
+def agent_command(words: Sequence[str]) -> list[str]:
+    """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is.
+
+    Raises:
+        UsageError: there are no words, or it cannot be started.
+    """
+    if not words:
+        raise UsageError("gslcosim join: expected a program after agent, found none. For example agent dung_beetle.")
+    is_python = len(words) == 1 and (words[0].endswith(".py") or "/" not in words[0])
+    if is_python:
+        try:
+            return python_command(str(find_python_agent(words[0], Path.cwd())))
+        except UsageError:
+            if words[0].endswith(".py"):
+                raise
+    check_program("agent", words, None)
+    return list(words)
+
+
+def fly_agent_from_here(joined: JoinFile, command: Sequence[str], *, say: Say) -> None:
+    """Start an agent's program with its join data, and return when it has ended well; Ctrl-C ends it.
+
+    It is not in a sandbox: this host has nothing of the run but what the agent may know.
+
+    Args:
+        joined: The agent's join file.
+        command: Its command line.
+        say: Is told how it goes.
+
+    Raises:
+        SimulationFault: it has ended otherwise.
+        KeyboardInterrupt: a signal has ended it.
+    """
+    variables = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
+    keep: tuple[int, ...] = ()
+    if joined.join is None:
+        variables |= {GATEWAY_VARIABLE: joined.fields["gateway"], TOKEN_VARIABLE: joined.fields["token"]}
+        variables |= {"GSLCOSIM_AGENT": ",".join(joined.fields.get("agents", [joined.name]))}
+    else:
+        text = joined.join.model_dump_json(exclude_none=True)
+        inherited = file_of(text) if INHERITED_FILES.is_dir() else None
+        keep = () if inherited is None else (inherited,)
+        variables |= {JOIN_VARIABLE: text if inherited is None else str(INHERITED_FILES / str(inherited))}
+    process = subprocess.Popen([*ending_with_parent(), *command], env=variables, pass_fds=keep)
+    for descriptor in keep:
+        os.close(descriptor)
+    say(f"agent {joined.name}: started (process {process.pid})")
+    with Interruption(process.terminate) as interruption:
+        code = process.wait()
+    if interruption.is_set():
+        raise KeyboardInterrupt
+    if code != 0:
+        raise SimulationFault(f"agent {joined.name}: the program {exit_text(code)}.")
+    say(f"agent {joined.name}: has ended with the run")

@@ -1,0 +1,105 @@
+"""What the host that flies a run offers to others: its scenario, what it computes with, and its room, in pieces."""
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from gslcosim.bus.port import Bus
+from gslcosim.environment.store import HEADER_FILE, MESHES_FILE, OCCUPANCY_FILE, WIND_FILE
+from gslcosim.errors import ContractError
+from gslcosim.runtime.hosts.software import Software
+from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.setup import Setup
+
+OFFER_KEY = "rpc/run/offer"
+PIECE_KEY = "rpc/run/piece"
+PIECE_BYTES = 1 << 18
+ROOM_FILES = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
+
+
+class RunOffer(control.Control):
+    """What another host is told of a run before it takes part.
+
+    `scenario` is the YAML text as resolved; `room_files` are the files of the environment's folder with their sizes
+    [bytes]; `expected` are the services that are started elsewhere, `present` those of them that have come.
+    """
+
+    run_id: str
+    scenario: str
+    environment_dir: str
+    environment_hash: str
+    room_files: dict[str, int]
+    expected: list[str]
+    present: list[str]
+    software: Software
+
+
+class PieceRequest(control.Control):
+    """Ask for a piece of a file of the room."""
+
+    file: str
+    offset: int
+
+
+class Offering:
+    """Answers other hosts, on threads of the bus.
+
+    Args:
+        setup: The run.
+        expected: The services that are started elsewhere.
+    """
+
+    def __init__(self, setup: Setup, expected: Sequence[str]) -> None:
+        self._setup = setup
+        self._expected = expected
+        self._present: frozenset[str] = frozenset()
+        self._changed = threading.Condition()
+        self._software = Software.here()
+        folder = setup.environment_dir
+        self._files = {name: folder / name for name in ROOM_FILES if (folder / name).is_file()}
+
+    def answer_on(self, bus: Bus) -> None:
+        """Answer from now on."""
+        bus.watch_alive(control.alive("*"), self._on_alive)
+        bus.answer(OFFER_KEY, lambda _: [self._offer()])
+        bus.answer(PIECE_KEY, self._piece)
+
+    def wait_until_gone(self, limit_s: float) -> None:
+        """Return when all services that are elsewhere have left, or after a limit [s]."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._present.isdisjoint(self._expected), limit_s)
+
+    def _on_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
+        name = {key.split("/")[1]}
+        with self._changed:
+            self._present = self._present | name if is_alive else self._present - name
+            self._changed.notify_all()
+
+    def _offer(self) -> bytes:
+        present = self._present
+        return RunOffer(
+            run_id=self._setup.run_dir.run_id,
+            scenario=self._setup.run_dir.scenario.read_text(),
+            environment_dir=str(self._setup.environment_dir),
+            environment_hash=self._setup.environment.content_hash,
+            room_files={name: _size(path) for name, path in self._files.items()},
+            expected=list(self._expected),
+            present=[name for name in self._expected if name in present],
+            software=self._software,
+        ).to_bytes()
+
+    def _piece(self, question: bytes) -> list[bytes]:
+        try:
+            request: PieceRequest = PieceRequest.from_bytes(question)
+        except ContractError:
+            return []
+        path = self._files.get(request.file)
+        if path is None or request.offset < 0:
+            return []
+        with path.open("rb") as file:
+            file.seek(request.offset)
+            return [file.read(PIECE_BYTES)]
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size

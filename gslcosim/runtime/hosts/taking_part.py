@@ -1,0 +1,157 @@
+"""Serving a run that is flown on another host."""
+
+import os
+import signal
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gslcosim.bus.port import Join
+from gslcosim.bus.zenoh_bus import ZenohBus
+from gslcosim.contract.participant import Core
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import UsageError
+from gslcosim.runtime.assembly import build_core, dataflow_of
+from gslcosim.runtime.hosts.fetching import Say, fetch_offer, fetch_room, room_here
+from gslcosim.runtime.hosts.offering import RunOffer
+from gslcosim.runtime.hosts.software import Software
+from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.over_bus.host import Host, tell_fault
+from gslcosim.runtime.privacy import keep_memory_private
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import Setup
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartTaken:
+    """What came of taking part: which services, up to which tick, and whether the run came to its end."""
+
+    run_id: str
+    services: tuple[str, ...]
+    last_tick: int
+    is_whole: bool
+    n_resends: int
+    run_dir: Path
+    recording: Path | None
+
+
+def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Say) -> PartTaken:
+    """Take part in a run as some of its services, in this one process, and return when the run is over.
+
+    Args:
+        join: How to join the run.
+        names: The services.
+        runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
+        say: Is told how it goes.
+
+    Raises:
+        UsageError: the run does not expect these services, or this host has another software or lacks files.
+        RunTimeoutError: the run's host does not answer, or the link to it was lost.
+        SimulationFault: it cannot be joined.
+    """
+    keep_memory_private()
+    # Who ends this process otherwise than by Ctrl-C is told of in the same way.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with ZenohBus.open_member(join) as bus:
+        offer = fetch_offer(bus)
+        check_offer(offer, names)
+        say(f"{offer.run_id}: joined as {', '.join(names)}")
+        setup = _setup_of(join, offer, bus, runs_dir, say)
+        at_fault = names[0]
+        try:
+            cores: list[Core] = []
+            for at_fault in _in_order(offer, names):
+                _check_files(at_fault, setup)
+                cores.append(build_core(at_fault, setup))
+            return _flown(bus, cores, setup, offer, say)
+        except UsageError:
+            # Who joins may correct it; the run waits.
+            raise
+        except KeyboardInterrupt:
+            tell_fault(
+                bus, at_fault, UsageError(f"it was ended on {socket.gethostname()}, by Ctrl-C or a signal."), tick=0
+            )
+            raise
+        except Exception as error:
+            tell_fault(bus, at_fault, error, tick=0)
+            raise
+
+
+def check_offer(offer: RunOffer, names: Sequence[str]) -> None:
+    """Refuse to take part where the run does not want it, or its digest would not be what it is on one host.
+
+    Raises:
+        UsageError: with the one sentence that says why.
+    """
+    for name in names:
+        if name not in offer.expected:
+            raise UsageError(
+                f"expected services that the run awaits from elsewhere ({', '.join(offer.expected)}), was {name!r}."
+            )
+        if name in offer.present:
+            raise UsageError(f"expected a service that the run still awaits, but {name} has joined it already.")
+    refusal = offer.software.refusal_of(Software.here())
+    if refusal:
+        raise UsageError(f"this host: {refusal} Install the same on both.")
+
+
+def _setup_of(join: Join, offer: RunOffer, bus: ZenohBus, runs_dir: Path, say: Say) -> Setup:
+    room = room_here(offer)
+    if room is None:
+        room = fetch_room(bus, offer, say)
+    shared = Path(join.run_dir) if join.run_dir is not None else None
+    if shared is not None and _is_run(shared, offer):
+        run_dir = RunDir(shared)
+    else:
+        run_dir = RunDir(runs_dir / offer.run_id)
+        (run_dir.path / "logs").mkdir(parents=True, exist_ok=True)
+        run_dir.replace(run_dir.scenario.name, offer.scenario)
+    return Setup(
+        run_dir=run_dir,
+        scenario=run_dir.load_scenario(),
+        environment_dir=room.resolve(),
+        environment=load_environment(room),
+    )
+
+
+# Where hosts share a disk, as containers do: the same run at the same place.
+def _is_run(path: Path, offer: RunOffer) -> bool:
+    try:
+        return path.name == offer.run_id and (path / "scenario.yaml").read_text() == offer.scenario
+    except OSError:
+        return False
+
+
+def _in_order(offer: RunOffer, names: Sequence[str]) -> list[str]:
+    return [name for name in offer.expected if name in names]
+
+
+# What is read from a place of its own and not from the room.
+def _check_files(name: str, setup: Setup) -> None:
+    stored = setup.scenario.gas.stored
+    if name == "fields" and stored is not None and not Path(stored.folder).exists():
+        raise UsageError(
+            "gas.playback.folder: expected the stored gas on the host of fields, found none. Copy it to the same "
+            f"place, or leave fields with the supervisor.\nFolder: {stored.folder}"
+        )
+
+
+def _flown(bus: ZenohBus, cores: Sequence[Core], setup: Setup, offer: RunOffer, say: Say) -> PartTaken:
+    host = Host(bus, cores, dataflow_of(setup.scenario), setup.episode)
+    bus.on_disconnect(host.link_lost)
+    bus.subscribe(control.START, lambda _key, _payload: say("flying"))
+    host.join()
+    say(f"ready, waits for the start (process {os.getpid()})")
+    host.run()
+    recording = setup.run_dir.recording
+    services = tuple(core.spec.name for core in cores)
+    return PartTaken(
+        run_id=offer.run_id,
+        services=services,
+        last_tick=host.last_tick,
+        is_whole=host.is_whole,
+        n_resends=host.n_resends,
+        run_dir=setup.run_dir.path,
+        recording=recording if "recorder" in services and recording.exists() else None,
+    )
