@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
 
+# Its value may begin with a minus.
+_SORT = "--sort"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Command:
     """One command: its name, what it does, examples, its arguments, and the call that returns the exit code."""
@@ -81,10 +85,21 @@ def parse(parser: Parser, commands: Sequence[Command], words: Sequence[str]) -> 
         raise UsageError(
             f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{_hint(first, names)}"
         )
-    arguments, unknown = parser.parse_known_args(words)
+    arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, arguments.command, unknown))
     return arguments
+
+
+# The parser takes a value that begins with a minus for an option.
+def _joined(words: Sequence[str]) -> list[str]:
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1] == _SORT and word.startswith("-") and not word.startswith("--"):
+            joined[-1] = f"{_SORT}={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def whole_number(text: str) -> int:

@@ -28,6 +28,7 @@ from gslcosim.run_data.recorded_streams import (
     RecordedTexts,
     RecordedTrack,
 )
+from gslcosim.run_data.run_facts import program_name
 from gslcosim.runtime.repeating.past_run import PastRun, environment_of
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
@@ -234,9 +235,7 @@ def _method_of(agent: AgentSpec, agents: Sequence[AgentSpec]) -> str:
         return Path(start.python).stem
     if start.command is None:
         return "attached"
-    # Of an interpreter and its script the script.
-    scripts = [word for word in start.command[1:] if Path(word).suffix and not word.startswith("-")]
-    return Path((scripts or start.command)[0]).stem
+    return program_name(start.command)
 
 
 def _json_or_none(path: Path) -> Any:
