@@ -110,7 +110,7 @@ def serve_until_closed(recording: Path) -> None:
 
 def _opened(kind: "Kind") -> "LiveView":
     from gslcosim.recording.live_view import LiveView
-    from gslcosim.runtime.processes import ending_with_parent
+    from gslcosim.runtime.command_lines import ending_with_parent
 
     return LiveView(kind, lambda address: write_note(f"Watch it at {address}"), prefix=ending_with_parent())
 

@@ -1,15 +1,18 @@
 """Scenario arguments as several commands take them, loaded with every check there is."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.cli.parsing import whole_number
 
 if TYPE_CHECKING:
+    from gslcosim.quantities import Vec3
     from gslcosim.scenario import LoadedScenario, Scenario
+    from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
     from gslcosim.scenario.problems import ProblemLike
+    from gslcosim.scenario.random_places import Wanted
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +34,6 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     Raises:
         ScenarioError: there is none, or it has problems.
     """
-    from gslcosim.environment.of_scenario.random_places import draw_places
     from gslcosim.scenario import load_scenario
 
     # Where services are started elsewhere, pictures are drawn there too.
@@ -42,14 +44,28 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
         overrides=arguments.set,
         seed=arguments.seed,
         checks=(check_places, check_methods, check_stored_gas, *((check_drawing,) if draws_here else ())),
-        placer=draw_places,
+        placer=_draw_places,
     )
+
+
+# What draws needs a compiler; most scenarios name their places.
+def _draw_places(
+    spec: "EnvironmentSpec", wind: "SolverSpec", scenario_dir: Path, seed: int, wanted: "Sequence[Wanted]"
+) -> "Mapping[str, Vec3]":
+    from gslcosim.environment.of_scenario.random_places import draw_places
+
+    return draw_places(spec, wind, scenario_dir, seed, wanted)
 
 
 def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
     """Return what is wrong with the room of a scenario and with the places in it."""
-    from gslcosim.environment.of_scenario.places import problems_of_places
+    from gslcosim.environment.of_scenario.places import problems_of_places, problems_of_places_in
+    from gslcosim.generation import made_environment
 
+    # To build a room once more would take a third of a second, most of it for the compiler of its kernels.
+    made = made_environment(scenario, scenario_dir=directory)
+    if made is not None:
+        return problems_of_places_in(scenario, made)
     return problems_of_places(scenario, scenario_dir=directory)
 
 

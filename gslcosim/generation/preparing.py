@@ -1,17 +1,20 @@
 """From a scenario to the folder of its environment: made once, kept by what it was made from."""
 
 import logging
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gslcosim._kernel_cache import cache_root
-from gslcosim.environment.of_scenario.room_origin import folder_of
+from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
-from gslcosim.generation.making import generate_environment
 from gslcosim.generation.recipe_hash import recipe_hash
-from gslcosim.generation.winds import Progress
 from gslcosim.machine import machine_error
 from gslcosim.scenario.models.scenario import Scenario
+
+if TYPE_CHECKING:
+    from gslcosim.generation.winds import Progress
 
 _log = logging.getLogger(__name__)
 
@@ -21,7 +24,7 @@ def prepare_environment(
     *,
     scenario_dir: Path | None = None,
     cache_dir: Path | None = None,
-    progress: Progress | None = None,
+    progress: "Progress | None" = None,
 ) -> Path:
     """Return the folder of a scenario's environment, made now if it was not made before.
 
@@ -44,9 +47,13 @@ def prepare_environment(
     """
     spec, wind = scenario.environment, scenario.wind
     if spec.path is not None:
+        from gslcosim.environment.of_scenario.room_origin import folder_of
+
         return _checked_folder(folder_of(spec, scenario_dir))
-    folder = (cache_dir or cache_root() / "environments") / recipe_hash(spec, wind, scenario_dir=scenario_dir)
+    folder = _folder_in_cache(scenario, scenario_dir, cache_dir)
     if not _is_usable(folder):
+        from gslcosim.generation.making import generate_environment
+
         try:
             generate_environment(spec, wind, folder, scenario_dir=scenario_dir, progress=progress)
         except OSError as error:
@@ -60,12 +67,31 @@ def prepare_environment(
     return folder
 
 
+def made_environment(scenario: Scenario, *, scenario_dir: Path | None = None) -> Environment | None:
+    """Return a scenario's environment where `prepare_environment` has made it before, else nothing.
+
+    What was made had no problems: its room need not be built again to be checked. This is for environments from a
+    layout; files of other programs are not read for it.
+    """
+    if scenario.environment.layout is None or scenario.wind.file is not None:
+        return None
+    with suppress(EnvironmentDataError):
+        folder = _folder_in_cache(scenario, scenario_dir, None)
+        return load_environment(folder) if folder.exists() else None
+    return None
+
+
 def _checked_folder(folder: Path) -> Path:
     try:
         load_environment(folder)
     except EnvironmentDataError as error:
         raise EnvironmentDataError(f"environment.path: {error}") from error
     return folder
+
+
+def _folder_in_cache(scenario: Scenario, scenario_dir: Path | None, cache_dir: Path | None) -> Path:
+    name = recipe_hash(scenario.environment, scenario.wind, scenario_dir=scenario_dir)
+    return (cache_dir or cache_root() / "environments") / name
 
 
 def _is_usable(folder: Path) -> bool:

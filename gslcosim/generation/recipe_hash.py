@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim._code_identity import code_hash, package_files
-from gslcosim.environment.of_scenario.room_origin import folder_of, wind_file
 from gslcosim.environment.store import FORMAT
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.models.wind import SOLVING, WindSpec
@@ -84,10 +83,14 @@ def _package_hash(block: type[SolverSpec]) -> str:
 
 def _files_read(environment: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Iterator[Path]:
     if environment.folder_key is not None:
+        from gslcosim.environment.of_scenario.room_origin import folder_of
+
         yield from _files_in(folder_of(environment, scenario_dir))
     for file in environment.geometry.files if environment.geometry is not None else ():
         yield (scenario_dir or Path()) / Path(file).expanduser()
     if wind.file is not None:
+        from gslcosim.environment.of_scenario.room_origin import wind_file
+
         yield from _files_in(wind_file(wind, scenario_dir))
 
 

@@ -2,21 +2,19 @@
 
 import sys
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.errors import RecordingError
-from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.ports import recorder_spec
-from gslcosim.recording.rows.wind_layer import WindLayer
-from gslcosim.recording.run_file import RunFile
-from gslcosim.recording.run_recording import RunRecording
-from gslcosim.recording.summary import title
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import ticks_from_seconds
+
+if TYPE_CHECKING:
+    from gslcosim.recording.run_recording import RunRecording
 
 # Rows are sent together: a call costs some 100 us, whether it carries one row or many.
 FLUSH_TICKS = 512
@@ -50,7 +48,6 @@ class RecorderCore:
         self._last_tick = sys.maxsize if to_s is None else ticks_from_seconds(to_s, scenario.tick_ns)
         self._run_id = run_id or path.resolve().parent.name
         self._spec = recorder_spec(scenario)
-        self._wind_layer = WindLayer(environment, scenario.slice_height_m)
         self._recording: RunRecording | None = None
 
     @property
@@ -62,6 +59,15 @@ class RecorderCore:
         """Open the file and draw what stands still."""
         del episode
         self.close()
+
+        # Rerun takes half a second to import: where nobody waits for the recorder, others begin meanwhile.
+        from gslcosim.recording.layout.blueprint import default_blueprint
+        from gslcosim.recording.rows.wind_layer import WindLayer
+        from gslcosim.recording.run_file import RunFile
+        from gslcosim.recording.run_recording import RunRecording
+        from gslcosim.recording.summary import title
+
+        wind_layer = WindLayer(self._environment, self._scenario.slice_height_m)
         file = RunFile(
             self._path,
             run_id=self._run_id,
@@ -70,7 +76,7 @@ class RecorderCore:
             blueprint=default_blueprint(self._scenario, self._environment),
         )
         try:
-            self._recording = RunRecording(file, self._scenario, self._environment, self._wind_layer)
+            self._recording = RunRecording(file, self._scenario, self._environment, wind_layer)
         except RecordingError:
             file.close()
             raise

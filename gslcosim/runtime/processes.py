@@ -5,7 +5,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +16,7 @@ from typing import Protocol, cast
 
 from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
+from gslcosim.runtime.command_lines import ending_with_parent, exit_text
 from gslcosim.runtime.process_log import ProcessLog
 from gslcosim.runtime.sandbox.launching import Confinement, Launch, file_of, is_launcher_possible
 
@@ -258,27 +258,3 @@ def check_program(name: str, command: Sequence[str], cwd: Path | None) -> None:
     if program is None or not os.access(program, os.X_OK) or Path(program).is_dir():
         reason = "no such program" if program is None or not Path(program).exists() else "it cannot be executed"
         raise UsageError(f"{name}: expected a command that starts, was {list(command)} ({reason}).")
-
-
-def exit_text(code: int) -> str:
-    """Return in words how a process ended."""
-    if code >= 0:
-        return f"ended with exit code {code}"
-    try:
-        return f"was killed by {signal.Signals(-code).name}"
-    except ValueError:
-        return f"was killed by signal {-code}"
-
-
-def python_command(*arguments: str) -> list[str]:
-    """Return a command line for this Python, without the working directory on its import path."""
-    return [sys.executable, "-P", *arguments]
-
-
-def ending_with_parent() -> list[str]:
-    """Return what precedes a command so that its process ends with this one.
-
-    A supervisor that is killed cannot end its children; Linux can, when told so before the program starts.
-    """
-    setpriv = shutil.which("setpriv")
-    return [setpriv, "--pdeathsig", "KILL"] if sys.platform == "linux" and setpriv else []

@@ -10,7 +10,6 @@ from gslcosim.contract.messages import BodyState
 from gslcosim.environment.model import Environment
 from gslcosim.environment.solids import solid_boxes
 from gslcosim.scenario import Scenario
-from gslcosim.sensing.ray_kernels import cast_rays
 
 # Edge of a bin [m]: a few boxes each, and few bins along a ray.
 BIN_M = 1.0
@@ -53,6 +52,8 @@ class RayScene:
         cylinders_m = np.array(
             [(*body.position_world_m, *self._sizes_m[body.agent]) for body in others], np.float64
         ).reshape(-1, 5)
+        from gslcosim.sensing.ray_kernels import cast_rays  # the table of sensors needs no compiler
+
         return cast_rays(
             self._boxes_m, self._first, self._members, self._origin_m, BIN_M, self._shape,
             cylinders_m, start_m, directions, limit_m,

@@ -5,10 +5,14 @@ import sys
 
 import pytest
 
+from gslcosim.generation import prepare_environment
 from gslcosim.runtime.participants import SERVICES
+from gslcosim.scenario import load_scenario
 
 # Each is large and belongs to one service.
 OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
+# The supervisor of a run in a room that was made before compiles nothing, draws nothing and solves nothing.
+NOT_THE_SUPERVISORS = {"mujoco", "rerun", "pyarrow", "numba", "scipy", "PIL"}
 CORES = {
     "world": "gslcosim.world.core",
     "fields": "gslcosim.fields.core",
@@ -25,8 +29,30 @@ import importlib, sys
 from gslcosim.runtime.over_bus.service import serve
 from gslcosim.runtime.assembly import build_core, dataflow_of
 importlib.import_module(sys.argv[1])
+if sys.argv[1] == "gslcosim.recording.core":
+    import gslcosim.recording.run_recording  # imported when the recording is opened
 print(*sorted({"mujoco", "rerun"} & set(sys.modules)))
 """
+SUPERVISOR = """
+import argparse, importlib, sys
+from gslcosim.cli.commands import up
+from gslcosim.cli.scenarios import load_checked
+parser = argparse.ArgumentParser()
+up.COMMAND.add_arguments(parser)
+loaded = load_checked(parser.parse_args(["warehouse_empty"]))
+for module in ("gslcosim.runtime.flight", "gslcosim.runtime.over_bus.launch", "gslcosim.cli.flight_report"):
+    importlib.import_module(module)
+from gslcosim.generation import prepare_environment
+prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
+print(*sorted(sys.modules))
+"""
+
+
+@pytest.fixture(scope="module")
+def quickstart_room():
+    """Made before, as by any earlier flight."""
+    loaded = load_scenario("warehouse_empty")
+    return prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
 
 
 def test_every_service_is_looked_at():
@@ -40,3 +66,19 @@ def test_a_service_imports_no_library_of_another(service):
     call = [sys.executable, "-c", SCRIPT, CORES[service]]
     imported = subprocess.run(call, capture_output=True, text=True, check=True).stdout.split()
     assert imported == sorted(library for library, owners in OWNERS.items() if service in owners)
+
+
+@pytest.mark.slow
+def test_a_supervisor_imports_nothing_that_computes(quickstart_room):
+    """All processes of a run wait for it: numba, scipy and what draws took half of its start."""
+    call = [sys.executable, "-c", SUPERVISOR]
+    imported = set(subprocess.run(call, capture_output=True, text=True, check=True).stdout.split())
+    assert imported & NOT_THE_SUPERVISORS == set()
+
+
+@pytest.mark.slow
+def test_a_fork_server_starts_with_nothing_but_python():
+    """It is started first of all, so that it imports while the supervisor does."""
+    script = "import sys; from gslcosim.runtime.over_bus.forks import ForkServer; print(*sorted(sys.modules))"
+    imported = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert {"pydantic", "numpy", "gslcosim.scenario"} & set(imported) == set()

@@ -20,7 +20,7 @@ from gslcosim.environment.of_scenario.random_places import draw_places
 from gslcosim.environment.of_scenario.room_origin import folder_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ScenarioError
-from gslcosim.generation import recipe_hash
+from gslcosim.generation.recipe_hash import recipe_hash
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.dumping import plain_values

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import point_text
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.of_scenario.room_origin import folder_of, problems_of_source, room_of
 from gslcosim.environment.room import Room
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
@@ -29,6 +28,8 @@ def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) 
     Returns:
         All problems of the room; if it has none, all problems of the places; empty when all is well.
     """
+    from gslcosim.environment.of_scenario.room_origin import folder_of, problems_of_source, room_of
+
     spec = scenario.environment
     if spec.path is None:
         problems = problems_of_source(spec, scenario.wind, scenario_dir=scenario_dir)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gslcosim.agent_kit import Agent
 from gslcosim.errors import UsageError
-from gslcosim.runtime.processes import python_command
+from gslcosim.runtime.command_lines import python_command
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.scenario import AgentSpec
 

@@ -16,6 +16,7 @@ import signal
 import socket
 import sys
 import traceback
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +50,26 @@ def main(fd: int) -> None:
 def _import_what_services_share() -> None:
     from gslcosim.runtime.participants import SERVICES
 
-    for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.assembly", "gslcosim.runtime.over_bus.host"):
-        importlib.import_module(module)
-    for kind in SERVICES:
-        for module in kind.preloads:
+    # Otherwise MuJoCo imports what opens windows, which starts a process to look for it; pictures need none of it.
+    with _variable("MUJOCO_GL", "disable"):
+        for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.assembly", "gslcosim.runtime.over_bus.host"):
             importlib.import_module(module)
+        for kind in SERVICES:
+            for module in kind.preloads:
+                importlib.import_module(module)
+    # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
+    importlib.import_module("gslcosim.environment.sight_kernels").to_next_border(0.5, 0, 1.0)
+
+
+@contextlib.contextmanager
+def _variable(name: str, value: str) -> Generator[None]:
+    before = os.environ.get(name)
+    os.environ[name] = before or value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
 
 
 class _Server:

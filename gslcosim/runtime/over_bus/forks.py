@@ -11,12 +11,14 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Self
+from typing import IO, TYPE_CHECKING, Self
 
-from gslcosim.bus.port import Join
 from gslcosim.errors import SimulationFault
-from gslcosim.runtime.processes import ending_with_parent, exit_text, python_command
+from gslcosim.runtime.command_lines import ending_with_parent, exit_text, python_command
 from gslcosim.scratch import no_temporary_directory
+
+if TYPE_CHECKING:
+    from gslcosim.bus.port import Join
 
 FORK_SERVER = "fork_server"
 CLOSE_LIMIT_S = 2.0
@@ -122,7 +124,7 @@ class ForkServer:
         """Whether it has ended before it was told to."""
         return self._is_gone and not self._is_closing
 
-    def fork(self, name: str, services: Sequence[str], *, join: Join, log: Path) -> ForkedProcess:
+    def fork(self, name: str, services: Sequence[str], *, join: "Join", log: Path) -> ForkedProcess:
         """Ask for a process that serves.
 
         Args:

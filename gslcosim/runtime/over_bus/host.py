@@ -71,14 +71,12 @@ class Host:
         self._has_said_goodbye = False
 
     def join(self) -> None:
-        """Reset the cores, listen to everything they read from elsewhere, and show that they are ready (last)."""
-        try:
-            for hosted in self._hosted:
-                self._acting = hosted
-                self._once.append((hosted, hosted.reset(self._episode)))
-        except Exception as error:
-            self._report(error)
-            raise
+        """Reset the cores, listen to everything they read from elsewhere, and show that they are ready.
+
+        Those that only read are reset last: nobody waits for what they write, and messages wait for them.
+        """
+        awaited = [hosted for hosted in self._hosted if hosted.is_awaited]
+        self._reset(awaited)
         ports = sorted(set[str]().union(*(hosted.outer_ports_read for hosted in self._hosted)))
         for port in ports:
             if not control.is_for_agents(port):
@@ -95,6 +93,7 @@ class Host:
             self._bus.answer(control.inspect(hosted.name), lambda _, hosted=hosted: [hosted.inspection()])
         for hosted in self._hosted:
             self._bus.declare_alive(control.alive(hosted.name))
+        self._reset([hosted for hosted in self._hosted if hosted not in awaited])
 
     def link_lost(self) -> None:
         """Tell the host, from any thread, that the link to the router is gone."""
@@ -111,6 +110,15 @@ class Host:
                 self._fly()
                 self._flush()
             self._say_goodbye()
+        except Exception as error:
+            self._report(error)
+            raise
+
+    def _reset(self, several: Sequence[Hosted]) -> None:
+        try:
+            for hosted in several:
+                self._acting = hosted
+                self._once.append((hosted, hosted.reset(self._episode)))
         except Exception as error:
             self._report(error)
             raise

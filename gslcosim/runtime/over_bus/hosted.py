@@ -104,6 +104,11 @@ class Hosted:
         self._told_tick, self._told_at_s = -1, time.monotonic()
 
     @property
+    def is_awaited(self) -> bool:
+        """Whether anybody may wait for what it writes."""
+        return bool(self.stepper.spec.writes)
+
+    @property
     def last_tick(self) -> int:
         """The last tick that it has finished, -1 before the first."""
         return self.gate.next_tick - 1

@@ -11,6 +11,7 @@ from gslcosim.errors import MachineError, SimulationFault
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
+from gslcosim.runtime.command_lines import python_command
 from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.hosts.offering import Offering
 from gslcosim.runtime.interruption import Interruption
@@ -21,7 +22,7 @@ from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded,
 from gslcosim.runtime.over_bus.router import RunRouter
 from gslcosim.runtime.over_bus.supervisor import RunEndedError, Supervisor
 from gslcosim.runtime.privacy import keep_memory_private
-from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, python_command
+from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.sandbox.confining import confinement_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus

@@ -12,7 +12,6 @@ from gslcosim.errors import ModelError
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.onboard import ImuSensorSpec, ImuSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
-from gslcosim.sensing.inertial_kernels import inertial_samples
 from gslcosim.sensing.models.base import SensorKind
 from gslcosim.sensing.models.surroundings import Surroundings
 from gslcosim.sensing.models.wandering import kept_over, kick_over
@@ -58,6 +57,8 @@ class Imu:
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the samples of the tick; see `SensorModel.read`."""
         del mount_velocity_world_m_s
+        from gslcosim.sensing.inertial_kernels import inertial_samples  # the table of sensors needs no compiler
+
         inertial = sample.body.inertial_body
         if inertial is None:
             raise ModelError(f"sensing: expected inertial_body of vehicle {sample.body.agent!r}, was none.")

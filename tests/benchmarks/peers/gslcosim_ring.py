@@ -20,13 +20,14 @@ from ring import NAMES, SHAPES, Participant, Place, places, ticks_per_s
 from gslcosim.bus.port import Bus, Join
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
+from gslcosim.runtime.command_lines import exit_text
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.router import RunRouter
 from gslcosim.runtime.over_bus.service import take_part
 from gslcosim.runtime.over_bus.watchdog import Watchdog
-from gslcosim.runtime.processes import EXIT_LIMIT_S, Children, exit_text
+from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.run_dir import RunDir
 
 LOOK_EVERY_S = 0.1

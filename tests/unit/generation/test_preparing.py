@@ -11,8 +11,8 @@ import pytest
 from gslcosim.environment.model import Cell
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError, ScenarioError
-from gslcosim.generation import prepare_environment, recipe_hash
-from gslcosim.generation.recipe_hash import sources
+from gslcosim.generation import prepare_environment
+from gslcosim.generation.recipe_hash import recipe_hash, sources
 from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, Scenario, WindSpec
 
