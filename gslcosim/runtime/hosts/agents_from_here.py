@@ -12,7 +12,8 @@ from gslcosim.runtime.agents.starting import find_python_agent
 from gslcosim.runtime.hosts.fetching import Say
 from gslcosim.runtime.hosts.join_files import JoinFile
 from gslcosim.runtime.interruption import Interruption
-from gslcosim.runtime.processes import OUR_VARIABLES, check_program, ending_with_parent, exit_text, python_command
+from gslcosim.runtime.command_lines import ending_with_parent, exit_text, python_command
+from gslcosim.runtime.processes import OUR_VARIABLES, check_program
 from gslcosim.runtime.sandbox.launching import file_of
 
 
