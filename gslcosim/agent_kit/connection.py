@@ -71,8 +71,10 @@ def fly(
     is_asked_only = getattr(agent_type, "observe", None) is Agent.observe
     key_of_observation = keys.question if is_asked_only else keys.observation
     for name in names:
-        actions[keys.briefing(name)] = lambda got, name=name: crew.brief(name, codec.decode(Briefing, got))
-        actions[key_of_observation(name)] = lambda got, name=name: crew.observe(name, codec.decode(Observation, got))
+        actions[keys.briefing(name)] = lambda got, name=name: crew.brief(name, codec.decode_trusted(Briefing, got))
+        actions[key_of_observation(name)] = lambda got, name=name: crew.observe(
+            name, codec.decode_trusted(Observation, got)
+        )
     for key in (*actions, *endings):
         bus.subscribe(key, lambda at, payload: inbox.put((at, payload)))
     for name in names:
@@ -80,7 +82,7 @@ def fly(
     while len(crew.failed) < len(names):
         key, payload = inbox.get()
         if key == _LOST or key in endings:
-            crew.end(codec.decode(Ending, payload).reason if payload else "the link to the run was lost")
+            crew.end(codec.decode_trusted(Ending, payload).reason if payload else "the link to the run was lost")
             break
         actions[key](payload)
     return crew.failed

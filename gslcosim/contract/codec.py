@@ -3,14 +3,18 @@
 import base64
 import contextlib
 import json
+import re
 from collections.abc import Iterable
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
-from pydantic import BaseModel, ValidationError
+import msgspec
+from pydantic import ValidationError
 
+from gslcosim.contract.description import checked, checked_json, description_of
 from gslcosim.contract.messages import Message
+from gslcosim.contract.record import Record
 from gslcosim.errors import ContractError
 
 AnyMessage = TypeVar("AnyMessage", bound=Message)
@@ -18,6 +22,9 @@ AnyMessage = TypeVar("AnyMessage", bound=Message)
 MAJOR_VERSION = 1
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
+_ENCODER = msgspec.msgpack.Encoder()
+# A float64 whose exponent has all its bits; texts and arrays may hold the same bytes.
+_LOOKS_INFINITE = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]")
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 # How deep lists and maps of a foreign message may lie in each other; those of a command lie four deep.
 MAX_LEVELS = 32
@@ -25,7 +32,19 @@ MAX_LEVELS = 32
 
 def encode(message: Message) -> bytes:
     """Return the canonical bytes of a message: keys in the schema's order, shortest ints, reals as float64."""
-    return _msgpack.packb(message.model_dump(), use_bin_type=True)
+    return _ENCODER.encode(message)
+
+
+def encode_finite(message: Message) -> bytes:
+    """Return what `encode` does, for messages that were made without checks: NaN and infinity are found here.
+
+    Raises:
+        ContractError: a real is not finite.
+    """
+    payload = _ENCODER.encode(message)
+    if _LOOKS_INFINITE.search(payload):
+        from_fields(type(message), message.model_dump())
+    return payload
 
 
 def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
@@ -38,6 +57,23 @@ def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = M
     if len(payload) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(payload)}.")
     return from_fields(message_type, _unpack_map(name, payload))
+
+
+def decode_trusted(message_type: type[AnyMessage], payload: bytes) -> AnyMessage:
+    """Return the message in a payload that one of our own services wrote: types are checked, limits are not.
+
+    Raises:
+        ContractError: as `decode`.
+    """
+    try:
+        return _decoder_of(message_type).decode(payload)
+    except (msgspec.DecodeError, RecursionError, ValueError):
+        return decode(message_type, payload)  # which says what is wrong
+
+
+@cache
+def _decoder_of(message_type: type[AnyMessage]) -> msgspec.msgpack.Decoder[AnyMessage]:
+    return msgspec.msgpack.Decoder(message_type)
 
 
 def decode_foreign(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
@@ -163,13 +199,13 @@ def _with_bytes_at(fields: dict[str, Any], path: tuple[str, ...], place: str) ->
 
 # Not into lists: no message that an agent writes has bytes there.
 @cache
-def _paths_of_bytes(record: type[BaseModel]) -> tuple[tuple[str, ...], ...]:
+def _paths_of_bytes(record: type[Record]) -> tuple[tuple[str, ...], ...]:
     paths: list[tuple[str, ...]] = []
-    for name, field in record.model_fields.items():
+    for name, field in description_of(record).model_fields.items():
         for kind in (field.annotation, *get_args(field.annotation)):
             if kind is bytes:
                 paths.append((name,))
-            elif isinstance(kind, type) and issubclass(kind, BaseModel):
+            elif isinstance(kind, type) and issubclass(kind, Record):
                 paths += [(name, *rest) for rest in _paths_of_bytes(kind)]
     return tuple(paths)
 
@@ -186,7 +222,7 @@ def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int =
     with contextlib.suppress(ValueError, RecursionError):  # no JSON is told below, with the reader's words
         load_json_foreign(name, text.decode())
     try:
-        return message_type.model_validate_json(text)
+        return checked_json(message_type, text)
     except ValidationError as error:
         if error.errors(include_url=False)[0]["type"] in ("json_invalid", "model_type", "model_attributes_type"):
             what = error.errors(include_url=False)[0]["msg"]
@@ -244,7 +280,7 @@ def from_fields(message_type: type[AnyMessage], fields: dict[str, object]) -> An
         ContractError: a field is missing, of the wrong type, or out of its range.
     """
     try:
-        return message_type.model_validate(fields)
+        return checked(message_type, fields)
     except ValidationError as error:
         raise ContractError(f"{message_type.__name__}: {_problems_text(error)}") from error
 

@@ -1,8 +1,8 @@
 """What an agent asks of its vehicle: the command and its parts."""
 
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, get_args
 
-from pydantic import ConfigDict, Field, JsonValue, StringConstraints, model_validator
+from pydantic import Field, JsonValue, StringConstraints
 
 from gslcosim.contract.knowledge import Belief
 from gslcosim.contract.record import Message, Name, Record
@@ -85,6 +85,21 @@ class DriveSetpoint(Record):
     yaw_rate_rad_s: float = 0.0
 
 
+CommandKind = Literal[
+    "waypoint",
+    "hold",
+    "noop",
+    "declare_source",
+    "velocity",
+    "failed",
+    "mission",
+    "take_off",
+    "land",
+    "attitude",
+    "rates",
+    "drive",
+]
+
 # Which field a kind of command cannot do without.
 _NEEDED_BY_KIND = {
     "waypoint": "position_world_m",
@@ -129,22 +144,7 @@ class Command(Message):
     second of simulated time is taken.
     """
 
-    model_config = ConfigDict(json_schema_extra={"allOf": _needed_by_kind()})
-
-    kind: Literal[
-        "waypoint",
-        "hold",
-        "noop",
-        "declare_source",
-        "velocity",
-        "failed",
-        "mission",
-        "take_off",
-        "land",
-        "attitude",
-        "rates",
-        "drive",
-    ]
+    kind: CommandKind
     position_world_m: Vec3 | None = None
     hold_s: HoldTime | None = None
     declaration: Declaration | None = None
@@ -160,12 +160,16 @@ class Command(Message):
     faces_path: bool = False
     belief: Belief | None = None
 
-    @model_validator(mode="after")
-    def _check_kind(self) -> Self:
+    def check_together(self) -> None:
+        """Raise ValueError where what the kind of command cannot do without is missing; see `Record`."""
         needed = _NEEDED_BY_KIND.get(self.kind)
         if needed is not None and getattr(self, needed) is None:
             raise ValueError(f"a {self.kind} command needs {needed}")
-        return self
+
+    @classmethod
+    def json_schema_extra(cls) -> dict[str, JsonValue]:
+        """Return the same rule in words of JSON Schema; see `Record`."""
+        return {"allOf": _needed_by_kind()}
 
     @property
     def closes_port(self) -> bool:
@@ -174,4 +178,4 @@ class Command(Message):
 
 
 # All kinds that an agent may write; `failed` is the runtime's.
-AGENT_KINDS = tuple(kind for kind in get_args(Command.model_fields["kind"].annotation) if kind != "failed")
+AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, StringConstraints, field_validator
+from pydantic import AfterValidator, Field, StringConstraints
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.record import Record
@@ -51,6 +51,20 @@ class NominalPlume(Record):
     wind_speed_m_s: float
 
 
+def _check_probability(probability: NumericArray) -> NumericArray:
+    if probability.dtype != "float32" or len(probability.shape) not in (2, 3):
+        raise ValueError(f"expected float32 with 2 or 3 axes, was {probability.dtype} with {len(probability.shape)}")
+    values = probability.to_array()
+    if not 1 <= values.size <= MAX_BELIEF_CELLS:
+        raise ValueError(f"expected 1 to {MAX_BELIEF_CELLS} cells, was {values.size}")
+    if values.min() < 0:
+        raise ValueError(f"expected probabilities that are not negative, was {values.min():g}")
+    total = float(values.sum(dtype=np.float64))
+    if abs(total - 1) > BELIEF_SUM_TOLERANCE:
+        raise ValueError(f"expected probabilities whose sum is 1, was {total:.6g}")
+    return probability
+
+
 class Belief(Record):
     """Where an agent believes the source to be: a probability for each cell; part of `Command`. Since contract 1.2.
 
@@ -62,22 +76,4 @@ class Belief(Record):
 
     origin_m: Vec3
     cell_m: CellSize
-    probability: NumericArray
-
-    # Of the field, so that it is not run again by every record that the belief becomes a part of.
-    @field_validator("probability")
-    @classmethod
-    def _check_probability(cls, probability: NumericArray) -> NumericArray:
-        if probability.dtype != "float32" or len(probability.shape) not in (2, 3):
-            raise ValueError(
-                f"expected float32 with 2 or 3 axes, was {probability.dtype} with {len(probability.shape)}"
-            )
-        values = probability.to_array()
-        if not 1 <= values.size <= MAX_BELIEF_CELLS:
-            raise ValueError(f"expected 1 to {MAX_BELIEF_CELLS} cells, was {values.size}")
-        if values.min() < 0:
-            raise ValueError(f"expected probabilities that are not negative, was {values.min():g}")
-        total = float(values.sum(dtype=np.float64))
-        if abs(total - 1) > BELIEF_SUM_TOLERANCE:
-            raise ValueError(f"expected probabilities whose sum is 1, was {total:.6g}")
-        return probability
+    probability: Annotated[NumericArray, AfterValidator(_check_probability)]

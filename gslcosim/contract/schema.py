@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any, cast
 
 from gslcosim.contract import messages
+from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import CONTRACT_VERSION, Message
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -27,7 +28,7 @@ def json_schema_of(message_type: type[Message]) -> dict[str, Any]:
     written with a point (`3.0`) is no integer here, and reals are finite.
     """
     # pydantic's titles only repeat the names.
-    schema = _pruned(message_type.model_json_schema(), ("title",))
+    schema = _pruned(description_of(message_type).model_json_schema(), ("title",))
     name = message_type.__name__
     return {"$schema": DIALECT, "$id": f"urn:gslcosim:contract:{CONTRACT_VERSION}:{name}", "title": name, **schema}
 
@@ -35,7 +36,7 @@ def json_schema_of(message_type: type[Message]) -> dict[str, Any]:
 @cache
 def contract_hash() -> str:
     """Return the hash of the canonical JSON Schemas; two processes that speak the same contract have the same."""
-    schemas = {item.__name__: _pruned(item.model_json_schema(), _PROSE) for item in message_types()}
+    schemas = {item.__name__: _pruned(description_of(item).model_json_schema(), _PROSE) for item in message_types()}
     text = json.dumps(schemas, sort_keys=True, separators=(",", ":"))
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 

@@ -17,6 +17,7 @@ from gslcosim.contract.messages import (
     MountSample,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import unchecked
 from gslcosim.contract.ventilation import WIND
 from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import Environment
@@ -36,6 +37,8 @@ from gslcosim.ticks import exact_ticks_from_seconds, seconds_from_ticks
 
 # A recorded slice is looked at, not measured: beyond 3 sigma a filament adds 1 % of its centre, at 2.5 times the cost.
 SLICE_CUTOFF_SIGMA = 3.0
+
+_new_amount, _new_sample, _new_samples = unchecked(GasAmount), unchecked(MountSample), unchecked(FieldSamples)
 
 
 class FieldsCore:
@@ -129,11 +132,11 @@ class FieldsCore:
         if not all(math.isfinite(sum(ppm) + sum(wind)) for ppm, wind in zip(gas_ppm, wind_m_s, strict=True)):
             raise ModelError(f"fields: gas or wind at a sensor is not finite in tick {tick}: {gas_ppm}, {wind_m_s}.")
         amounts = [
-            tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, ppm, strict=True))
+            tuple(_new_amount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, ppm, strict=True))
             for ppm in gas_ppm
         ]
         samples = [
-            MountSample(
+            _new_sample(
                 agent=mount.agent,
                 sensor=mount.sensor,
                 gases=amounts[mount.i_place],
@@ -141,7 +144,7 @@ class FieldsCore:
             )
             for mount in self._mounts.mounts
         ]
-        return FieldSamples(tick=tick, samples=tuple(self._with_beams(samples, bodies) if self._beams else samples))
+        return _new_samples(tick=tick, samples=tuple(self._with_beams(samples, bodies) if self._beams else samples))
 
     # An instrument with a beam sees the mean along it instead of the gas at its mount.
     def _with_beams(self, samples: list[MountSample], bodies: BodyPoses) -> list[MountSample]:

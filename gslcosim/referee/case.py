@@ -13,6 +13,7 @@ from gslcosim.contract.messages import (
     MountSample,
     RefereeEvent,
 )
+from gslcosim.contract.record import unchecked
 from gslcosim.quantities import Vec3
 from gslcosim.referee import metrics
 from gslcosim.referee.beliefs import score_of
@@ -27,6 +28,9 @@ Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declare
 GAS_CONTACT_PPM = 0.3
 # What floors and walls give way where a vehicle hits them: it has not left the room [m].
 GIVES_WAY_M = 0.05
+
+
+_new_score = unchecked(AgentScore)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +125,7 @@ class AgentCase:
 
     def score(self, body: BodyState) -> AgentScore:
         """Return how the agent stands; commands are counted up to its end, distances are those of now."""
-        return AgentScore(
+        return _new_score(
             agent=self.name,
             distance_to_source_m=self._distance_m(body.position_world_m),
             path_length_m=body.path_length_m,

@@ -17,6 +17,7 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import unchecked
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
 from gslcosim.errors import ModelError
@@ -30,6 +31,9 @@ from gslcosim.ticks import seconds_from_ticks
 
 # The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
 CLEARANCE_M = 0.35
+
+
+_new_score = unchecked(Score)
 
 
 @dataclass
@@ -106,7 +110,7 @@ class RefereeCore:
         for case in self._run.cases:
             events += self._judge(case, tick, bodies[case.name], samples, inbox)
         is_final = self._is_final(tick, events)
-        score = Score(
+        score = _new_score(
             tick=tick,
             agents=tuple(case.score(bodies[case.name]) for case in self._run.cases),
             events=tuple(events),

@@ -79,7 +79,7 @@ class Stepper:
         return sent
 
     def _send(self, port: str, message: Message) -> Sent:
-        payload = codec.encode(message)
+        payload = codec.encode_finite(message)
         self.trails[port].append(message.tick, payload)
         self.gate.wrote(port, message)
         return Sent(port, message, payload)

@@ -18,6 +18,7 @@ from gslcosim.contract.messages import (
     Reading,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import unchecked
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
@@ -37,6 +38,8 @@ from gslcosim.sensing.ports import sensing_spec
 from gslcosim.sensing.rays import RayScene
 from gslcosim.sensing.table import kind_in
 from gslcosim.ticks import seconds_from_ticks
+
+_new_observation = unchecked(Observation)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +190,7 @@ class SensingCore:
         if pose is not None:
             x, y, z, qw, qx, qy, qz, vx, vy, vz = pose.values
             position_m, quaternion, velocity_m_s = (x, y, z), (qw, qx, qy, qz), (vx, vy, vz)
-        return Observation(
+        return _new_observation(
             tick=tick,
             agent=body.agent,
             time_s=seconds_from_ticks(tick, self._scenario.tick_ns),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Command
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import unchecked
 from gslcosim.contract.ventilation import WIND
 from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import Environment
@@ -49,6 +50,7 @@ _SUPPORTS_FROM = 0.7
 
 
 _Six = tuple[Any, Any, Any, Any, Any, Any]
+_new_poses = unchecked(BodyPoses)
 
 
 class WorldCore:
@@ -161,7 +163,7 @@ class WorldCore:
                 craft.obey(tick, command if isinstance(command, Command) else None)
             self._keep_apart(tick)
             self._fly(tick)
-        return {keys.BODIES: BodyPoses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._crafts))}
+        return {keys.BODIES: _new_poses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._crafts))}
 
     def rehearse(self) -> None:
         """Use what is used only in flight, where vehicles use it: planning, and keeping apart."""

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import BodyState, Command
+from gslcosim.contract.record import unchecked
 from gslcosim.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.world.guidance.guide import Guide, Reference
 from gslcosim.world.guidance.separation import Neighbours
 from gslcosim.world.physics import records
+
+_new_body = unchecked(BodyState)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +156,7 @@ class Craft:
         touched = self._touched - self._supports if is_leaving else self._touched
         w, x, y, z = rows.pose[3:].tolist()
         u, v, speed_w, omega_x, omega_y, omega_z = rows.motion.tolist()
-        return BodyState(
+        return _new_body(
             agent=self._name,
             position_world_m=self._position_m,
             quaternion_wxyz=(w, x, y, z),

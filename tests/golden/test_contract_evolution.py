@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 
 from gslcosim.contract import codec
+from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.schema import json_schema_of, message_types
@@ -117,7 +118,7 @@ def test_a_new_agent_flies_in_an_old_run(past, name):
     old = past["schemas"][name]
     for vector in (vector for vector in past["vectors"] if vector["message"] == name):
         message = codec.decode(TYPES[name], bytes.fromhex(vector["msgpack"]))
-        for field, info in TYPES[name].model_fields.items():
+        for field, info in description_of(TYPES[name]).model_fields.items():
             assert field in old["properties"] or getattr(message, field) == info.default
 
 

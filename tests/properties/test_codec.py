@@ -10,11 +10,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
-from pydantic import BaseModel, StringConstraints, ValidationError
+from pydantic import StringConstraints, ValidationError
 
 from gslcosim.contract import codec
 from gslcosim.contract.arrays import DTYPES, NumericArray
-from gslcosim.contract.messages import Belief, Command, Message
+from gslcosim.contract.description import description_of
+from gslcosim.contract.messages import Belief, Command, Message, Record
 from gslcosim.contract.schema import message_types
 from gslcosim.errors import ContractError
 
@@ -57,7 +58,7 @@ def values_of(annotation: Any, constraints: tuple[Any, ...] = ()) -> st.SearchSt
         return arrays.map(NumericArray.from_array)
     if annotation is Belief:
         return beliefs
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if isinstance(annotation, type) and issubclass(annotation, Record):
         return records_of(annotation)
     return scalars_of(annotation, constraints)
 
@@ -86,14 +87,15 @@ def scalars_of(annotation: Any, constraints: tuple[Any, ...]) -> st.SearchStrate
     return st.none()
 
 
-def records_of(model: type[BaseModel]) -> st.SearchStrategy[Any]:
-    fields = {name: values_of(field.annotation, tuple(field.metadata)) for name, field in model.model_fields.items()}
+def records_of(model: type[Record]) -> st.SearchStrategy[Any]:
+    described = description_of(model).model_fields
+    fields = {name: values_of(field.annotation, tuple(field.metadata)) for name, field in described.items()}
     return (
         st.fixed_dictionaries(fields).map(lambda values: built(model, values)).filter(lambda record: record is not None)
     )
 
 
-def built(model: type[BaseModel], values: dict[str, Any]) -> BaseModel | None:
+def built(model: type[Record], values: dict[str, Any]) -> Record | None:
     """Return the record, or None where a rule between fields forbids it."""
     try:
         return model(**values)
@@ -114,6 +116,8 @@ def test_every_message_comes_back_equal_and_byte_for_byte(message: Message):
     back = codec.decode(type(message), payload)
     assert back == message
     assert codec.encode(back) == payload
+    assert codec.decode_trusted(type(message), payload) == message
+    assert payload == msgpack.packb(message.model_dump(), use_bin_type=True)
 
 
 @pytest.mark.slow

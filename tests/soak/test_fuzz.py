@@ -16,6 +16,7 @@ import pytest
 from gslcosim.conformance.answers import read_answer
 from gslcosim.conformance.scripted_world import ScriptedWorld, briefing_for
 from gslcosim.contract import codec
+from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import Command, Ending
 from gslcosim.contract.schema import message_types
 from gslcosim.errors import ContractError
@@ -81,7 +82,7 @@ def command_like(rng):
         None, True, -1, 0, 5, 6, 2**53, 2**63, 5.0, float("nan"), 1e308, "", "hold", "waypoint", "failed", b"\x00\xff",
         [], [1, 2, 3], [1.0, 2.0], [[1.0], 2.0, 3.0], {}, {"position_world_m": [0, 0, 0]}, "x" * 600, [{}] * 20,
     ]  # fmt: skip
-    names = [*Command.model_fields, "later"]
+    names = [*description_of(Command).model_fields, "later"]
     fields = {"tick": 5, "kind": "hold"}
     for _ in range(int(rng.integers(4))):
         fields[names[int(rng.integers(len(names)))]] = values[int(rng.integers(len(values)))]

@@ -9,9 +9,9 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.channels import CHANNELS, Channel
 from gslcosim.contract.codec import MAX_LEVELS
+from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
 from gslcosim.contract.schema import message_types
 
@@ -66,9 +66,9 @@ def _key_row(channel: Channel) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _section(record: type[Record] | type[NumericArray]) -> str:
+def _section(record: type[Record]) -> str:
     text = inspect.cleandoc(record.__doc__ or "")
-    rows = [_row(name, field) for name, field in record.model_fields.items()]
+    rows = [_row(name, field) for name, field in description_of(record).model_fields.items()]
     return "\n".join([f"### {record.__name__}\n", text, "", "| field | type | default |", "|---|---|---|", *rows, ""])
 
 
@@ -79,17 +79,21 @@ def _row(name: str, field: FieldInfo) -> str:
 
 
 # Records and arrays that messages are made of, in the order in which they are met.
-def _parts(found: tuple[type[Message], ...]) -> list[type[Record] | type[NumericArray]]:
-    parts: list[type[Record] | type[NumericArray]] = []
-    waiting: list[Any] = [field.annotation for message in found for field in message.model_fields.values()]
+def _parts(found: tuple[type[Message], ...]) -> list[type[Record]]:
+    parts: list[type[Record]] = []
+    waiting: list[Any] = [annotation for message in found for annotation in _types_in(message)]
     while waiting:
         annotation = waiting.pop(0)
         waiting += typing.get_args(annotation)
-        if not isinstance(annotation, type) or not issubclass(annotation, Record | NumericArray) or annotation in parts:
+        if not isinstance(annotation, type) or not issubclass(annotation, Record) or annotation in parts:
             continue
         parts.append(annotation)
-        waiting += [field.annotation for field in annotation.model_fields.values()]
+        waiting += _types_in(annotation)
     return parts
+
+
+def _types_in(record: type[Record]) -> list[Any]:
+    return [field.annotation for field in description_of(record).model_fields.values()]
 
 
 def _type_text(annotation: Any) -> str:
@@ -106,7 +110,7 @@ def _type_text(annotation: Any) -> str:
         return f"map of {_type_text(arguments[0])} to {_type_text(arguments[1])}"
     if origin is tuple:
         return f"{len(arguments)} x {_type_text(arguments[0])}"
-    if isinstance(annotation, type) and issubclass(annotation, Record | NumericArray):
+    if isinstance(annotation, type) and issubclass(annotation, Record):
         return f"[{annotation.__name__}](#{annotation.__name__.lower()})"
     return _TYPE_WORDS[annotation]
 

@@ -21,7 +21,7 @@ class ServiceRows:
         """Take note of the messages of a tick."""
         for port in self._ports:
             message = inbox.get(port)
-            for name, value in message if message is not None else ():
+            for name, value in message.model_dump().items() if message is not None else ():
                 if name != "tick" and isinstance(value, bool | int | float):
                     entity = f"{entities.SERVICE_PLOTS}/{port}/{name}"
                     self._rows.setdefault(entity, ScalarRows(entity)).add(tick, float(value))

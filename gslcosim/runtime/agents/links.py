@@ -66,7 +66,7 @@ class ObjectLink:
         """Let the agent look, and decide where it is asked; see `AgentLink`."""
         agent = self._agent
         if not isinstance(observation, Observation):
-            observation = codec.decode(Observation, payload)
+            observation = codec.decode_trusted(Observation, payload)
         if agent is None:
             return
         try:

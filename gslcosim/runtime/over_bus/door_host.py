@@ -38,7 +38,7 @@ class DoorHost:
 
     def brief(self, payload: bytes) -> None:
         """Take the agent's briefing."""
-        self.desk.brief(codec.decode(Briefing, payload), payload)
+        self.desk.brief(codec.decode_trusted(Briefing, payload), payload)
 
     def observe(self, payload: bytes) -> None:
         """Take an observation, in any order; ask for one that seems to be lost."""

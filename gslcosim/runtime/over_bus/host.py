@@ -253,7 +253,7 @@ class Host:
             self._handlers[key](payload)
 
     def _on_input(self, port: str, payload: bytes) -> bool:
-        message: Message = codec.decode(self._dataflow.message_types[port], payload)
+        message: Message = codec.decode_trusted(self._dataflow.message_types[port], payload)
         is_new = [reader.gate.deliver(port, message) for reader in self._readers[port]]
         return any(is_new)
 

@@ -273,7 +273,7 @@ class Supervisor:
                 self._on_verdict(message)
 
     def _on_verdict(self, payload: bytes) -> None:
-        self._verdict = codec.decode(Verdict, payload)
+        self._verdict = codec.decode_trusted(Verdict, payload)
         self._bus.publish(control.STOP, control.TickNote(tick=self._verdict.tick).to_bytes(), urgent=True)
 
     def _on_bye(self, bye: control.Bye) -> None:

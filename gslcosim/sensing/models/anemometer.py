@@ -8,7 +8,7 @@ from gslcosim.contract.messages import MountSample, Reading
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas_sensors import Anemometer3dSpec, AnemometerSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
-from gslcosim.sensing.models.base import SensorKind
+from gslcosim.sensing.models.base import SensorKind, new_reading
 
 QUANTITY = "apparent_wind"
 UNIT = "m/s, rad"
@@ -49,7 +49,7 @@ class Anemometer:
         speed_m_s = math.hypot(apparent_x, apparent_y) + self._speed_noise_m_s * speed_draw
         # 0.0 - a instead of -a: negative zeros would turn calm air into wind from the west.
         direction_rad = math.atan2(0.0 - apparent_y, 0.0 - apparent_x) + self._direction_noise_rad * direction_draw
-        return Reading(
+        return new_reading(
             sensor=self._sensor,
             quantity=QUANTITY,
             unit=UNIT,
@@ -79,7 +79,7 @@ class Anemometer3d:
             wind - velocity + self._noise_m_s * draw
             for wind, velocity, draw in zip(sample.wind_world_m_s, mount_velocity_world_m_s, draws, strict=True)
         )
-        return Reading(sensor=self._sensor, quantity=QUANTITY, unit="m/s", values=values)
+        return new_reading(sensor=self._sensor, quantity=QUANTITY, unit="m/s", values=values)
 
 
 def _wrapped(angle_rad: float) -> float:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gslcosim.contract.messages import Reading
+from gslcosim.contract.record import unchecked
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas_sources import GasDefinition
 from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, OnBoardSensorSpec, SensorSpec
@@ -25,6 +26,9 @@ class SensorModel(Protocol):
         """
         ...
 
+
+new_reading = unchecked(Reading)
+"""Makes a `Reading` of values whose types are known; models that are read at every tick use it."""
 
 Estimator = Callable[[Reading], Reading]
 

@@ -9,7 +9,7 @@ from gslcosim.contract.messages import GasAmount, MountSample, Reading
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.gas_sources import GasDefinition
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec
-from gslcosim.sensing.models.base import Estimator, SensorKind, estimate_name
+from gslcosim.sensing.models.base import Estimator, SensorKind, estimate_name, new_reading
 
 LEAST_RATIO = 0.01
 QUANTITY = "resistance"
@@ -158,7 +158,7 @@ class MoxSensor:
             target = steady_ratio(self._parameters, sample.gases)
             frac = self._rise_frac if target < self._ratio else self._decay_frac
             self._ratio += frac * (target - self._ratio)
-        return Reading(
+        return new_reading(
             sensor=self._sensor,
             quantity=QUANTITY,
             unit=UNIT,
@@ -196,7 +196,7 @@ def _estimator(parameters: MoxParameters, gas: str) -> Estimator | None:
         return None
 
     def estimate(reading: Reading) -> Reading:
-        return Reading(
+        return new_reading(
             sensor=estimate_name(reading.sensor),
             quantity=ESTIMATE_QUANTITY,
             unit=ESTIMATE_UNIT,

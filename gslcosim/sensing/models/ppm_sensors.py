@@ -19,7 +19,7 @@ from gslcosim.scenario.models.gas_sensors import (
 )
 from gslcosim.scenario.models.gas_sources import GasDefinition
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
-from gslcosim.sensing.models.base import SensorKind, SensorModel
+from gslcosim.sensing.models.base import SensorKind, SensorModel, new_reading
 
 # Correction factors at 11.7 eV; what is not in the table is not ionised.
 PID_CORRECTION = {"ethanol": 10.47, "propanol": 2.7, "chlorine": 1.0, "acetone": 1.4}
@@ -173,7 +173,7 @@ def _two_lags(a_s: float, b_s: float, t: float) -> tuple[float, float, float]:
 
 
 def _ppm_reading(sensor: str, ppm: float) -> Reading:
-    return Reading(sensor=sensor, quantity="mixing_ratio", unit="ppm", values=(ppm,))
+    return new_reading(sensor=sensor, quantity="mixing_ratio", unit="ppm", values=(ppm,))
 
 
 def _pid_kind(definitions: tuple[GasDefinition, ...]) -> SensorKind:

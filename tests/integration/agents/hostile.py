@@ -3,12 +3,13 @@
 import random
 
 from gslcosim.agent_kit import Agent, AttitudeSetpoint, Briefing, Command, Observation, Waypoint
+from gslcosim.contract.record import unchecked
 
 NAN = float("nan")
 
 
 # The door sees what a program in another language could send: nothing is checked here.
-def unchecked(kind, **fields):
+def without_checks(kind, **fields):
     return {"kind": kind, "_is_checked": False, **fields}
 
 
@@ -18,10 +19,10 @@ def far(n_places):
 
 
 ANSWERS = {
-    "nan": unchecked("waypoint", position_world_m=(NAN, 1.0, 1.0)),
-    "nan velocity": unchecked("velocity", velocity_world_m_s=(0.1, NAN, 0.0)),
-    "no such kind": unchecked("teleport", position_world_m=(1.0, 1.0, 1.0)),
-    "without its part": unchecked("mission"),
+    "nan": without_checks("waypoint", position_world_m=(NAN, 1.0, 1.0)),
+    "nan velocity": without_checks("velocity", velocity_world_m_s=(0.1, NAN, 0.0)),
+    "no such kind": without_checks("teleport", position_world_m=(1.0, 1.0, 1.0)),
+    "without its part": without_checks("mission"),
     "kilometre": {"kind": "waypoint", "position_world_m": (1000.0, 1.0, 1.0)},
     "under the floor": {"kind": "mission", "waypoints": (Waypoint(position_world_m=(2.0, 2.0, -1.0)),)},
     "in the wall": {"kind": "waypoint", "position_world_m": (4.0, 2.0, 1.0)},
@@ -36,6 +37,7 @@ ANSWERS = {
 }
 
 
+NEW_COMMAND = unchecked(Command)
 FIRST_TICK, TICKS_EACH, TICKS_TO_FALL = 40, 4, 50
 
 
@@ -61,4 +63,4 @@ class Hostile(Agent):
         tick = observation.tick + fields.pop("_tick_off", 0)
         if fields.pop("_is_checked", True):
             return Command(tick=tick, **fields)
-        return Command.model_construct(tick=tick, **fields)
+        return NEW_COMMAND(tick=tick, **fields)

@@ -4,7 +4,9 @@ import msgpack
 import pytest
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Command, Ending, Observation, Score
+from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.messages import Command, Ending, KnownMap, Observation, Score
+from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.errors import ContractError
 from gslcosim.runtime.agents.door import Door
 
@@ -57,6 +59,13 @@ MUST_REJECT = {
     "length_beyond_the_end": (b"\xdf\xff\xff\xff\xff", "expected a msgpack map"),
     "deep_nesting": (nested(100_000), "expected a msgpack map"),
 }
+
+
+# What a reader that trusts its writer does not look at.
+BEYOND_LIMITS = {
+    "nan", "infinity", "negative_tick", "huge_tick", "waypoint_without_place", "declaration_without_place",
+    "confidence_above_one", "long_reason", "hold_for_ever",
+}  # fmt: skip
 
 
 def twice(*pairs) -> bytes:
@@ -173,3 +182,26 @@ def test_peek_tick_refuses_what_has_no_whole_tick(payload):
 
 def test_the_encoding_names_message_and_major_version():
     assert codec.encoding_of(Observation) == "application/msgpack;gslcosim.Observation/1"
+
+
+@pytest.mark.parametrize("name", sorted(BEYOND_LIMITS))
+def test_a_reader_that_trusts_its_writer_does_not_look_at_limits(name):
+    assert isinstance(codec.decode_trusted(Command, MUST_REJECT[name][0]), Command)
+
+
+@pytest.mark.parametrize("name", sorted(MUST_REJECT.keys() - BEYOND_LIMITS))
+def test_no_reader_takes_another_type(name):
+    payload, expected_text = MUST_REJECT[name]
+    with pytest.raises(ContractError) as caught:
+        codec.decode_trusted(Command, payload)
+    assert expected_text in str(caught.value)
+
+
+def test_bytes_that_only_look_infinite_pass():
+    told = Ending(tick=1, reason="\x7f")
+    assert codec.encode_finite(told) == codec.encode(told)
+    cloud = NumericArray(dtype="uint8", shape=(3,), data=b"\xcb\x7f\xf0")
+    map_ = KnownMap(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, occupied=cloud)
+    briefing = EXAMPLES["briefing"].model_copy(update={"known_map": map_})
+    assert b"\xcb\x7f\xf0" in codec.encode(briefing)
+    assert codec.encode_finite(briefing) == codec.encode(briefing)

@@ -1,5 +1,6 @@
 """Hosts over a bus: the same digest as in one thread, also when messages get lost; failures reach the supervisor."""
 
+import math
 import queue
 import threading
 
@@ -9,7 +10,9 @@ from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
 
 from gslcosim.bus.in_memory import InMemoryHub
 from gslcosim.contract import keys
+from gslcosim.contract.messages import FieldSamples, MountSample
 from gslcosim.contract.participant import Episode
+from gslcosim.contract.record import unchecked
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.host import Host
@@ -147,3 +150,19 @@ def test_a_core_that_breaks_its_declaration_is_named():
     _, _, (fault,) = fly(InMemoryHub(), cores)
     assert fault.participant == "agent_beetle"
     assert "expected messages on []" in fault.text
+
+
+@pytest.mark.parametrize("poison", [math.nan, math.inf, -math.inf])
+def test_a_core_that_writes_what_is_not_finite_is_named_though_it_makes_messages_without_checks(poison):
+    class Poisonous(ToyFields):
+        def step(self, tick, inbox):
+            if tick != 5:
+                return super().step(tick, inbox)
+            sample = unchecked(MountSample)(agent="beetle", sensor="nose", gases=(), wind_world_m_s=(0.0, poison, 0.0))
+            return {**super().step(tick, inbox), keys.SAMPLES: unchecked(FieldSamples)(tick=tick, samples=(sample,))}
+
+    cores = toy_cores()
+    cores["fields"] = Poisonous(cores["fields"].spec)
+    _, _, (fault,) = fly(InMemoryHub(), cores)
+    assert fault.participant == "fields"
+    assert "FieldSamples: samples.0.wind_world_m_s.1: input should be a finite number" in fault.text

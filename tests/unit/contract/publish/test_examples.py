@@ -3,9 +3,11 @@
 import types
 import typing
 
+import msgspec
 import pytest
 
 from gslcosim.contract import codec
+from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import Record
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.schema import message_types
@@ -16,13 +18,13 @@ def records_in(value: object) -> list[Record]:
         return [record for item in value for record in records_in(item)]
     if not isinstance(value, Record):
         return []
-    return [value, *records_in(tuple(value.__dict__.values()))]
+    return [value, *records_in(msgspec.structs.astuple(value))]
 
 
 def optional_fields(record_type: type[Record]) -> set[str]:
     return {
         name
-        for name, field in record_type.model_fields.items()
+        for name, field in description_of(record_type).model_fields.items()
         if not field.is_required() or _accepts_none(field.annotation)
     }
 
@@ -46,6 +48,6 @@ def test_every_optional_field_appears_with_a_value_in_some_example():
     records = records_in(tuple(EXAMPLES.values()))
     for record_type in {type(record) for record in records}:
         for name in optional_fields(record_type):
-            default = record_type.model_fields[name].default
+            default = description_of(record_type).model_fields[name].default
             values = [getattr(record, name) for record in records if type(record) is record_type]
             assert any(value is not None and value != default for value in values), f"{record_type.__name__}.{name}"

@@ -1,0 +1,38 @@
+"""Services make messages without checks: what they write would pass them all, and be written the same again."""
+
+import pytest
+
+from gslcosim.contract import codec
+from gslcosim.environment.store import load_environment
+from gslcosim.generation import prepare_environment
+from gslcosim.runtime.in_process import fly_in_process
+from gslcosim.runtime.joining import Network
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import Setup
+from gslcosim.scenario.loading import load_scenario
+
+FOR_SECONDS = {"tiny_room": 20, "swarm_tiny": 20, "event_sensor": 20, "event_radio": 20, "on_board_sensors": 5}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FOR_SECONDS)
+def test_every_message_of_a_flight_passes_all_checks_and_comes_back_byte_for_byte(name, tmp_path):
+    cut = [f"referee.stop.time_limit_s={FOR_SECONDS[name]}", "recording.enabled=false"]
+    loaded = load_scenario(name, overrides=cut)
+    environment_dir = prepare_environment(
+        loaded.scenario, scenario_dir=loaded.directory, progress=lambda _text, _fraction: None
+    )
+    run_dir = RunDir.create(tmp_path, name=name, seed=1)
+    environment = load_environment(environment_dir)
+    setup = Setup(run_dir=run_dir, scenario=loaded.scenario, environment_dir=environment_dir, environment=environment)
+    seen = set()
+
+    def watch(port, message):
+        payload = codec.encode(message)
+        assert codec.encode(codec.decode(type(message), payload)) == payload, port
+        assert codec.decode_trusted(type(message), payload) == message, port
+        seen.add(port)
+
+    outcome = fly_in_process(setup, loaded.directory, Network(), lambda _: None, watch)
+    assert outcome.fault is None, outcome.fault
+    assert {"truth/bodies", "truth/samples", "referee/score", "referee/verdict"} <= seen
