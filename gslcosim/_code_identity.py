@@ -10,7 +10,7 @@ from pathlib import Path
 from gslcosim._kernel_cache import PACKAGE_DIR, cache_root
 
 # Beside gslcosim's own code, what computes flights.
-COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack")
+COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack", "msgspec")
 # Code that shows flights, or counts over them, decides none.
 _NO_MATTER = (
     "cli",
