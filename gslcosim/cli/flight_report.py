@@ -147,12 +147,21 @@ def agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str
 def _paths(run_dir: Path, result: dict[str, Any]) -> list[str]:
     seconds, factor = result.get("flight_wall_s", 0.0), result.get("real_time_factor", 0.0)
     lines = [f"speed      {factor:g} x real time ({seconds:g} s of flight)"] if factor else []
+    if pace := result.get("pace"):
+        lines.append(f"pace       {_pace_text(pace)}")
     lines.append(f"run        {run_dir}")
     if (recording := run_dir / RECORDING).exists():
         lines += [f"recording  {recording}", f"open it    gslcosim view {run_dir}"]
     if not result.get("valid") or result.get("faults"):
         lines.append(f"logs       {run_dir / 'logs'}")
     return lines
+
+
+def _pace_text(pace: dict[str, float]) -> str:
+    text = f"{pace['factor']:g} x real time, at worst {pace['worst_lag_s']:g} s late"
+    if pace["late_share"]:
+        text += f"; {100 * pace['late_share']:.1f} % of the ticks late"
+    return f"{text}, {pace['lost_s']:g} s lost" if pace["lost_s"] else text
 
 
 def _figure(value: object, pattern: str) -> str:

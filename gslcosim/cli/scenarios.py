@@ -28,6 +28,15 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_pace_option(parser: argparse.ArgumentParser, default: str = "as fast as it goes") -> None:
+    """Add the option that lets simulated time follow the clock."""
+    parser.add_argument(
+        "--pace",
+        metavar="FACTOR",
+        help=f"simulated seconds in a second, the same as --set pace=FACTOR (default: {default})",
+    )
+
+
 def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     """Return the scenario of a command line.
 
@@ -41,7 +50,7 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
     draws_here = not named & {"all", "cameras"}
     return load_scenario(
         arguments.scenario,
-        overrides=arguments.set,
+        overrides=[*arguments.set, *_pace_override(arguments)],
         seed=arguments.seed,
         checks=(check_places, check_methods, check_stored_gas, *((check_drawing,) if draws_here else ())),
         placer=_draw_places,
@@ -55,6 +64,11 @@ def _draw_places(
     from gslcosim.environment.of_scenario.random_places import draw_places
 
     return draw_places(spec, wind, scenario_dir, seed, wanted)
+
+
+def _pace_override(arguments: argparse.Namespace) -> list[str]:
+    pace = getattr(arguments, "pace", None)
+    return [] if pace is None else [f"pace={pace}"]
 
 
 def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":

@@ -83,6 +83,7 @@ class RefereeCore:
         self._drives = {agent.name: agent.vehicle.drives for agent in scenario.agents}
         self._heights_m = {agent.name: agent.vehicle.search_height_m for agent in scenario.agents}
         self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
+        self._free = {agent.name for agent in scenario.agents if agent.is_free}
         self._spec = referee_spec(scenario)
         self._scenario = scenario
         self._run = _Judged.of(self._names, self._rules)
@@ -167,7 +168,8 @@ class RefereeCore:
 
     def _command_in_effect(self, name: str, tick: int, inbox: Inbox) -> Command | None:
         answers = self._run.answers[name]
-        if answer := cast(Command | None, inbox.get(keys.command(name))):
+        answer = cast(Command | None, inbox.get(keys.command(name)))
+        if answer is not None and not (name in self._free and _says_nothing(answer)):
             answers[tick + self._latency_ticks[name]] = answer
         return answers.pop(tick, None)
 
@@ -219,3 +221,8 @@ def _rules(scenario: Scenario, environment: Environment) -> Rules:
         min_m=environment.grid.origin_m,
         max_m=environment.grid.max_m,
     )
+
+
+# What the door of an agent in free mode lets through where nothing has come.
+def _says_nothing(command: Command) -> bool:
+    return command.kind == "noop" and command.belief is None

@@ -15,9 +15,9 @@ from gslcosim.scenario.models.scenario import AgentSpec
 def door_spec(agent: AgentSpec) -> ParticipantSpec:
     """Return the dataflow of an agent behind its door: observations in, checked commands out.
 
-    An agent that is asked only at its waypoints writes where the world announces it.
+    An agent that is waited for only at its waypoints writes where the world announces it.
     """
-    announced_in = None if agent.is_asked_every_tick else keys.BODIES
+    announced_in = keys.BODIES if agent.mode_name == "on_request" else None
     return ParticipantSpec(
         name=door_name(agent.name),
         reads=(Read(port=keys.observation(agent.name)),),

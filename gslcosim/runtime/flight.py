@@ -102,6 +102,8 @@ def fly(
         report=report,
         directory=loaded.directory,
         origin=repetition and repetition.origin,
+        # What is repeated need not wait for any clock.
+        paced_from_tick=repetition.past.until_tick if repetition is not None else 0,
     )
     return result
 
@@ -117,6 +119,7 @@ def fly_into_folder(
     report: Report,
     directory: Path,
     origin: Mapping[str, Any] | None = None,
+    paced_from_tick: int | None = None,
 ) -> tuple[Outcome, FlightResult]:
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
 
@@ -130,6 +133,7 @@ def fly_into_folder(
         report: Is told how the flight goes.
         directory: Where relative paths of agents start.
         origin: What the manifest says of the run that is flown again.
+        paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
 
     Raises:
         MachineError: the folder cannot be made.
@@ -144,6 +148,7 @@ def fly_into_folder(
             environment_dir=environment_dir.resolve(),
             environment=load_environment(environment_dir),
             directory=directory.absolute(),
+            paced_from_tick=paced_from_tick,
         )
         setup.save()
         run_dir.save_manifest(

@@ -17,11 +17,13 @@ from gslcosim.errors import GslCosimError, RunFolderError, UsageError
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.desk import Desk, agent_statuses, desk_of
 from gslcosim.runtime.agents.door import faults_of
-from gslcosim.runtime.agents.events import AgentEvent
+from gslcosim.runtime.agents.events import AgentEvent, PutEvent
 from gslcosim.runtime.agents.guests import Guests
-from gslcosim.runtime.agents.links import ObjectLink
+from gslcosim.runtime.agents.links import AgentLink, ObjectLink
 from gslcosim.runtime.agents.starting import find_python_agent, load_python_agent
+from gslcosim.runtime.agents.threaded_link import ThreadedLink, Worker
 from gslcosim.runtime.assembly import build_core, dataflow_of, service_names
+from gslcosim.runtime.clock_pace import PACED, clock_pace_of
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.gate import NO_LIMIT
 from gslcosim.runtime.interruption import Interruption
@@ -34,6 +36,7 @@ from gslcosim.runtime.status import FlightStatus, ParticipantStatus
 from gslcosim.runtime.stepper import Sent, Stepper
 from gslcosim.runtime.stops import ProcessWatch
 from gslcosim.runtime.watching.own_process import cpu_s, memory_bytes
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scratch import ScratchFolder
 from gslcosim.ticks import seconds_from_ticks
 
@@ -82,6 +85,7 @@ class InProcessFlight:
         self._verdict: Verdict | None = None
         self._culprit = "runtime"
         self._pauses = Pauses()
+        self._pace = clock_pace_of(setup)
 
     def fly(self, is_interrupted: Callable[[], bool]) -> Outcome:
         """Fly until the verdict, a fault or an interruption."""
@@ -124,6 +128,7 @@ class InProcessFlight:
         outcome.agent_faults = faults_of(desk.door for desk in self._desks.values())
         outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
         outcome.account = _account_of(stepper.core for stepper in self._steppers.values())
+        outcome.account |= self._pace.account() if self._pace else {}
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
 
@@ -135,6 +140,7 @@ class InProcessFlight:
         steppers = list(self._steppers.items())
         while self._tick_is_open() and not is_interrupted():
             self._hear_agents()
+            self._keep_pace(is_interrupted)
             for name, stepper in steppers:
                 may_step = stepper.gate.may_step()
                 while not may_step and self._waits_for_agent(stepper) and not is_interrupted():
@@ -150,8 +156,17 @@ class InProcessFlight:
                 elif not stepper.gate.is_finished:
                     missing = ", ".join(f"{m.port} at tick {m.tick}" for m in stepper.gate.missing())
                     raise GslCosimError(f"{name} cannot step tick {stepper.gate.next_tick}: it lacks {missing}.")
-            if self._tick % REPORT_EVERY_TICKS == 0:
+            if self._tick % REPORT_EVERY_TICKS == 0 or self._pace is not None:
                 self._tell(started)
+
+    def _keep_pace(self, is_interrupted: Callable[[], bool]) -> None:
+        if self._pace is None:
+            return
+        tick = self._steppers[PACED].gate.next_tick
+        while (wait_s := self._pace.wait_s(tick, time.monotonic())) > 0 and not is_interrupted():
+            with suppress(queue.Empty):
+                self._hear(self._events.get(timeout=min(wait_s, LOOK_EVERY_S)))
+        self._pace.begins(tick, time.monotonic())
 
     def _waits_for_agent(self, stepper: Stepper) -> bool:
         return not stepper.gate.is_finished and any(desk.owes_answer for desk in self._desks.values())
@@ -278,11 +293,10 @@ def fly_in_process(
     guests = Guests(setup, directory, network, events.put)
     agent_types = _agent_types(setup, directory, guests)
     desks: dict[str, Desk] = {}
+    workers: dict[str, Worker] = {}
     for agent in setup.scenario.agents:
         is_guest = agent.name in guests
-        link = (
-            guests.link_of(agent.name) if is_guest else ObjectLink(agent.name, agent_types[agent.process], events.put)
-        )
+        link = guests.link_of(agent.name) if is_guest else _link_here(agent, agent_types, workers, events.put)
         desks[agent.name] = desk_of(agent, setup, link)
         desks[agent.name].is_ready = not is_guest
     with ExitStack() as stack:
@@ -296,6 +310,14 @@ def fly_in_process(
         outcome = InProcessFlight(setup, desks, events, report, watch).fly(interruption.is_set)
         children.wait(EXIT_LIMIT_S)
     return outcome
+
+
+# Time does not wait for an agent in free mode, so it decides on a thread of its own.
+def _link_here(
+    agent: AgentSpec, types: Mapping[str, type[Agent]], workers: dict[str, Worker], put: PutEvent
+) -> AgentLink:
+    link = ObjectLink(agent.name, types[agent.process], put)
+    return ThreadedLink(link, workers.setdefault(agent.process, Worker())) if agent.is_free else link
 
 
 def _await_guests(

@@ -18,6 +18,7 @@ class Setup:
 
     `directory` is where relative paths of agents start; `past` has the commands that count whatever agents answer,
     where the run is a fork. Services need neither.
+    `paced_from_tick` is the first tick that keeps the scenario's pace; absent: none does, as in a replay.
     """
 
     run_dir: RunDir
@@ -26,6 +27,7 @@ class Setup:
     environment: Environment
     directory: Path | None = None
     past: Past | None = None
+    paced_from_tick: int | None = None
 
     @property
     def episode(self) -> Episode:
@@ -34,9 +36,11 @@ class Setup:
 
     def save(self) -> None:
         """Write `setup.json` beside the resolved scenario, for the services of the run."""
-        places = {"environment": str(self.environment_dir)}
+        places: dict[str, str | int] = {"environment": str(self.environment_dir)}
         if self.directory is not None:
             places["directory"] = str(self.directory)
+        if self.paced_from_tick is not None:
+            places["paced_from_tick"] = self.paced_from_tick
         self.run_dir.replace(self.run_dir.setup.name, json.dumps(places) + "\n")
 
     @classmethod
@@ -44,10 +48,12 @@ class Setup:
         """Read what `save` wrote into a run directory."""
         run_dir = RunDir(path)
         scenario = run_dir.load_scenario()
-        environment_dir = Path(json.loads(run_dir.setup.read_text())["environment"])
+        saved = json.loads(run_dir.setup.read_text())
+        environment_dir = Path(saved["environment"])
         return cls(
             run_dir=run_dir,
             scenario=scenario,
             environment_dir=environment_dir,
             environment=load_environment(environment_dir),
+            paced_from_tick=saved.get("paced_from_tick"),
         )

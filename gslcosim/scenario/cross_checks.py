@@ -51,6 +51,7 @@ def problems_between_parts(values: dict[str, Any], *, directory: Path) -> list[P
         *_unknown_gases(values),
         *_taken_by_estimates(values),
         *_broken_times(values),
+        *_unpaced(values),
         *problems_of_events(values),
     ]
 
@@ -255,6 +256,20 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
                 duration_s = number_in(sensor, key, block)
                 yield from not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
     yield from _broken_gas_times(number_in(gas, "step_s", GasSpec), number_in(gas, "warm_up_s", GasSpec), tick_ns)
+
+
+# Without a clock there is no saying when something came.
+def _unpaced(values: dict[str, Any]) -> Iterator[Problem]:
+    if values.get("pace") is not None:
+        return
+    for i, agent in blocks_in(values, "agents"):
+        if agent.get("mode") == "free":
+            yield Problem(
+                path=f"agents[{i}].mode",
+                expected="free only where simulated time follows the clock on the wall",
+                found="free, without pace",
+                remedy="Add pace: 1, or --pace 1 to fly; without a clock take on_request.",
+            )
 
 
 # The fields core steps its gas a whole number of times a tick, or every whole number of ticks.

@@ -9,6 +9,8 @@ from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.sensing.granted import map_for, nominal_plume
 from gslcosim.sensing.table import descriptions_of
 
+TIME_GOES_ON = " Time does not wait for answers: they take effect when they come."
+
 
 def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, *, seed: int) -> Briefing:
     """Return an agent's briefing: task, room, limits, sensors, a seed of its own, and what it is granted to know.
@@ -24,10 +26,11 @@ def briefing_of(agent: AgentSpec, scenario: Scenario, environment: Environment, 
         tick=0,
         agent=agent.name,
         contract_version=CONTRACT_VERSION,
-        mission=mission_text(scenario),
+        mission=mission_text(scenario) + (TIME_GOES_ON if agent.is_free else ""),
         tick_ns=scenario.tick_ns,
         seed=_seed_of(agent, seed),
-        mode=agent.mode_name,
+        # It is asked at its waypoints, too; the contract has no word for a question that nobody waits for.
+        mode="on_request" if agent.mode_name == "free" else agent.mode_name,
         latency_ticks=agent.latency_ticks,
         gas=scenario.gas.gas,
         bounds=Bounds(min_m=_floats(grid.origin_m), max_m=_floats(grid.max_m)),

@@ -9,7 +9,7 @@ from typing import Any
 from gslcosim.contract import codec
 from gslcosim.contract.messages import AgentScore, Briefing, Command, Ending, Message, Observation, Score
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import SimulationFault
+from gslcosim.errors import SimulationFault, UsageError
 from gslcosim.generation import prepare_environment
 from gslcosim.runtime.agents.desk import Desk, desk_of
 from gslcosim.runtime.agents.events import AgentEvent, CommandCame, CommandRefused
@@ -70,11 +70,13 @@ class HandFlight:
         loaded: The scenario; who its agents are is of no importance.
 
     Raises:
-        GslCosimError: the scenario cannot be flown.
+        GslCosimError: the scenario cannot be flown, or time does not wait for one of its agents.
         SimulationFault: a service has failed.
     """
 
     def __init__(self, loaded: LoadedScenario) -> None:
+        if any(agent.is_free for agent in loaded.scenario.agents):
+            raise UsageError("agents[].mode: expected modes that wait for the agent, was free. Take on_request.")
         recording = loaded.scenario.recording.model_copy(update={"enabled": False})
         scenario = loaded.scenario.model_copy(update={"recording": recording})
         environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)

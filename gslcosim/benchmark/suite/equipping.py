@@ -75,7 +75,7 @@ def with_entry(
         is_sandboxed: Whether its program has to be a process in a sandbox.
 
     Raises:
-        ScenarioError: there is no room for its robots.
+        ScenarioError: there is no room for its robots, or time follows a clock for one of them.
     """
     values = plain_values(scenario)
     first = values["agents"][0]
@@ -88,6 +88,7 @@ def with_entry(
     }
     if entry.mode is not None:
         first["mode"] = entry.mode
+    _take_off_the_clock(values, name)
     if entry.sensors is not None:
         first["sensors"] = _sensors(entry, card)
     values["agents"] = [first, *_others(first, entry, scenario, scenario_dir)]
@@ -109,6 +110,17 @@ def without_gas(values: dict[str, Any]) -> None:
         )
     for source in values["gas"]["sources"]:
         source["release"] = NO_GAS
+
+
+# Trials are flown as fast as they go, and what comes of them must not depend on the machine.
+def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
+    values.pop("pace", None)
+    free = [agent["name"] for agent in values["agents"][:1] if agent.get("mode") == "free"]
+    if free:
+        raise ScenarioError(
+            f"scenarios: {name}: agents[0].mode: expected a mode that waits for the agent, was free: what comes of it "
+            "depends on the clock. Give the entries a mode, for example mode: on_request."
+        )
 
 
 def _start(entry: EntrySpec, directory: Path) -> dict[str, Any]:

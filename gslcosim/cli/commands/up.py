@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gslcosim.cli.live import add_live_options, live_flight
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import add_runs_dir_option
-from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
+from gslcosim.cli.scenarios import add_pace_option, add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 from gslcosim.errors import UsageError
 
@@ -22,6 +22,7 @@ EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up warehouse_empty --processes grouped
   gslcosim up warehouse_empty --live
   gslcosim up warehouse_empty --elsewhere fields --listen tcp/127.0.0.1:7447
+  gslcosim up warehouse_empty --pace 1
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
 
 
@@ -36,6 +37,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--in-process", action="store_const", const="one", dest="processes", help="the same as --processes one"
     )
+    add_pace_option(parser)
     add_live_options(parser)
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     parser.add_argument(

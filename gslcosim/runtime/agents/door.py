@@ -20,6 +20,7 @@ EARLY_TICKS = 64
 MAX_FAULTS = 50
 # How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
 GONE = "the agent is gone"
+FAILED_BY_AGENT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
 
 
 def door_of(agent: AgentSpec, scenario: Scenario) -> "Door":
@@ -82,9 +83,8 @@ class Door:
 
     def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
         """Take note of an observation on its way to the agent; return the commands that can pass now."""
-        if observation.tick <= self.latest_tick or self.is_closed:
+        if not self._is_new(observation.tick):
             return []
-        self.latest_tick = observation.tick
         if observation.awaiting_command:
             self._pending[observation.tick] = None
         if self._gone is not None:
@@ -117,6 +117,12 @@ class Door:
         self._note(reason)
         return self._fail()
 
+    def _is_new(self, tick: int) -> bool:
+        if tick <= self.latest_tick or self.is_closed:
+            return False
+        self.latest_tick = tick
+        return True
+
     def _judge(self, tick: int | None, payload: bytes) -> list[Command]:
         if tick is not None and tick > self.latest_tick:
             return self._keep_early(tick, payload)
@@ -127,8 +133,7 @@ class Door:
                 self._note("expected no command now (no observation awaits one), one came.")
             return []
         try:
-            self._check_contract(codec.peek_contract(payload))
-            command = codec.decode_foreign(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+            command = self._read(payload)
         except OtherContractError as error:
             return self.lost(str(error))
         except ContractError as error:
@@ -138,10 +143,14 @@ class Door:
                 return []
             return self._refuse(f"Command: tick: expected {self._oldest()}, was {command.tick}.")
         if command.kind == "failed":
-            return self._refuse(f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'.")
+            return self._refuse(FAILED_BY_AGENT)
         del self._pending[command.tick]
         # Who answers the same must leave the same trail, whether it says what it speaks or not.
         return [command.model_copy(update={"contract": None, "belief": self._timely_belief(command)})]
+
+    def _read(self, payload: bytes) -> Command:
+        self._check_contract(codec.peek_contract(payload))
+        return codec.decode_foreign(Command, payload, max_bytes=MAX_COMMAND_BYTES)
 
     # By ticks and not by a clock, so that the same commands always leave the same trail.
     def _timely_belief(self, command: Command) -> Belief | None:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.errors import RunFolderError
 from gslcosim.runtime.agents.door import GONE, Door, door_of
-from gslcosim.runtime.agents.past import Past
+from gslcosim.runtime.agents.free_door import FreeDoor
+from gslcosim.runtime.agents.past import Past, past_command
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 
@@ -57,23 +57,23 @@ class PastDoor(Door):
         return passed
 
     def _past_command(self, tick: int) -> Command:
-        if tick not in self.past:
-            raise RunFolderError(
-                f"inputs.log: expected a command of {self.agent} for tick {tick}, at which it was asked again, found "
-                "none. The run does not repeat: it was flown by other code, or its files were changed."
-            )
-        return self.past[tick]
+        return past_command(self.past, self.agent, tick)
 
 
 def door_in(agent: AgentSpec, scenario: Scenario, past: Past | None) -> Door:
     """Return the door of an agent of a scenario, with the past of the run where it is a fork."""
     door = door_of(agent, scenario)
+    known, until_tick = dict[int, Command](), 0
+    if past is not None:
+        known, until_tick = dict(past.commands.get(agent.name, known)), past.until_tick
+    if agent.is_free:
+        return FreeDoor(door.agent, belief_every_ticks=door.belief_every_ticks, past=known, until_tick=until_tick)
     if past is None:
         return door
     return PastDoor(
         door.agent,
         may_overlap=door.may_overlap,
         belief_every_ticks=door.belief_every_ticks,
-        past=past.commands.get(agent.name, {}),
-        until_tick=past.until_tick,
+        past=known,
+        until_tick=until_tick,
     )

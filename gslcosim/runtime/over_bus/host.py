@@ -15,6 +15,7 @@ from gslcosim.contract.participant import Core, Episode
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import RunTimeoutError
 from gslcosim.machine import fault_text
+from gslcosim.runtime.clock_pace import PACED, ClockPace
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.hosted import Hosted
@@ -35,7 +36,14 @@ class Host:
     the router is lost.
     """
 
-    def __init__(self, bus: Bus, cores: Sequence[Core], dataflow: Dataflow, episode: Episode) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        cores: Sequence[Core],
+        dataflow: Dataflow,
+        episode: Episode,
+        pace: ClockPace | None = None,
+    ) -> None:
         """Prepare to host cores, each of a participant of its own.
 
         Args:
@@ -43,12 +51,13 @@ class Host:
             cores: From upstream to downstream.
             dataflow: Of the whole run.
             episode: What is flown.
+            pace: Holds the ticks of `PACED` back, if anything does.
         """
         self._bus = bus
         self._dataflow = dataflow
         self._episode = episode
         names = {core.spec.name for core in cores}
-        self._hosted = [Hosted(bus, core, dataflow, names) for core in cores]
+        self._hosted = [Hosted(bus, core, dataflow, names, pace if core.spec.name == PACED else None) for core in cores]
         self._by_name = {hosted.name: hosted for hosted in self._hosted}
         self._readers = {
             port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
@@ -153,7 +162,7 @@ class Host:
     def _step_those_that_may(self) -> bool:
         has_stepped = False
         for hosted in self._hosted:
-            if hosted.gate.may_step():
+            if hosted.may_step():
                 self._acting = hosted
                 self._pass_on(hosted, hosted.step())
                 hosted.tell_progress_if_due()
@@ -185,21 +194,28 @@ class Host:
     def _wait_for_input(self) -> None:
         started = time.perf_counter_ns()
         patience_s = FIRST_RESEND_AFTER_S
-        while not (self._are_finished or any(hosted.gate.may_step() for hosted in self._hosted)):
+        while not (self._are_finished or any(hosted.may_step() for hosted in self._hosted)):
             for hosted in self._hosted:
                 if hosted.gate.holds_any:
                     self._ask_again(hosted, only_lost=True)
             while self._events.empty() and self._work_ahead():
                 pass
+            early_s = self._early_s()
             try:
-                self._handle(self._events.get(timeout=patience_s))
+                self._handle(self._events.get(timeout=early_s or patience_s))
             except queue.Empty:
+                if early_s:
+                    continue
                 for hosted in self._hosted:
                     hosted.tell_progress()
                     self._ask_again(hosted, only_lost=False)
                     hosted.tell_waiting()
                 patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
         self._timing.waiting_ns += time.perf_counter_ns() - started
+
+    # Whose inputs are here waits for its time alone, and everybody for it.
+    def _early_s(self) -> float:
+        return max((hosted.early_s for hosted in self._hosted if hosted.gate.may_step()), default=0.0)
 
     def _work_ahead(self) -> bool:
         for hosted in self._hosted:

@@ -7,12 +7,14 @@ import time
 from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import Any
 
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import Accounts, Closes, Core, Episode, WorksAhead
 from gslcosim.errors import ContractError
+from gslcosim.runtime.clock_pace import ClockPace
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
 from gslcosim.runtime.over_bus import control
@@ -71,12 +73,21 @@ class Hosted:
         core: The participant.
         dataflow: Of the whole run.
         neighbours: The participants of its process; what only they read does not travel.
+        pace: Holds its ticks back, if anything does.
     """
 
-    def __init__(self, bus: Bus, core: Core, dataflow: Dataflow, neighbours: Collection[str]) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        core: Core,
+        dataflow: Dataflow,
+        neighbours: Collection[str],
+        pace: ClockPace | None = None,
+    ) -> None:
         self._bus = bus
         self._core = core
         self._works_ahead = core if isinstance(core, WorksAhead) else None
+        self._pace = pace
         self.stepper = Stepper(core, dataflow)
         self.gate = self.stepper.gate
         self.name = self.stepper.spec.name
@@ -117,8 +128,19 @@ class Hosted:
         """Reset the core and return what it writes once."""
         return self.stepper.reset(episode)
 
+    def may_step(self) -> bool:
+        """Return whether the next step may happen now: its inputs are here, and its time has come."""
+        return self.gate.may_step() and not self.early_s
+
+    @property
+    def early_s(self) -> float:
+        """How long the next step has to wait for its time [s]; 0 where it need not, or has no time of its own."""
+        return 0.0 if self._pace is None else self._pace.wait_s(self.gate.next_tick, time.monotonic())
+
     def step(self) -> list[Sent]:
         """Step the core once and return what it wrote; the verdict ends the run for the one who writes it too."""
+        if self._pace is not None:
+            self._pace.begins(self.gate.next_tick, time.monotonic())
         outputs = self.stepper.step()
         for sent in outputs:
             if isinstance(sent.message, Verdict):
@@ -208,6 +230,10 @@ class Hosted:
             last_tick=self.last_tick,
             trails={port: trail.as_fields() for port, trail in self.stepper.trails.items()},
             timing=self.stepper.timing.as_fields(),
-            account=dict(self._core.account()) if isinstance(self._core, Accounts) else {},
+            account=self._account(),
         )
         self._bus.publish(control.bye(self.name), bye.to_bytes(), urgent=True)
+
+    def _account(self) -> dict[str, Any]:
+        own = dict(self._core.account()) if isinstance(self._core, Accounts) else {}
+        return own | (self._pace.account() if self._pace else {})

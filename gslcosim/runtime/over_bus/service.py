@@ -7,6 +7,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gslcosim.bus.port import Join
 from gslcosim.contract.participant import Core, Episode
@@ -16,6 +17,9 @@ from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus.host import Host, tell_fault
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
+
+if TYPE_CHECKING:
+    from gslcosim.runtime.clock_pace import ClockPace
 
 
 def main(words: Sequence[str]) -> None:
@@ -59,6 +63,7 @@ def serve(names: Sequence[str], join: Join | None = None) -> None:
 
 def _serve(names: Sequence[str], join: Join | None) -> None:
     from gslcosim.runtime.assembly import build_core, dataflow_of
+    from gslcosim.runtime.clock_pace import clock_pace_of
     from gslcosim.runtime.setup import Setup
 
     join = join or Join.from_environment()
@@ -74,7 +79,7 @@ def _serve(names: Sequence[str], join: Join | None) -> None:
     except Exception as error:
         _tell(join, at_fault, error)
         raise
-    take_part(join, cores, dataflow, setup.episode)
+    take_part(join, cores, dataflow, setup.episode, clock_pace_of(setup))
 
 
 # The log says it too, but where a disk is full there is none.
@@ -85,12 +90,14 @@ def _tell(join: Join, name: str, error: Exception) -> None:
         tell_fault(bus, name, error, tick=0)
 
 
-def take_part(join: Join, cores: Sequence[Core], dataflow: Dataflow, episode: Episode) -> None:
+def take_part(
+    join: Join, cores: Sequence[Core], dataflow: Dataflow, episode: Episode, pace: "ClockPace | None" = None
+) -> None:
     """Host cores in the run that `join` leads to, until they are dismissed."""
     from gslcosim.bus.zenoh_bus import ZenohBus
 
     with ZenohBus.open_member(join) as bus:
-        host = Host(bus, cores, dataflow, episode)
+        host = Host(bus, cores, dataflow, episode, pace)
         bus.on_disconnect(host.link_lost)
         host.join()
         host.run()

@@ -3,7 +3,7 @@
 import queue
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -14,6 +14,7 @@ from gslcosim.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.runtime.agents.desk import desk_of
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, CommandCame, CommandRefused, PutEvent
 from gslcosim.runtime.agents.links import Seen
+from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of
 from gslcosim.runtime.digest import Divergence, first_divergence
 from gslcosim.runtime.flight import fly_into_folder
@@ -49,11 +50,11 @@ class Replayed:
 
 
 class ReplayLink:
-    """Answers for an agent with what it has answered in the past; see `AgentLink`."""
+    """Answers for an agent with what it has answered in the past, or (without commands) never; see `AgentLink`."""
 
     may_lose = False
 
-    def __init__(self, agent: str, commands: Mapping[int, Command], put: PutEvent) -> None:
+    def __init__(self, agent: str, commands: Mapping[int, Command] | None, put: PutEvent) -> None:
         self._agent = agent
         self._commands = commands
         self._put = put
@@ -64,7 +65,7 @@ class ReplayLink:
     def observe(self, observation: Seen, payload: bytes) -> None:
         """Answer where the agent was asked."""
         del payload
-        if not observation.awaiting_command:
+        if not observation.awaiting_command or self._commands is None:
             return
         command = self._commands.get(observation.tick)
         if command is None:
@@ -152,8 +153,14 @@ def _last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 def _fly(past: PastRun, setup: Setup, until_tick: int | None, report: Callable[[FlightStatus], None]) -> Outcome:
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+    # An agent in free mode was not asked: what took effect when is known of its door alone.
+    told = replace(setup, past=Past(commands=past.commands, until_tick=past.last_tick + 1))
     desks = {
-        agent.name: desk_of(agent, setup, ReplayLink(agent.name, past.commands.get(agent.name, {}), events.put))
+        agent.name: desk_of(
+            agent,
+            told if agent.is_free else setup,
+            ReplayLink(agent.name, None if agent.is_free else past.commands.get(agent.name, {}), events.put),
+        )
         for agent in setup.scenario.agents
     }
     for desk in desks.values():

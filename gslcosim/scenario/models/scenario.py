@@ -271,6 +271,9 @@ class KnowledgeSpec(Spec):
         return tuple(name for name in type(self).model_fields if getattr(self, name))
 
 
+Mode = Literal["on_request", "lockstep", "free"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]]
+
+
 class AgentSpec(Spec):
     """One agent with its vehicle and sensors.
 
@@ -278,7 +281,7 @@ class AgentSpec(Spec):
     `seed` is what it draws from, in place of one that follows from the run's.
     `knows` grants knowledge that sensors do not give.
     `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
-    `{latency: N}` N ticks after each observation.
+    `{latency: N}` N ticks after each observation, `free` never: its commands take effect when they come.
     `sandbox` is what its process is started in: `auto` is the strongest that the machine has, `required` the same but
     an error where that is none or the agent has no process here, `bubblewrap` and `landlock` demand one, `none` starts
     it without. It sees its own folder and no run; `may_read` and `may_write` name more folders. `limits` bounds what it
@@ -287,9 +290,9 @@ class AgentSpec(Spec):
 
     name: Name = Field(description="what the agent is called")
     start: StartSpec = Field(description="how it comes to life")
-    mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] = Field(
+    mode: Mode = Field(
         default="on_request",
-        description="when time waits for it: at its waypoints, every tick, or N ticks after each observation",
+        description="when time waits for it: at its waypoints, every tick, N ticks after each observation, or never",
     )
     vehicle: VehicleSpec = Field(description="what it flies or drives")
     sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)] = Field(description="what it senses")
@@ -317,9 +320,14 @@ class AgentSpec(Spec):
         return self.mode["latency"] if isinstance(self.mode, dict) else 1
 
     @property
-    def mode_name(self) -> Literal["on_request", "lockstep", "latency"]:
+    def mode_name(self) -> Literal["on_request", "lockstep", "latency", "free"]:
         """Return the mode without its number."""
         return "latency" if isinstance(self.mode, dict) else self.mode
+
+    @property
+    def is_free(self) -> bool:
+        """Whether time never waits for it."""
+        return self.mode == "free"
 
     @property
     def process(self) -> str:
@@ -329,7 +337,7 @@ class AgentSpec(Spec):
     @property
     def is_asked_every_tick(self) -> bool:
         """Whether every observation awaits a command."""
-        return self.mode_name != "on_request"
+        return self.mode_name in ("lockstep", "latency")
 
 
 class ChannelSpec(Spec):
@@ -400,7 +408,8 @@ class Scenario(Spec):
     `processes` says how `gslcosim up` spreads the run over processes, without influence on its results: each service
     and each agent has its own (`separate`), all services share one and agents have their own (`grouped`), or everything
     is in one (`one`); lists of services name those that share a process. Suites fly in worker processes, whatever
-    it says.
+    it says. `pace` makes simulated time follow the clock on the wall, which changes no result unless an agent's mode is
+    `free`.
     """
 
     schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema", description="which kind of file it is")
@@ -418,6 +427,10 @@ class Scenario(Spec):
     channels: tuple[ChannelSpec, ...] = Field(default=(), description="channels on which agents send each other texts")
     services: tuple[Service, ...] = Field(default=(), description="services of other packages that take part")
     events: tuple[Event, ...] = Field(default=(), description="what happens during the run")
+    pace: Annotated[float, Field(ge=0.05, le=1000)] | None = Field(
+        default=None,
+        description="simulated seconds in a second of the clock on the wall (absent: as fast as it goes)",
+    )
     processes: Processes = Field(
         default="separate", description="which services share a process, without influence on results"
     )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from gslcosim.contract.messages import Command, DriveSetpoint
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.ticks import ticks_from_seconds
 from gslcosim.world.guidance.abilities import Abilities
 from gslcosim.world.guidance.arrival import OVERTURNED
 from gslcosim.world.guidance.avoidance import Avoidance
@@ -15,6 +16,9 @@ from gslcosim.world.guidance.tasks import Cruise, GiveUp, GoOn, GoTo, HandOver, 
 from gslcosim.world.paths.space import FlightSpace
 from gslcosim.world.paths.trajectory import Trajectory
 from gslcosim.world.physics.records import Setpoint
+
+# An agent in free mode that has not answered may have missed the question [s].
+ASK_AGAIN_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +61,8 @@ class Guide:
         self._conduct = Conduct(agent.vehicle, space, abilities, tick_ns, position_world_m, avoidance=avoidance)
         self._course = self._conduct.course
         self.awaiting_command = agent.is_asked_every_tick
+        self._quiet_until_tick = 0
+        self._quiet_ticks = ticks_from_seconds(ASK_AGAIN_S, tick_ns)
         self.notice: str | None = None
         self._goal_notice: str | None = None
         self._kept_task: Task | None = None
@@ -151,6 +157,14 @@ class Guide:
         has_nothing_to_do = self.phase in ("holding", "on_ground") and not self._course.ahead
         is_over = tick >= self._conduct.hold_until_tick
         self.awaiting_command = (has_nothing_to_do or self._course.goes_on) and is_over
+        if self._agent.is_free and self.awaiting_command:
+            self._ask_once(tick)
+
+    # Time goes on whether the agent answers or not, and it need not hear the same question at every tick.
+    def _ask_once(self, tick: int) -> None:
+        self.awaiting_command = tick >= self._quiet_until_tick
+        if self.awaiting_command:
+            self._quiet_until_tick = tick + self._quiet_ticks
 
     def _obey(self, tick: int, task: Task) -> None:
         self.notice = None
@@ -160,6 +174,7 @@ class Guide:
             case GiveUp():
                 self._conduct.fail(tick)
             case _:
+                self._quiet_until_tick = 0
                 self._hear(tick, task)
 
     def _hear(self, tick: int, task: Task) -> None:
@@ -204,9 +219,9 @@ class Guide:
                 raise AssertionError(f"expected a task to begin, was {task}")
         self._goal_notice = self.notice
 
-    # An agent that is asked at every tick says the same again and again; a velocity is asked for after its hold time.
+    # An agent that may speak at every tick says the same again and again; a velocity is asked for after its hold time.
     def _is_said_again(self, task: Task) -> bool:
-        if not self._agent.is_asked_every_tick or self._conduct.is_overturned:
+        if self._agent.mode_name == "on_request" or self._conduct.is_overturned:
             return False
         return task == self._conduct.goal
 

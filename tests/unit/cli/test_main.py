@@ -34,7 +34,7 @@ def options_of(name):
         (["fly"], f"gslcosim: expected one of the commands {ALL}, was 'fly'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
          "--insecure, --join-dir, --json, --lease-s, "
-         "--listen, --live, --no-services, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
+         "--listen, --live, --no-services, --pace, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
          "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, "
          "was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),

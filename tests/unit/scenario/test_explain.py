@@ -67,12 +67,12 @@ VEHICLE_KEYS = ", ".join(keys_of(VehicleSpec))
          "hall.yaml:1: schema: expected gslcosim/scenario/1, was 'gslcosim/scenario/2'. Did you mean "
          "gslcosim/scenario/1?"),
         ("start: {python: dung_beetle}", "start: {python: dung_beetle}\n    mode: {latency: 0}",
-         "hall.yaml:11: agents[0].mode: expected on_request or lockstep or {latency: N} with N a whole number from "
-         "1 to "
+         "hall.yaml:11: agents[0].mode: expected on_request, lockstep or free or {latency: N} with N a whole number "
+         "from 1 to "
          '1000, was {"latency": 0}.'),
         ("start: {python: dung_beetle}", "start: {python: dung_beetle}\n    mode: on request",
-         "hall.yaml:11: agents[0].mode: expected on_request or lockstep or {latency: N} with N a whole number from "
-         "1 to "
+         "hall.yaml:11: agents[0].mode: expected on_request, lockstep or free or {latency: N} with N a whole number "
+         "from 1 to "
          "1000, was 'on request'. Did you mean on_request?"),
         ("start: {python: dung_beetle}", "start: {command: [sh, 5]}",
          "hall.yaml:10: agents[0].start.command[1]: expected a text, was 5. Put it in quotes: '5'."),

@@ -47,7 +47,7 @@ def test_the_way_ends_at_what_the_models_do_not_know():
 
 def test_alternatives_of_several_kinds_are_joined():
     words = slot_at(("agents", 0, "mode")).describe()
-    assert words == "on_request or lockstep or {latency: N} with N a whole number from 1 to 1000"
+    assert words == "on_request, lockstep or free or {latency: N} with N a whole number from 1 to 1000"
 
 
 def test_the_homes_of_a_key_are_found():

@@ -216,6 +216,10 @@ WRONG = {
         "door: stdio, tcp or unix",
     ),
     "a suite that includes itself": ("include: [suite.yaml]\n" + ONE_ENTRY, "do not include themselves"),
+    "a free agent": (
+        "scenarios: [tiny_room]\nset: {pace: 1, 'agents[0].mode': free}\n" + ONE_ENTRY,
+        "tiny_room: agents[0].mode: expected a mode that waits for the agent, was free",
+    ),
     "a scenario twice": ("scenarios: [tiny_room, tiny_room]\n" + ONE_ENTRY, "tiny_room twice"),
 }
 

@@ -1,0 +1,124 @@
+"""The door of an agent in free mode: one command at each tick, the last that has come, whenever it came."""
+
+import pytest
+
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Command, Declaration, Observation, RadioMessage
+from gslcosim.errors import RunFolderError
+from gslcosim.runtime.agents.free_door import FreeDoor
+
+
+def observation(tick, *, awaiting=False):
+    return Observation(
+        tick=tick, agent="moth", time_s=0.1 * tick, position_world_m=(0, 0, 0), yaw_rad=0.0,
+        velocity_world_m_s=(0, 0, 0), status="holding", awaiting_command=awaiting, readings=(),
+    )  # fmt: skip
+
+
+def waypoint(tick, x_m, **fields):
+    return Command(tick=tick, kind="waypoint", position_world_m=(x_m, 0.0, 1.0), **fields)
+
+
+def declaration(tick):
+    return Command(tick=tick, kind="declare_source", declaration=Declaration(position_world_m=(1.0, 1.0, 1.0)))
+
+
+def noop(tick):
+    return Command(tick=tick, kind="noop")
+
+
+def said(door, *commands):
+    for command in commands:
+        assert door.received(codec.encode(command)) == []
+
+
+def test_one_command_passes_at_each_tick_whether_or_not_one_has_come():
+    door = FreeDoor("moth")
+    assert door.observed(observation(0)) == [noop(0)]
+    said(door, waypoint(0, 2.0))
+    assert door.observed(observation(1)) == [waypoint(1, 2.0)]
+    assert door.observed(observation(2)) == [noop(2)]
+    assert door.pending == ()
+
+
+def test_a_question_is_not_waited_for():
+    door = FreeDoor("moth")
+    assert door.observed(observation(4, awaiting=True)) == [noop(4)]
+    assert door.pending == ()
+
+
+@pytest.mark.parametrize("told_tick", [0, 3, 99])
+def test_a_command_gets_the_tick_at_which_it_passes(told_tick):
+    door = FreeDoor("moth")
+    said(door, waypoint(told_tick, 2.0))
+    assert door.observed(observation(7)) == [waypoint(7, 2.0)]
+    assert not door.faults
+
+
+def test_the_last_of_several_passes_and_a_noop_replaces_none():
+    door = FreeDoor("moth")
+    said(door, waypoint(0, 1.0), waypoint(0, 2.0), noop(0))
+    assert door.observed(observation(1)) == [waypoint(1, 2.0)]
+    assert door.observed(observation(2)) == [noop(2)]
+
+
+def test_a_declaration_is_made_whatever_follows_it():
+    door = FreeDoor("moth")
+    said(door, declaration(0), waypoint(0, 1.0), waypoint(0, 2.0))
+    assert door.observed(observation(1)) == [declaration(1)]
+    assert door.observed(observation(2)) == [waypoint(2, 2.0)]
+
+
+def test_texts_of_a_replaced_command_are_sent():
+    door = FreeDoor("moth")
+    texts = [RadioMessage(channel="air", text=text) for text in ("first", "second")]
+    said(door, waypoint(0, 1.0, outgoing=(texts[0],)), waypoint(0, 2.0, outgoing=(texts[1],)))
+    (passed,) = door.observed(observation(1))
+    assert passed.outgoing == tuple(texts)
+
+
+def test_what_is_said_twice_byte_for_byte_counts_once():
+    door = FreeDoor("moth")
+    said(door, waypoint(3, 1.0))
+    door.observed(observation(4))
+    said(door, waypoint(3, 1.0))
+    assert door.observed(observation(5)) == [noop(5)]
+
+
+@pytest.mark.parametrize(
+    ("payload", "expected"),
+    [
+        (b"\xc1garbage", "expected a msgpack map"),
+        (codec.encode(Command(tick=0, kind="failed")), "was 'failed'"),
+        (bytes(2 * 1024 * 1024), "at most 1048576 bytes"),
+    ],
+)
+def test_a_bad_command_becomes_a_hold_and_a_fault(payload, expected):
+    door = FreeDoor("moth")
+    door.received(payload)
+    (passed,) = door.observed(observation(3))
+    assert (passed.kind, passed.tick) == ("hold", 3)
+    assert expected in door.faults[0].text
+
+
+def test_an_agent_that_is_gone_fails_at_the_next_tick_and_nothing_follows():
+    door = FreeDoor("moth")
+    assert door.lost("it left") == []
+    assert [command.kind for command in door.observed(observation(3))] == ["failed"]
+    assert door.observed(observation(4)) == []
+
+
+def test_the_past_passes_until_the_fork_and_then_what_comes():
+    door = FreeDoor("moth", past={0: noop(0), 1: waypoint(1, 5.0)}, until_tick=2)
+    assert door.observed(observation(0)) == [noop(0)]
+    said(door, waypoint(0, 2.0))
+    assert door.observed(observation(1)) == [waypoint(1, 5.0)]
+    assert door.observed(observation(2)) == [noop(2)]
+    said(door, waypoint(2, 3.0))
+    assert door.observed(observation(3)) == [waypoint(3, 3.0)]
+
+
+def test_a_past_with_a_hole_is_told():
+    door = FreeDoor("moth", past={}, until_tick=2)
+    with pytest.raises(RunFolderError, match="expected a command of moth for tick 0"):
+        door.observed(observation(0))
