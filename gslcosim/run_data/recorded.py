@@ -1,6 +1,7 @@
 """The streams of a recording, each decoded on demand: one function for each kind."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from gslcosim.recording.entities import AgentEntities, gases_in
 from gslcosim.recording.instruments import unit_of
 from gslcosim.recording.reading.decoding import SliceDecoder, picture_place, splats
 from gslcosim.recording.reading.stored_rows import StoredColumn, StoredRows
+from gslcosim.recording.rows.undrawn import NUMBERS_COMPONENT
 from gslcosim.run_data.recorded_streams import (
     Floats,
     Ints,
@@ -27,6 +29,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.ticks import NS_PER_S
 
 _SCALARS = "Scalars:scalars"
+_SPEED_AND_BEARING = ("speed", "bearing")
 
 
 def track(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> RecordedTrack:
@@ -43,7 +46,7 @@ def track(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> Recorde
 
 
 def samples(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list[RecordedSeries]:
-    """Return the truth at an agent's sensors: mixing ratios of all gases, and the wind's speed."""
+    """Return the truth at an agent's sensors: mixing ratios of all gases, and the wind with its speed."""
     agent, found = names.agent.name, list[RecordedSeries]()
     for sensor in names.gas_sensors:
         for gas in gases_in(scenario):
@@ -54,6 +57,10 @@ def samples(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list[
     for sensor in names.wind_sensors:
         entity = names.true_wind(sensor.name)
         found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind_speed", unit="m/s")
+        found += _series(
+            rows, scenario, names.wind_vector(sensor.name), agent=agent, sensor=sensor.name, quantity="wind",
+            unit="m/s", labels=("x", "y", "z"), component=NUMBERS_COMPONENT,
+        )  # fmt: skip
     return found
 
 
@@ -66,6 +73,7 @@ def readings(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list
     for sensor in names.wind_sensors:
         entity = names.measured_wind(sensor.name)
         found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind_speed", unit="m/s")
+        found += _wind_values(rows, scenario, names.wind_values(sensor.name), agent=agent, sensor=sensor.name)
     for sensor, curves in names.on_board_sensors:
         for item in curves:
             found += _series(
@@ -219,6 +227,20 @@ def _pictures(
     )
 
 
+# An anemometer with two axes tells speed and bearing, one with three the vector.
+def _wind_values(rows: StoredRows, scenario: Scenario, entity: str, *, agent: str, sensor: str) -> list[RecordedSeries]:
+    found = _series(
+        rows, scenario, entity, agent=agent, sensor=sensor, quantity="apparent_wind", unit="m/s",
+        labels=("x", "y", "z"), component=NUMBERS_COMPONENT,
+    )  # fmt: skip
+    return [
+        replace(one, quantity="wind_from", unit="rad", columns=("wind_from_rad",), values=one.values[:, 1:])
+        if one.values.shape[1] == len(_SPEED_AND_BEARING)
+        else one
+        for one in found
+    ]
+
+
 def _series(
     rows: StoredRows,
     scenario: Scenario,
@@ -230,8 +252,9 @@ def _series(
     unit: str,
     labels: Sequence[str] = (),
     gas: str = "",
+    component: str = _SCALARS,
 ) -> list[RecordedSeries]:
-    column = rows.column(entity, _SCALARS)
+    column = rows.column(entity, component)
     n = len(column.tick)
     if not n:
         return []

@@ -25,6 +25,7 @@ from gslcosim.recording.rows.columns import (
     TrackRows,
 )
 from gslcosim.recording.rows.onboard import ImageRows, LidarRows, Poses, RayRows, RowTiming
+from gslcosim.recording.rows.undrawn import NumberRows, ValueRows
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.vehicle_shapes import draw_vehicle
 from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
@@ -58,6 +59,7 @@ class AgentRows:
             (sensor.name, gas): ScalarRows(names.gas(sensor.name, gas)) for sensor in names.gas_sensors for gas in gases
         }
         self._true_wind = {sensor.name: ScalarRows(names.true_wind(sensor.name)) for sensor in names.wind_sensors}
+        self._wind_vectors = {sensor.name: NumberRows(names.wind_vector(sensor.name)) for sensor in names.wind_sensors}
         lasers = [sensor for sensor in names.gas_sensors if isinstance(sensor, TdlasSensorSpec)]
         self._beams = {sensor.name: self._beam_rows(sensor) for sensor in lasers}
         self._in_space = {
@@ -69,7 +71,8 @@ class AgentRows:
         """Return the rows of every entity."""
         own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
         own = (*own, *self.belief.all())
-        truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
+        wind = (*self._true_wind.values(), *self._wind_vectors.values())
+        truth = (*self._gas.values(), *wind, *self._beams.values())
         return [*own, *truth, *(rows for sinks in self._readings.values() for rows in sinks)]
 
     def draw(self, file: RunFile, *, label: str) -> None:
@@ -102,6 +105,7 @@ class AgentRows:
         if wind is not None:
             u, v, w = sample.wind_world_m_s
             wind.add(tick, math.sqrt(u * u + v * v + w * w))
+            self._wind_vectors[sample.sensor].add(tick, sample.wind_world_m_s)
             return
         for gas in sample.gases:
             rows = self._gas.get((sample.sensor, gas.gas))
@@ -135,7 +139,8 @@ class AgentRows:
         for sensor in names.gas_sensors:
             rows[sensor.name] = (CurveRows(names.response(sensor.name), _FIRST.values_of),)
         for sensor in names.wind_sensors:
-            rows[sensor.name] = (CurveRows(names.measured_wind(sensor.name), wind_speed_m_s),)
+            speed = CurveRows(names.measured_wind(sensor.name), wind_speed_m_s)
+            rows[sensor.name] = (speed, ValueRows(names.wind_values(sensor.name)))
         for sensor, curves in names.on_board_sensors:
             in_space = self._in_space.get(sensor.name)
             drawn = [CurveRows(names.on_board(sensor.name, item), item.values_of) for item in curves]

@@ -35,15 +35,18 @@ def test_a_track_is_where_the_vehicle_was(record):
 
 def test_samples_readings_and_figures_have_units_in_their_names(record):
     flight, rows, names = read(record)
-    gas, wind = recorded.samples(rows, flight.scenario, names)
+    gas, wind, vector = recorded.samples(rows, flight.scenario, names)
     assert (gas.sensor, gas.gas, gas.columns) == ("nose", "ethanol", ("mixing_ratio_ppm",))
     np.testing.assert_allclose(gas.value, 1 + np.sin(0.1 * gas.tick))
     assert (wind.sensor, wind.columns) == ("vane", ("wind_speed_m_s",))
     np.testing.assert_allclose(wind.value, 0.5)
-    response, speed = recorded.readings(rows, flight.scenario, names)
+    assert vector.columns == ("wind_x_m_s", "wind_y_m_s", "wind_z_m_s")
+    np.testing.assert_allclose(np.linalg.norm(vector.values, axis=1), wind.value)
+    response, speed, wind_from = recorded.readings(rows, flight.scenario, names)
     assert response.columns == ("response_ohm",)
     np.testing.assert_allclose(response.value, 50_000.0 - response.tick)
     np.testing.assert_allclose(speed.value, 0.5)
+    assert (wind_from.sensor, wind_from.columns) == ("vane", ("wind_from_rad",))
     distance = recorded.figures(rows, flight.scenario, names)[0]
     assert distance.columns == ("distance_m",)
     np.testing.assert_allclose(distance.value, [math.dist(flight.position_m(t), SOURCE_M) for t in distance.tick])

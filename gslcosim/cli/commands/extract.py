@@ -1,0 +1,66 @@
+"""`gslcosim extract`: a run as tables or as messages of ROS 2."""
+
+import argparse
+from pathlib import Path
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.machine import refused_place
+
+EXAMPLES = """  gslcosim extract --to parquet
+  gslcosim extract runs/night_42 --to csv --out night_42_tables
+  gslcosim extract warehouse_empty-seed7-2025 --to rosbag2 --out bags/night_42"""
+
+FORMATS = ("parquet", "csv", "mcap", "rosbag2")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "run",
+        nargs="?",
+        metavar="RUN",
+        help="the run's folder, its recording, its id or the beginning of it (default: the newest)",
+    )
+    parser.add_argument(
+        "--to",
+        choices=FORMATS,
+        required=True,
+        help="parquet or csv: a table for each stream and a dictionary of columns; mcap or rosbag2: messages of ROS 2 "
+        "(extra ros)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="a new or empty folder for the files (default: the run's id and the format, here)",
+    )
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.extraction.extracting import extract_run
+    from gslcosim.run_data.opening import open_run
+
+    run = open_run(find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING))
+    out = arguments.out or Path(f"{run.run_id}_{arguments.to}")
+    try:
+        files = extract_run(run, out, arguments.to)
+    except OSError as error:
+        raise refused_place(error, "--out", "a folder that can be written", path=out) from error
+    if arguments.json:
+        write_json({"to": arguments.to, "out": str(out), "files": [str(path) for path in files]})
+        return 0
+    for path in files:
+        write(str(path))
+    return 0
+
+
+COMMAND = Command(
+    name="extract",
+    summary="write a run as tables (Parquet, CSV) or as messages of ROS 2 (MCAP, rosbag2)",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

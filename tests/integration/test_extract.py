@@ -1,0 +1,178 @@
+"""A run as tables and as messages of ROS 2, read back by other packages, equal to the run."""
+
+import json
+import re
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+
+import gslcosim
+from gslcosim.cli.main import main
+from gslcosim.run_data.opening import RunData
+
+PAGE = Path(__file__).parents[2] / "docs" / "extract.md"
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A flight with every on-board sensor that needs no pictures, of a method with beliefs; its folder."""
+    runs = tmp_path_factory.mktemp("runs")
+    method = "agents[0].start.python=infotaxis"
+    limit = "referee.stop.time_limit_s=8"
+    sensors = (
+        "[{model: tgs2600, name: nose}, {model: anemometer, name: wind}, {model: imu, name: imu},"
+        "{model: gps, name: gps}, {model: barometer, name: barometer}, {model: magnetometer, name: compass},"
+        "{model: pose, name: pose}, {model: range_finder, name: below, beam_body: [0, 0, -1]},"
+        "{model: lidar_2d, name: scan, period_s: 0.2, lidar: {n_azimuths: 90}, mount_rpy_rad: [0, 0, 0.5]},"
+        "{model: lidar_3d, name: cloud, period_s: 1, lidar: {n_azimuths: 30, n_elevations: 3}}]"
+    )
+    words = ["up", "tiny_room", "--in-process", "--quiet", "--runs-dir", str(runs)]
+    main([*words, "--set", method, "--set", limit, "--set", f"agents[0].sensors={sensors}"])
+    return next(runs.iterdir())
+
+
+def extracted(flown, to, tmp_path):
+    assert main(["extract", str(flown), "--to", to, "--out", str(tmp_path / to)]) == 0
+    return tmp_path / to
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_tables_hold_what_the_run_holds(flown, tmp_path, capsys):
+    run = gslcosim.open_run(flown)
+    folder = extracted(flown, "parquet", tmp_path)
+    assert capsys.readouterr().out.split()[0] == str(folder / "dictionary.csv")
+    track = pyarrow.parquet.read_table(folder / "track_beetle.parquet")
+    for i, axis in enumerate("xyz"):
+        np.testing.assert_array_equal(track[f"{axis}_m"].to_numpy(), run.tracks["beetle"].position_world_m[:, i])
+    readings = pyarrow.parquet.read_table(folder / "readings_beetle.parquet")
+    nose = next(series for series in run.readings if series.sensor == "nose")
+    np.testing.assert_array_equal(readings["nose_response_ohm"].to_numpy(), nose.value)
+    assert len(pyarrow.parquet.read_table(folder / "commands.parquet")) == len(run.commands["beetle"])
+    belief = pyarrow.parquet.read_table(folder / "belief_beetle.parquet")
+    first = belief["probability"].to_numpy()[belief["tick"].to_numpy() == belief["tick"][0].as_py()]
+    assert first.sum() == pytest.approx(1, abs=1e-3)
+    gas = pyarrow.parquet.read_table(folder / "gas_ethanol.parquet")
+    last = gas["mixing_ratio_ppm"].to_numpy()[gas["time_s"].to_numpy() == gas["time_s"][-1].as_py()]
+    np.testing.assert_array_equal(np.sort(last), np.sort((p := run.gas_slices["ethanol"].at(99.0))[p > 0]))
+
+
+@pytest.mark.slow
+def test_every_column_is_in_the_dictionary_and_csv_equals_parquet(flown, tmp_path):
+    as_parquet, as_csv = extracted(flown, "parquet", tmp_path), extracted(flown, "csv", tmp_path)
+    told = json.loads((as_csv / "dictionary.json").read_text())
+    assert {table["file"] for table in told["tables"]} == {p.name for p in as_csv.glob("*.csv")} - {"dictionary.csv"}
+    for table in told["tables"]:
+        text = pyarrow.csv.read_csv(as_csv / table["file"])
+        binary = pyarrow.parquet.read_table((as_parquet / table["file"]).with_suffix(".parquet"))
+        assert text.column_names == binary.column_names == [column["name"] for column in table["columns"]]
+        assert all(column["meaning"] for column in table["columns"])
+        for column in table["columns"]:
+            unit = re.sub(r"\W+", "_", column["unit"].lower().replace("^", ""))
+            assert column["name"].endswith(unit), "names carry units"
+        for name in text.column_names:
+            if text[name].type in ("double", "int64"):
+                np.testing.assert_allclose(
+                    text[name].to_numpy(), binary[name].to_numpy().astype(np.float64), rtol=1e-6, equal_nan=True
+                )
+        assert binary.schema.metadata[b"meaning"].decode() == table["meaning"]
+
+
+def checked(messages, run):
+    """Compare messages of a run, by topic, with the run."""
+    track = run.tracks["beetle"]
+    poses = messages["/beetle/odom"]
+    assert [stamp for stamp, _ in poses] == [int(tick) * run.scenario.tick_ns for tick in track.tick]
+    for i in (0, 20, len(poses) - 1):
+        _, odometry = poses[i]
+        place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+        assert (place.x, place.y, place.z) == tuple(track.position_world_m[i])
+        assert (turn.w, turn.x, turn.y, turn.z) == tuple(track.quaternion_wxyz[i])
+    speeds = [
+        np.linalg.norm([o.twist.twist.linear.x, o.twist.twist.linear.y, o.twist.twist.linear.z]) for _, o in poses
+    ]
+    moved_m = float(np.trapezoid(speeds, track.time_s))
+    assert moved_m == pytest.approx(run.result["agents"][0]["path_length_m"], rel=0.03)
+    told = {(series.sensor, series.quantity): series for series in run.readings}
+    _check(messages["/beetle/nose"], told["nose", "response"].value, lambda m: m.raw)
+    assert {m.raw_units for _, m in messages["/beetle/nose"]} == {5}
+    _check(messages["/beetle/wind"], told["wind", "wind_from"].value, lambda m: m.wind_direction)
+    _check(messages["/beetle/imu"], told["imu", "specific_force"].values[:, 2], lambda m: m.linear_acceleration.z)
+    _check(messages["/beetle/barometer"], told["barometer", "pressure"].value, lambda m: m.fluid_pressure)
+    _check(
+        messages["/beetle/compass"], told["compass", "magnetic_field"].values[:, 1] * 1e-6, lambda m: m.magnetic_field.y
+    )
+    _check(messages["/beetle/below"], told["below", "range"].value, lambda m: m.range)
+    _check(messages["/beetle/gps"], told["gps", "position"].values[:, 2], lambda m: m.altitude)
+    truth = next(series for series in run.samples if series.quantity == "mixing_ratio")
+    _check(messages["/truth/beetle/nose/ethanol"], truth.value, lambda m: m.raw)
+    # All around are walls.
+    _, scan = messages["/beetle/scan"][-1]
+    least = told["scan", "least_range"].value[-1]
+    assert min(scan.ranges) == pytest.approx(least, rel=1e-4)
+    assert np.isfinite(np.array(scan.ranges)).all()
+    assert len(scan.ranges) == 90
+    _, grid = messages["/map"][0]
+    assert (grid.info.width, grid.info.height) == run.environment.occupancy.shape[:2]
+    assert {transform.child_frame_id for transform in messages["/tf_static"][0][1].transforms} >= {"beetle/nose"}
+
+
+def _check(messages, values, pick):
+    np.testing.assert_allclose([pick(message) for _, message in messages], values, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
+    reader_of_ros2 = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support")
+    folder = extracted(flown, "mcap", tmp_path)
+    messages = {}
+    for each in reader_of_ros2.read_ros2_messages(str(folder / f"{flown.name}.mcap")):
+        messages.setdefault(each.channel.topic, []).append((each.log_time_ns, each.ros_msg))
+    checked(messages, gslcosim.open_run(flown))
+
+
+@pytest.mark.slow
+def test_rosbag2_is_read_back(flown, tmp_path):
+    highlevel = pytest.importorskip("rosbags.highlevel", reason="extra ros")
+    folder = extracted(flown, "rosbag2", tmp_path)
+    messages = {}
+    with highlevel.AnyReader([folder]) as bag:
+        for connection, stamp, data in bag.messages():
+            messages.setdefault(connection.topic, []).append((stamp, bag.deserialize(data, connection.msgtype)))
+    checked(messages, gslcosim.open_run(flown))
+    # As `ros2 bag` looks at it.
+    assert "storage_identifier: sqlite3" in (folder / "metadata.yaml").read_text()
+    with sqlite3.connect(next(folder.glob("*.db3"))) as database:
+        assert database.execute("select count(*) from messages").fetchone()[0] == sum(map(len, messages.values()))
+
+
+@pytest.mark.slow
+def test_the_program_of_the_page_runs(flown, monkeypatch, capsys):
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile(program.replace("RUN", str(flown)), str(PAGE), "exec"), {"__name__": "__main__"})
+    assert "nose ('response_ohm',)" in capsys.readouterr().out
+
+
+def test_a_folder_with_files_and_a_missing_run_are_told(tmp_path, capsys):
+    assert main(["extract", "none", "--to", "csv", "--runs-dir", str(tmp_path)]) == 2
+    assert "none: expected a run's folder or the id of one run" in capsys.readouterr().err
+    assert main(["extract", "--to", "xml"]) == 2
+
+
+@pytest.mark.slow
+def test_what_cannot_be_written_is_told(flown, tmp_path, capsys, monkeypatch):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "notes.txt").write_text("mine")
+    assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "full")]) == 2
+    assert "expected a new folder or an empty one, was one with files" in capsys.readouterr().err
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
+    from gslcosim.extraction.ros_types import ros_types
+
+    ros_types.cache_clear()
+    assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "new")]) == 2
+    assert "Install it with: pip install 'gslcosim[ros]'" in capsys.readouterr().err
+    assert isinstance(gslcosim.open_run(flown), RunData)
