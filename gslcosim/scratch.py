@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 from typing import Self
 
+from gslcosim.errors import MachineError
 from gslcosim.machine import machine_error
 
 if sys.platform != "win32":
@@ -17,6 +18,10 @@ if sys.platform != "win32":
 PREFIX = "gslcosim-"
 # Locked by the owner for as long as it lives; the lock ends with its process, however that ends.
 OWNER = ".owner"
+# An address of a unix socket has room for so many bytes. Below the parent: a folder, and a name of at most 12 bytes.
+SOCKET_BYTES = 103 if sys.platform == "darwin" else 107
+_WITHIN_BYTES = len(f"/{PREFIX}check-12345678/") + 12
+_OF_THE_USER = "XDG_RUNTIME_DIR"
 
 
 class ScratchFolder:
@@ -40,6 +45,29 @@ class ScratchFolder:
             self._lock = _mark_as_owned(self.path)
         except OSError as error:
             raise no_temporary_directory(error) from error
+
+    @classmethod
+    def for_sockets(cls, kind: str = "") -> Self:
+        """Make one whose path leaves room for unix sockets in it.
+
+        It is in the temporary directory, and where that has too long a name in the user's folder for such things, or in
+        /tmp.
+
+        Raises:
+            MachineError: it cannot be made.
+        """
+        usual = Path(tempfile.gettempdir())
+        others = [Path(os.environ[_OF_THE_USER])] if os.environ.get(_OF_THE_USER) else []
+        longest = SOCKET_BYTES - _WITHIN_BYTES
+        for place in (usual, *others, Path("/tmp")):
+            has_room = len(os.fsencode(place.absolute())) <= longest
+            if has_room and (place == usual or os.access(place, os.W_OK | os.X_OK)):
+                return cls(kind, parent=place)
+        raise MachineError(
+            f"temporary directory: expected a path of at most {longest} bytes, so that unix sockets have room there, "
+            f"was one of {len(os.fsencode(usual))}, and neither {_OF_THE_USER} nor /tmp helps. Set TMPDIR to a shorter "
+            f"one.\nFolder: {usual}"
+        )
 
     def __enter__(self) -> Self:
         return self

@@ -210,7 +210,7 @@ def zenoh_round_trip_s() -> float:
 
     password = new_password()
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    with ScratchFolder() as scratch:
+    with ScratchFolder.for_sockets() as scratch:
         folder = scratch.path
         endpoint, namespace = f"unixsock-stream/{folder}/router.sock", "gsl/doctor"
         router = ZenohBus.open_router(

@@ -49,7 +49,7 @@ class _Started:
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
         self.events: queue.SimpleQueue[WireEvent] = queue.SimpleQueue()
-        self._scratch = ScratchFolder("check")
+        self._scratch = ScratchFolder.for_sockets("check")
         self.folder = self._scratch.path
         self.log = self.folder / "log"
         self.children = Children(lambda _, code, __: self.events.put(AgentExited(code)))

@@ -300,7 +300,7 @@ def fly_in_process(
         desks[agent.name] = desk_of(agent, setup, link)
         desks[agent.name].is_ready = not is_guest
     with ExitStack() as stack:
-        socket_dir = stack.enter_context(ScratchFolder()).path
+        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
         interruption = stack.enter_context(Interruption())
         children = stack.enter_context(Children(guests.exited))
         stack.enter_context(ProcessWatch(lambda: children.pids, guests.stopped))

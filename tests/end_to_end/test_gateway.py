@@ -58,6 +58,16 @@ def test_only_what_is_asked_gives_the_same_digest(tmp_path, digest_over_zenoh):
     assert digest_of(asked) == digest_over_zenoh
 
 
+def test_a_temporary_directory_with_a_long_name_changes_nothing(tmp_path, monkeypatch, digest_over_zenoh):
+    """Addresses of unix sockets are short: the router's, a door's, and those of `agent check` and `doctor`."""
+    long = tmp_path / ("l" * 100)
+    long.mkdir()
+    monkeypatch.setenv("TMPDIR", str(long))
+    ended = fly(TINY_ROOM, tmp_path / "runs", *through("unix", "msgpack"))
+    assert digest_of(ended) == digest_over_zenoh
+    assert list(long.glob("gslcosim-*")) == []
+
+
 @pytest.mark.parametrize("mode", ["lockstep", "{latency: 3}"])
 def test_parity_holds_in_every_mode(tmp_path, mode):
     change = ("--set", f"agents[0].mode={mode}", *ASKED_LESS)

@@ -2,8 +2,10 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from gslcosim.scratch import ScratchFolder
 
 OWNING = """
 import sys
+import tempfile
 from pathlib import Path
 from gslcosim.scratch import ScratchFolder
 scratch = ScratchFolder("bench", parent=Path(sys.argv[1]))
@@ -67,3 +70,29 @@ def test_a_place_that_cannot_be_written_is_told(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(MachineError, match=r"temporary directory: expected a folder .* or set TMPDIR to a folder"):
         ScratchFolder(parent=tmp_path / "file")
+
+
+def test_where_the_temporary_directory_has_a_long_name_sockets_go_elsewhere(tmp_path, monkeypatch):
+    """Where nothing shorter can be written, that is told in one sentence."""
+    long, of_the_user = tmp_path / ("l" * 100), Path(tempfile.mkdtemp(prefix="gsl-test-", dir="/tmp"))
+    long.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(of_the_user))
+    with ScratchFolder.for_sockets("check") as scratch, socket.socket(socket.AF_UNIX) as listener:
+        assert scratch.path.parent == of_the_user
+        listener.bind(str(scratch.path / "gateway.sock"))
+    with ScratchFolder("check") as scratch:
+        assert scratch.path.parent == long
+    of_the_user.rmdir()
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(MachineError, match=r"temporary directory: expected a path of at most 70 bytes, .* was one of"):
+        ScratchFolder.for_sockets()
+
+
+def test_a_short_temporary_directory_takes_sockets_itself(monkeypatch):
+    place = Path(tempfile.mkdtemp(prefix="gsl-test-", dir="/tmp"))
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    with ScratchFolder.for_sockets() as scratch:
+        assert scratch.path.parent == place
+    place.rmdir()

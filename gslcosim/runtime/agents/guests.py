@@ -265,7 +265,8 @@ class Guests:
 
     def _listener(self, guest: _GuestProcess, socket_dir: Path) -> Listener:
         if guest.spec.start.door == "unix":
-            return Listener.open_unix(socket_dir / f"{guest.spec.name}.sock")
+            # Addresses of sockets are short, agents' names may be long.
+            return Listener.open_unix(socket_dir / f"{list(self._by_agent).index(guest.spec.name)}.sock")
         if guest.spec.start.attach and (endpoint := self._network.public_endpoint):
             return Listener.open_tcp("0.0.0.0", public_name=_host_of(endpoint))
         return Listener.open_tcp()

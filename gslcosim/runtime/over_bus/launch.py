@@ -68,7 +68,7 @@ def fly_over_bus(
 
     crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in guests}
     with ExitStack() as stack:
-        socket_dir = stack.enter_context(ScratchFolder()).path
+        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
         stack.callback(guests.close)
         interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
         starts_services = not all(network.is_elsewhere(group[0]) for group in groups)
