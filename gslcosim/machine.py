@@ -2,10 +2,14 @@
 
 import errno
 import os
+import sys
 import traceback
 from pathlib import Path
 
 from gslcosim.errors import GslCosimError, MachineError, UsageError
+
+if sys.platform != "win32":
+    import resource
 
 _FREE_ROOM = "Free room there, or choose another disk."
 _CHOOSE_ANOTHER = "Change its permissions, or choose another place."
@@ -28,6 +32,9 @@ _REMEDIES = {
     errno.EAGAIN: "Close programs, or raise the limit on processes (ulimit -u).",
     errno.EIO: "Check the disk.",
 }
+LACKING = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
+"""What the machine has too little of, whatever is asked of it."""
+
 _WRONG_PLACE = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)
 # What Python and packages say instead of an error of a class of its own.
 _LACKS_MEMORY = (
@@ -35,8 +42,27 @@ _LACKS_MEMORY = (
     "resource temporarily unavailable",
     "cannot allocate memory",
     "failed to map segment",
+    "could not allocate memory",
     "out of memory",
 )
+# With less room for addresses packages of other people hang or abort while they are loaded, and nobody can tell why.
+LEAST_ADDRESSES_MB = 1200
+
+
+def check_address_space() -> None:
+    """Refuse a limit on addresses below which no flight works.
+
+    Raises:
+        MachineError: it is as low.
+    """
+    if sys.platform == "win32":
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < LEAST_ADDRESSES_MB * 1e6:
+        raise MachineError(
+            f"the machine: expected room for {LEAST_ADDRESSES_MB} MB of addresses in each process, was a limit of "
+            f"{limit / 1e6:.0f} MB. Raise the limit on memory (ulimit -v)."
+        )
 
 
 def reason_of(error: OSError | MemoryError) -> str:
@@ -107,7 +133,8 @@ def unforeseen(error: BaseException) -> MachineError | None:
     if isinstance(error, OSError | MemoryError):
         return machine_error(error, "the machine", "it to do what was asked")
     said = str(error).lower()
-    if isinstance(error, RuntimeError | ImportError | SystemError) and any(word in said for word in _LACKS_MEMORY):
+    is_of_a_package = isinstance(error, RuntimeError | ImportError | SystemError | ValueError)
+    if is_of_a_package and any(word in said for word in _LACKS_MEMORY):
         return machine_error(MemoryError(), "the machine", "memory for one thing more")
     return None
 

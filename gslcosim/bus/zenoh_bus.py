@@ -18,6 +18,7 @@ import zenoh
 import zenoh.handlers
 
 from gslcosim.bus.port import Answerer, Certificate, Handler, Join
+from gslcosim.bus.zenoh_sessions import open_session
 from gslcosim.errors import SimulationFault
 
 # How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not
@@ -73,6 +74,7 @@ class ZenohBus:
         """Connect a process to the run's router.
 
         Raises:
+            MachineError: the machine lacks what a session needs.
             SimulationFault: nothing answers at the endpoint, or name and password are refused.
         """
         elsewhere_ms = LEASE_MS if join.lease_s is None else round(1000 * join.lease_s)
@@ -91,7 +93,7 @@ class ZenohBus:
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
         try:
-            return cls(zenoh.open(config), join.namespace)
+            return cls(open_session(config), join.namespace)
         except zenoh.ZError as error:
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
@@ -117,6 +119,7 @@ class ZenohBus:
         Who is cut off keeps its place for `lease_s`, the longest lease of those elsewhere.
 
         Raises:
+            MachineError: the machine lacks what a session needs.
             SimulationFault: an endpoint cannot be listened on.
         """
         agents, endpoints = list(agents), list(endpoints)
@@ -140,7 +143,7 @@ class ZenohBus:
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
         config.insert_json5("access_control", json.dumps(_access_control(namespace, agents)))
         try:
-            return cls(zenoh.open(config), namespace)
+            return cls(open_session(config), namespace)
         except zenoh.ZError as error:
             raise SimulationFault(f"router: expected to listen on {endpoints}, could not: {error}") from error
         finally:

@@ -13,6 +13,7 @@ import zenoh.handlers
 
 from gslcosim.bus.port import Handler
 from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, new_password, session_config
+from gslcosim.bus.zenoh_sessions import open_session
 from gslcosim.errors import SimulationFault
 
 
@@ -52,7 +53,7 @@ class ZenohWitness:
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_USER))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(own_password))
         try:
-            return cls(zenoh.open(config))
+            return cls(open_session(config))
         except zenoh.ZError as error:
             raise SimulationFault(f"router: expected to listen on {endpoint}, could not: {error}") from error
 

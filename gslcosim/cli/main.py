@@ -34,7 +34,7 @@ from gslcosim.cli.commands import (
 from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import finish_output, give_up_output, open_missing_streams, write_note
 from gslcosim.errors import ExitCode, GslCosimError, MachineError
-from gslcosim.machine import unforeseen
+from gslcosim.machine import check_address_space, unforeseen
 
 # New objects between two collections; Python's own number is 700.
 _COLLECT_EVERY = 50_000
@@ -65,6 +65,8 @@ COMMANDS = (
     schema.COMMAND,
     doctor.COMMAND,
 )
+# What loads all that a flight needs.
+_COMPUTING = ("up", "fork", "replay", "bench", "sweep", "tune", "generate", "sample")
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -106,6 +108,8 @@ def _exit_code_of(words: Sequence[str]) -> int:
             parser.print_help(sys.stderr)
             return ExitCode.USAGE
         arguments = parse(parser, COMMANDS, words)
+        if words[0] in _COMPUTING:
+            check_address_space()
         return int(arguments.call(arguments))
     except SystemExit:
         # The help or the version has been printed.

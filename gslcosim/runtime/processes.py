@@ -17,6 +17,7 @@ from typing import Protocol, cast
 from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE, Join
 from gslcosim.errors import UsageError
 from gslcosim.runtime.command_lines import ending_with_parent, exit_text
+from gslcosim.machine import LACKING, machine_error
 from gslcosim.runtime.process_log import ProcessLog
 from gslcosim.runtime.sandbox.launching import Confinement, Launch, file_of, is_launcher_possible
 
@@ -193,6 +194,8 @@ class Children:
                 pass_fds=descriptors,
             )
         except OSError as error:
+            if error.errno in LACKING:
+                raise machine_error(error, name, "a process that starts") from error
             raise UsageError(f"{name}: expected a command that starts, was {list(command)} ({error}).") from error
         finally:
             for descriptor in descriptors:

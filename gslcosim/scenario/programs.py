@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import sys
 from pathlib import Path
 
 from gslcosim.scenario.bundled import bundled_agents
@@ -11,6 +12,11 @@ from gslcosim.scenario.suggestions import did_you_mean
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
 """Endings by which the second word of a command is known as a file."""
 
+# The first bytes of a program of Linux, and those that say for which kind of processor; some take another kind too.
+_ELF, _MACHINE_AT = b"\x7fELF", slice(18, 20)
+_ALSO = {b"\x3e\x00": b"\x03\x00", b"\xb7\x00": b"\x28\x00"}
+# Where other kinds of files are given to interpreters of their own.
+_TAKEN_ON = Path("/proc/sys/fs/binfmt_misc")
 _EXECUTABLE_BITS = 0o111
 # Linux reads no more of it.
 _MAX_FIRST_LINE_BYTES = 256
@@ -77,7 +83,7 @@ def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str)
     except OSError:
         return None  # what may be executed need not be readable
     if not line.startswith(b"#!"):
-        return None
+        return _problem_of_format(file, line, place, found)
     words = line[2:].strip(b" \t\n").decode(errors="replace").split()
     interpreter = words[0] if words else ""
     missing, remedy = interpreter, f"Install it, or correct the first line of {file}."
@@ -97,6 +103,39 @@ def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str)
         return None
     expected = "a script whose interpreter is there"
     return Problem(path=place, expected=expected, found=f"{found} with #!{' '.join(words)}", remedy=remedy)
+
+
+# What the system says it cannot execute, which is known from the first bytes where no other program has taken them on.
+def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> Problem | None:
+    if sys.platform != "linux" or {*_names_in(_TAKEN_ON)} - {"register", "status"}:
+        return None
+    if not beginning.startswith(_ELF):
+        remedy = f"Name that in the first line of {file}, for example #!/bin/sh, or before it in the command."
+        return Problem(
+            path=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
+        )
+    kind = beginning[_MACHINE_AT]
+    own = _machine_of_this()
+    if kind == own or kind == _ALSO.get(own):
+        return None
+    return Problem(
+        path=place,
+        expected=f"a program for this machine's processor ({os.uname().machine})",
+        found=found,
+        remedy=f"{file} was built for another one: build it here.",
+    )
+
+
+def _machine_of_this() -> bytes:
+    with Path("/proc/self/exe").open("rb") as program:
+        return program.read(_MACHINE_AT.stop)[_MACHINE_AT]
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return [entry.name for entry in folder.iterdir()]
+    except OSError:
+        return []
 
 
 def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> Problem | None:

@@ -34,6 +34,7 @@ def test_what_nobody_foresaw_has_the_file_that_the_machine_names():
     [
         MemoryError(),
         RuntimeError("can't start new thread"),
+        ValueError("Error: engine error: Could not allocate memory"),
         ImportError("libx.so: failed to map segment from shared object"),
         RuntimeError("Failed to spawn background thread: Resource temporarily unavailable (os error 11)"),
     ],

@@ -50,7 +50,8 @@ def test_with_a_folder_relative_paths_become_absolute(scenario_file, tmp_path):
 
 
 def test_with_a_folder_programs_become_absolute_and_names_stay(scenario_file, tmp_path):
-    (tmp_path / "prog").touch(mode=0o755)
+    (tmp_path / "prog").write_text("#!/bin/sh\n")
+    (tmp_path / "prog").chmod(0o755)
     for start, key, expected in (
         ("{command: [./prog, ./x]}", "command", [str(tmp_path / "prog"), "./x"]),
         ("{command: [sh, ./x]}", "command", ["sh", "./x"]),

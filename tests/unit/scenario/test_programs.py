@@ -1,7 +1,12 @@
 """Agents' programs are looked for before anything starts."""
 
+import shutil
+import sys
+
 import pytest
 
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario import programs
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loading import load_scenario
 
@@ -88,3 +93,35 @@ def test_bundled_scenarios_and_agents_are_found_by_name():
 @pytest.mark.parametrize("name", sorted(bundled_scenarios()))
 def test_every_bundled_scenario_is_valid_and_named_like_its_file(name):
     assert load_scenario(name).name == name
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what Linux can execute")
+@pytest.mark.parametrize(
+    ("content", "expected", "remedy"),
+    [
+        (b"echo no interpreter\n", "a program, or a script that names its interpreter", "Name that in the first line"),
+        (b"", "a program, or a script that names its interpreter", "Name that in the first line"),
+        (b"\x7fELF\x02\x01\x01" + bytes(11) + b"\xf3\x00", "a program for this machine's processor", "build it here"),
+    ],
+    ids=["text", "empty", "another processor's"],
+)
+def test_what_the_system_cannot_execute_is_a_problem(tmp_path, scenario_file, monkeypatch, content, expected, remedy):
+    """Unless somebody has registered an interpreter for other kinds of files."""
+    monkeypatch.setattr(programs, "_TAKEN_ON", tmp_path / "nothing registered")
+    (tmp_path / "prog").write_bytes(content)
+    (tmp_path / "prog").chmod(0o755)
+    path = scenario_file((PYTHON, "{command: [./prog]}"))
+    with pytest.raises(ScenarioError) as raised:
+        load_scenario(path)
+    assert f"agents[0].start.command[0]: expected {expected}" in str(raised.value)
+    assert remedy in str(raised.value)
+    (tmp_path / "registered").mkdir()
+    (tmp_path / "registered" / "qemu-riscv64").touch()
+    monkeypatch.setattr(programs, "_TAKEN_ON", tmp_path / "registered")
+    assert load_scenario(path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what Linux can execute")
+def test_a_program_of_this_machine_is_accepted(tmp_path, scenario_file):
+    shutil.copy(shutil.which("true"), tmp_path / "prog")
+    assert load_scenario(scenario_file((PYTHON, "{command: [./prog]}")))
