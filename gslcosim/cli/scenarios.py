@@ -52,7 +52,13 @@ def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
         arguments.scenario,
         overrides=[*arguments.set, *_pace_override(arguments)],
         seed=arguments.seed,
-        checks=(check_places, check_methods, check_stored_gas, *((check_drawing,) if draws_here else ())),
+        checks=(
+            check_places,
+            check_methods,
+            check_stored_gas,
+            check_participants,
+            *((check_drawing,) if draws_here else ()),
+        ),
         placer=_draw_places,
     )
 
@@ -97,6 +103,16 @@ def check_stored_gas(scenario: "Scenario", directory: Path) -> "Iterable[Problem
     from gslcosim.fields.models.playback_gas import problems_of_stored_gas
 
     return problems_of_stored_gas(scenario, directory)
+
+
+def check_participants(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
+    """Return what is wrong with the ports of the participants of a scenario, if it has some."""
+    del directory
+    if not scenario.participants:
+        return ()  # what knows all ports is slow to import
+    from gslcosim.runtime.assembly import participant_problems
+
+    return participant_problems(scenario)
 
 
 def check_drawing(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":

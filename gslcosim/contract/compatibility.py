@@ -33,19 +33,35 @@ def check_contract(told: str) -> None:
         OtherContractError: the major version is another one; nothing the other side says can be trusted.
         ContractError: not of that form, or the same version with another hash; the messages may still fit.
     """
-    found = _FORM.fullmatch(told)
-    if found is None:
-        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {told[:60]!r}.")
-    major, minor = CONTRACT_VERSION.split(".")
-    if int(found["major"]) != int(major):
-        raise OtherContractError(
-            f"contract: expected major version {major} (this run speaks {CONTRACT_VERSION}), was "
-            f"{found['major']}.{found['minor']}. Build the agent with the contract of this gslcosim: "
-            "`gslcosim schema export` writes it."
-        )
+    found = check_version(told, CONTRACT_VERSION)
+    minor = CONTRACT_VERSION.split(".")[1]
     is_same = int(found["minor"]) == int(minor)
     if is_same and found["hash"] is not None and found["hash"] != contract_hash():
         raise ContractError(
             f"contract: expected hash {contract_hash()} for version {CONTRACT_VERSION}, was {found['hash']}. "
             "The agent was made with another build of the contract; `gslcosim schema export` writes this one's."
         )
+
+
+def check_version(told: str, spoken: str) -> re.Match[str]:
+    """Check the version in what the other side says it speaks, and return its parts: `major`, `minor`, `hash`.
+
+    Args:
+        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+        spoken: The version of this side.
+
+    Raises:
+        OtherContractError: the major version is another one.
+        ContractError: not of that form.
+    """
+    found = _FORM.fullmatch(told)
+    if found is None:
+        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {told[:60]!r}.")
+    major = spoken.split(".")[0]
+    if int(found["major"]) != int(major):
+        raise OtherContractError(
+            f"contract: expected major version {major} (this run speaks {spoken}), was "
+            f"{found['major']}.{found['minor']}. Build the agent with the contract of this gslcosim: "
+            "`gslcosim schema export` writes it."
+        )
+    return found

@@ -5,9 +5,11 @@ import json
 from functools import cache
 from typing import Any, cast
 
-from gslcosim.contract import messages
+from gslcosim.contract import messages, participation
 from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import CONTRACT_VERSION, Message
+from gslcosim.contract.participation import PARTICIPATION_VERSION
+from gslcosim.contract.ventilation import WindShare
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _BYTES = {"type": "string", "contentEncoding": "base64"}
@@ -21,6 +23,18 @@ def message_types() -> tuple[type[Message], ...]:
     return tuple(sorted((item for item in found if item is not Message), key=lambda item: item.__name__))
 
 
+def participation_types() -> tuple[type[Message], ...]:
+    """Return the message types between a run and models of a user's own, by name; agents meet none of them."""
+    found = [item for item in vars(participation).values() if isinstance(item, type) and issubclass(item, Message)]
+    own = (item for item in found if item.__module__ == participation.__name__)
+    return tuple(sorted((*own, WindShare), key=lambda item: item.__name__))
+
+
+def published_types() -> tuple[type[Message], ...]:
+    """Return all message types that are published, by name."""
+    return tuple(sorted((*message_types(), *participation_types()), key=lambda item: item.__name__))
+
+
 def json_schema_of(message_type: type[Message]) -> dict[str, Any]:
     """Return the JSON Schema of a message, complete in itself.
 
@@ -30,13 +44,25 @@ def json_schema_of(message_type: type[Message]) -> dict[str, Any]:
     # pydantic's titles only repeat the names.
     schema = _pruned(description_of(message_type).model_json_schema(), ("title",))
     name = message_type.__name__
-    return {"$schema": DIALECT, "$id": f"urn:gslcosim:contract:{CONTRACT_VERSION}:{name}", "title": name, **schema}
+    is_agents = message_type in message_types()
+    part = f"contract:{CONTRACT_VERSION}" if is_agents else f"participation:{PARTICIPATION_VERSION}"
+    return {"$schema": DIALECT, "$id": f"urn:gslcosim:{part}:{name}", "title": name, **schema}
 
 
 @cache
 def contract_hash() -> str:
     """Return the hash of the canonical JSON Schemas; two processes that speak the same contract have the same."""
-    schemas = {item.__name__: _pruned(description_of(item).model_json_schema(), _PROSE) for item in message_types()}
+    return _hash_of(message_types())
+
+
+@cache
+def participation_hash() -> str:
+    """Return the hash of the canonical JSON Schemas of all that a participant may be sent or send."""
+    return _hash_of(published_types())
+
+
+def _hash_of(types: tuple[type[Message], ...]) -> str:
+    schemas = {item.__name__: _pruned(description_of(item).model_json_schema(), _PROSE) for item in types}
     text = json.dumps(schemas, sort_keys=True, separators=(",", ":"))
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, cast
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Command
+from gslcosim.contract.messages import Command, Message
 from gslcosim.errors import ContractError
 
 FrameFormat = Literal["msgpack", "json"]
@@ -175,10 +175,15 @@ def fields_of_frame(frame_format: FrameFormat, frame: bytes) -> dict[str, Any]:
     return codec.unpack_foreign("frame", frame, has_lists=True)
 
 
-def payload_of_frame(frame_format: FrameFormat, frame: bytes) -> bytes:
-    """Return what an agent sent as msgpack, for the door to judge.
+def payload_of_frame(frame_format: FrameFormat, frame: bytes, message_type: type[Message] = Command) -> bytes:
+    """Return what an agent or participant sent as msgpack, for others to judge.
 
     A msgpack frame is passed on as it is; an object of JSON becomes the same map in msgpack.
+
+    Args:
+        frame_format: The format of the frame.
+        frame: What stood between two boundaries.
+        message_type: What it is meant to be.
 
     Raises:
         ContractError: it is not one object of JSON, has a key twice, is too deep, or holds a number or text that
@@ -186,11 +191,12 @@ def payload_of_frame(frame_format: FrameFormat, frame: bytes) -> bytes:
     """
     if frame_format == "msgpack":
         return frame
-    fields = codec.with_bytes(Command, _fields_of_line("Command", frame))
+    name = message_type.__name__
+    fields = codec.with_bytes(message_type, _fields_of_line(name, frame))
     try:
         return _msgpack.packb(fields, use_bin_type=True)
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise ContractError(f"Command: expected integers below 2^63 and texts in UTF-8 ({error}).") from error
+        raise ContractError(f"{name}: expected integers below 2^63 and texts in UTF-8 ({error}).") from error
 
 
 def agent_of_payload(payload: bytes) -> str | None:

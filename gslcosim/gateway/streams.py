@@ -25,8 +25,12 @@ class Stream(Protocol):
         """
         ...
 
-    def wait_writable(self) -> None:
-        """Wait until something fits again, or the other side is gone."""
+    def wait_writable(self, timeout_s: float | None = None) -> bool:
+        """Wait until something fits again, or the other side is gone; return whether that came within the time."""
+        ...
+
+    def wait_readable(self, timeout_s: float) -> bool:
+        """Wait until there is something to read, or the end; return whether that came within the time."""
         ...
 
     def close_input(self) -> None:
@@ -48,6 +52,8 @@ class PipeStream:
         os.set_blocking(to_agent.fileno(), False)
         self._writable = select.poll()
         self._writable.register(to_agent.fileno(), select.POLLOUT)
+        self._readable = select.poll()
+        self._readable.register(from_agent.fileno(), select.POLLIN)
 
     def read(self) -> bytes:
         """Return the next bytes; see `Stream`."""
@@ -57,9 +63,13 @@ class PipeStream:
         """Write what fits; see `Stream`."""
         return self._to_agent.write(data) or 0
 
-    def wait_writable(self) -> None:
+    def wait_writable(self, timeout_s: float | None = None) -> bool:
         """Wait until something fits again; see `Stream`."""
-        self._writable.poll()
+        return bool(self._writable.poll(None if timeout_s is None else 1e3 * timeout_s))
+
+    def wait_readable(self, timeout_s: float) -> bool:
+        """Wait until there is something to read; see `Stream`."""
+        return bool(self._readable.poll(1e3 * timeout_s))
 
     def close_input(self) -> None:
         """Stop reading; see `Stream`."""
@@ -79,6 +89,8 @@ class SocketStream:
         self._open_sides = {socket.SHUT_RD, socket.SHUT_WR}
         self._writable = select.poll()
         self._writable.register(connection.fileno(), select.POLLOUT)
+        self._readable = select.poll()
+        self._readable.register(connection.fileno(), select.POLLIN)
 
     def read(self) -> bytes:
         """Return the next bytes; see `Stream`."""
@@ -94,9 +106,13 @@ class SocketStream:
         except BlockingIOError:
             return 0
 
-    def wait_writable(self) -> None:
+    def wait_writable(self, timeout_s: float | None = None) -> bool:
         """Wait until something fits again; see `Stream`."""
-        self._writable.poll()
+        return bool(self._writable.poll(None if timeout_s is None else 1e3 * timeout_s))
+
+    def wait_readable(self, timeout_s: float) -> bool:
+        """Wait until there is something to read; see `Stream`."""
+        return bool(self._readable.poll(1e3 * timeout_s))
 
     def close_input(self) -> None:
         """Stop reading; see `Stream`."""

@@ -20,7 +20,7 @@ def recorder_spec(scenario: Scenario) -> ParticipantSpec:
         reads += [keys.observation(agent.name), keys.command(agent.name)]
     if scenario.has_driven_wind:
         reads.append(WIND)
-    reads += [port for service in scenario.services for port in service.recorded_ports]
+    reads += scenario.curve_ports
     return ParticipantSpec(
         name="recorder",
         reads=(*(Read(port=port) for port in reads), *reads_of_events(scenario, EventSpec)),

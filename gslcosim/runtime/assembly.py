@@ -1,15 +1,19 @@
 """How the participants of a run are wired, and how the core of a service is built."""
 
+from collections.abc import Iterable
+
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.dataflow import Dataflow
-from gslcosim.runtime.participants import service_kind, services_of
+from gslcosim.runtime.foreign.declared import problems_of_participants
+from gslcosim.runtime.participants import SERVICES, service_kind, services_of
 from gslcosim.runtime.rehearsal import rehearse
 from gslcosim.runtime.setup import Setup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.problems import Problem
 
 
 def door_spec(agent: AgentSpec) -> ParticipantSpec:
@@ -36,8 +40,19 @@ def dataflow_of(scenario: Scenario) -> Dataflow:
     Raises:
         DataflowError: it cannot run; see `Dataflow`.
     """
+    return Dataflow(_specs_of(scenario))
+
+
+def participant_problems(scenario: Scenario) -> Iterable[Problem]:
+    """Return what is wrong with the models of the user's own in a scenario, beside their own blocks."""
+    if not scenario.participants:
+        return ()
+    return problems_of_participants(scenario, [kind.name for kind in SERVICES], _specs_of(scenario))
+
+
+def _specs_of(scenario: Scenario) -> tuple[ParticipantSpec, ...]:
     services = (kind.spec_of(scenario) for kind in services_of(scenario))
-    return Dataflow((*services, *(door_spec(agent) for agent in scenario.agents)))
+    return (*services, *(door_spec(agent) for agent in scenario.agents))
 
 
 def build_core(name: str, setup: Setup) -> Core:

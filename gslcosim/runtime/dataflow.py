@@ -1,6 +1,6 @@
 """The declared dataflow of a run: who reads what from whom, checked before anything starts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,8 +23,8 @@ class Dataflow:
     participants: tuple[ParticipantSpec, ...]
 
     def __post_init__(self) -> None:
-        problems = [*self._port_problems(), *self._announcement_problems()]
-        if not problems and (cycle := self._cycle_without_delay()):
+        problems = [*port_problems(self.participants), *self._announcement_problems()]
+        if not problems and (cycle := cycle_without_delay(self.participants)):
             problems = [f"{' → '.join([*cycle, cycle[0]])}: expected a delay of at least 1 tick on one of these reads."]
         if problems:
             raise DataflowError("The dataflow cannot run:\n" + "\n".join(f"  {problem}" for problem in problems))
@@ -58,7 +58,9 @@ class Dataflow:
         """Return the participants so that within a tick each comes after all it waits for."""
         done: list[str] = []
         while len(done) < len(self.participants):
-            ready = (p.name for p in self.participants if p.name not in done and self._waits_for(p) <= {*done})
+            ready = (
+                p.name for p in self.participants if p.name not in done and _waits_for(p, self.writer_of) <= {*done}
+            )
             done.append(next(ready))
         return tuple(done)
 
@@ -71,27 +73,6 @@ class Dataflow:
             writes = ", ".join(_write_text(write) for write in participant.writes)
             lines.append(f"{name}: reads {reads or 'nothing'}; writes {writes or 'nothing'}")
         return "\n".join(lines) + "\n"
-
-    # The participants whose output of the same tick this one needs.
-    def _waits_for(self, participant: ParticipantSpec) -> set[str]:
-        undelayed = (read for read in participant.reads if read.delay_ticks == 0)
-        return {self.writer_of[read.port] for read in undelayed} - {participant.name}
-
-    def _port_problems(self) -> Iterable[str]:
-        written: dict[str, str] = {}
-        for participant in self.participants:
-            for write in participant.writes:
-                if write.port in written:
-                    yield f"{write.port}: expected one writer, found {written[write.port]} and {participant.name}."
-                written[write.port] = participant.name
-        for participant in self.participants:
-            for read in participant.reads:
-                if read.port not in written:
-                    yield f"{participant.name} reads {read.port}: expected a writer, found none."
-                if read.delay_ticks < 0:
-                    yield f"{participant.name} reads {read.port}: expected a delay >= 0, was {read.delay_ticks}."
-                if written.get(read.port) == participant.name and read.delay_ticks == 0:
-                    yield f"{participant.name} reads its own {read.port}: expected a delay of at least 1 tick."
 
     def _announcement_problems(self) -> Iterable[str]:
         for participant in self.participants:
@@ -107,17 +88,44 @@ class Dataflow:
                         f"it), with a delay of at most {read.delay_ticks} ticks."
                     )
 
-    def _cycle_without_delay(self) -> list[str]:
-        open_nodes = {p.name: self._waits_for(p) for p in self.participants}
-        while free := [name for name, waits in open_nodes.items() if not waits & open_nodes.keys()]:
-            for name in free:
-                del open_nodes[name]
-        if not open_nodes:
-            return []
-        path = [min(open_nodes)]
-        while (following := min(open_nodes[path[-1]] & open_nodes.keys())) not in path:
-            path.append(following)
-        return path[path.index(following) :][::-1]
+
+def port_problems(participants: Sequence[ParticipantSpec]) -> Iterable[str]:
+    """Yield what is wrong with the ports of participants: no writer or several, or an impossible delay."""
+    written: dict[str, str] = {}
+    for participant in participants:
+        for write in participant.writes:
+            if write.port in written:
+                yield f"{write.port}: expected one writer, found {written[write.port]} and {participant.name}."
+            written[write.port] = participant.name
+    for participant in participants:
+        for read in participant.reads:
+            if read.port not in written:
+                yield f"{participant.name} reads {read.port}: expected a writer, found none."
+            if read.delay_ticks < 0:
+                yield f"{participant.name} reads {read.port}: expected a delay >= 0, was {read.delay_ticks}."
+            if written.get(read.port) == participant.name and read.delay_ticks == 0:
+                yield f"{participant.name} reads its own {read.port}: expected a delay of at least 1 tick."
+
+
+def cycle_without_delay(participants: Sequence[ParticipantSpec]) -> list[str]:
+    """Return the participants of a ring of reads without any delay, in the order of writing; empty without one."""
+    writer_of = {write.port: participant.name for participant in participants for write in participant.writes}
+    open_nodes = {participant.name: _waits_for(participant, writer_of) for participant in participants}
+    while free := [name for name, waits in open_nodes.items() if not waits & open_nodes.keys()]:
+        for name in free:
+            del open_nodes[name]
+    if not open_nodes:
+        return []
+    path = [min(open_nodes)]
+    while (following := min(open_nodes[path[-1]] & open_nodes.keys())) not in path:
+        path.append(following)
+    return path[path.index(following) :][::-1]
+
+
+# The participants whose output of the same tick this one needs.
+def _waits_for(participant: ParticipantSpec, writer_of: Mapping[str, str]) -> set[str]:
+    undelayed = (read for read in participant.reads if read.delay_ticks == 0)
+    return {writer_of[read.port] for read in undelayed} - {participant.name}
 
 
 def _write_text(write: Write) -> str:

@@ -19,8 +19,10 @@ from gslcosim.radio.ports import radio_spec
 from gslcosim.recording.ports import recorder_spec
 from gslcosim.referee.ports import referee_spec
 from gslcosim.runtime.agents.door import DOOR_PREFIX
+from gslcosim.runtime.foreign.declared import foreign_spec
 from gslcosim.runtime.setup import Setup
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.own_models import OwnModelSpec
 from gslcosim.scenario.models.services import ServiceSpec
 from gslcosim.sensing.ports import sensing_spec
 from gslcosim.world.ports import world_spec
@@ -153,19 +155,32 @@ def service_of(block: ServiceSpec) -> ServiceKind:
 
 
 def services_of(scenario: Scenario) -> tuple[ServiceKind, ...]:
-    """Return the services that a run needs, from upstream to downstream, then those of other packages.
+    """Return the services that a run needs, from upstream to downstream, those of other packages, and own models.
 
     Raises:
         UsageError: a package's service has the name of one of gslcosim's, or is called otherwise than its block.
     """
     others = tuple(service_of(block) for block in scenario.services)
+    own_models = tuple(_own_model(own) for own in scenario.participants)
     for block, kind in zip(scenario.services, others, strict=True):
         if kind.name != block.name or kind.name in {own.name for own in SERVICES}:
             raise UsageError(
                 f"services: expected a service called {block.name!r}, and like none of gslcosim's own, was "
                 f"{kind.name!r}. Correct the package."
             )
-    return (*(kind for kind in SERVICES if kind.is_needed(scenario)), *others)
+    return (*(kind for kind in SERVICES if kind.is_needed(scenario)), *others, *own_models)
+
+
+# A program of the user's own, behind a core that speaks with it.
+def _own_model(own: OwnModelSpec) -> ServiceKind:
+    def build(setup: Setup) -> Core:
+        from gslcosim.runtime.assembly import dataflow_of
+        from gslcosim.runtime.foreign.foreign_core import ForeignCore
+
+        types = dataflow_of(setup.scenario).message_types
+        return ForeignCore(own, setup, {port: message_type.__name__ for port, message_type in types.items()})
+
+    return ServiceKind(name=own.name, spec_of=lambda scenario: foreign_spec(own, scenario), build=build)
 
 
 def service_kind(name: str, scenario: Scenario) -> ServiceKind:

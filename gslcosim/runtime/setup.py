@@ -16,8 +16,8 @@ from gslcosim.scenario import Scenario
 class Setup:
     """What every core of a run is built from.
 
-    `directory` is where relative paths of agents start; `past` has the commands that count whatever agents answer,
-    where the run is a fork. Services need neither.
+    `directory` is where relative paths of agents and participants start; `past` has the commands that count whatever
+    agents answer, where the run is a fork; services do not need it.
     `paced_from_tick` is the first tick that keeps the scenario's pace; absent: none does, as in a replay.
     """
 
@@ -56,4 +56,5 @@ class Setup:
             environment_dir=environment_dir,
             environment=load_environment(environment_dir),
             paced_from_tick=saved.get("paced_from_tick"),
+            directory=Path(saved["directory"]) if "directory" in saved else None,
         )

@@ -8,6 +8,7 @@ from typing import Any
 from gslcosim.quantities import PHYSICS_STEP_MS
 from gslcosim.scenario.event_checks import problems_of_events
 from gslcosim.scenario.models.gas import GASES
+from gslcosim.scenario.models.own_models import OwnModelSpec
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec, has_estimates, mox_sensor_names, sensor_names
 from gslcosim.scenario.plain_values import (
@@ -63,6 +64,7 @@ def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
         yield from _repeats(f"agents[{i}].sensors", blocks_in(agent, "sensors"))
     yield from _repeats("channels", blocks_in(values, "channels"))
     yield from _repeats("services", blocks_in(values, "services"))
+    yield from _repeats("participants", blocks_in(values, "participants"))
     layout = block_in(block_in(values, "environment"), "layout")
     yield from _repeats("environment.layout.obstacles", blocks_in(layout, "obstacles"))
 
@@ -144,10 +146,11 @@ def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Pro
 
 
 def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    for i, agent in blocks_in(values, "agents"):
-        start = block_in(agent, "start")
+    starting = [(key, i, block) for key in ("agents", "participants") for i, block in blocks_in(values, key)]
+    for key, i, block in starting:
+        start = block_in(block, "start")
         python, command = start.get("python"), start.get("command")
-        path = f"agents[{i}].start"
+        path = f"{key}[{i}].start"
         problem = None
         if isinstance(python, str):
             problem = problem_of_python(python, directory=directory, path=f"{path}.python")
@@ -249,6 +252,9 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     gas, recording, stop = block_in(values, "gas"), block_in(values, "recording"), block_in(values, "referee", "stop")
     yield from not_whole_ticks("recording.gas_every_s", number_in(recording, "gas_every_s", RecordingSpec), tick_ns)
     yield from not_whole_ticks("referee.stop.time_limit_s", number_in(stop, "time_limit_s", StopSpec), tick_ns)
+    for i, participant in blocks_in(values, "participants"):
+        period_s = number_in(participant, "period_s", OwnModelSpec)
+        yield from not_whole_ticks(f"participants[{i}].period_s", period_s, tick_ns)
     for i, agent in blocks_in(values, "agents"):
         for j, sensor in blocks_in(agent, "sensors"):
             block = SENSOR_BLOCKS.get(str(sensor.get("model")), SensorSpec)

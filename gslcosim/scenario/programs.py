@@ -1,4 +1,4 @@
-"""Whether the programs that a scenario names for its agents are there, checked before anything starts."""
+"""Whether the programs that a scenario names for agents and participants are there, checked before anything starts."""
 
 import os
 import shutil

@@ -13,13 +13,14 @@ import yaml
 from gslcosim.contract import codec
 from gslcosim.contract.channels import AGENT, CHANNELS
 from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.participation import PARTICIPATION_VERSION
 from gslcosim.contract.publish.export import contract_files
-from gslcosim.contract.schema import contract_hash, message_types
+from gslcosim.contract.schema import contract_hash, message_types, participation_hash, published_types
 from gslcosim.errors import ContractError
 from gslcosim.gateway import framing
 
 FOLDER = Path(__file__).parents[2] / "agents" / "contract"
-TYPES = {item.__name__: item for item in message_types()}
+TYPES = {item.__name__: item for item in published_types()}
 ASYNCAPI_SPECS = "@asyncapi/specs@6.11.1"
 
 
@@ -53,7 +54,10 @@ def test_the_folder_is_what_the_code_says():
 def test_version_and_hash_can_be_read_without_any_code():
     index = json.loads((FOLDER / "contract.json").read_text())
     assert (index["version"], index["hash"]) == (CONTRACT_VERSION, contract_hash())
-    assert set(index["messages"]) == set(TYPES)
+    assert set(index["messages"]) == {item.__name__ for item in message_types()}
+    own = index["participation"]
+    assert (own["version"], own["hash"]) == (PARTICIPATION_VERSION, participation_hash())
+    assert set(index["messages"]) | set(own["messages"]) == set(TYPES)
 
 
 @pytest.mark.parametrize("message", TYPES)
@@ -151,6 +155,10 @@ def test_asyncapi_has_all_keys_and_its_references_lead_somewhere():
     assert document["info"]["x-contract-hash"] == contract_hash()
     addresses = {channel["address"] for channel in document["channels"].values()}
     assert addresses == {channel.key.replace(AGENT, "{agent}") for channel in CHANNELS}
+    check_references(document)
+
+
+def check_references(document):
     for reference in references_in(document):
         file, _, path = reference.partition("#")
         if file:
@@ -158,6 +166,14 @@ def test_asyncapi_has_all_keys_and_its_references_lead_somewhere():
         here = document
         for part in path.strip("/").split("/") if path else ():
             here = here[part]
+
+
+def test_the_document_for_participants_leads_somewhere():
+    document = yaml.safe_load((FOLDER / "participation.yaml").read_text())
+    assert document["info"]["x-contract-hash"] == participation_hash()
+    check_references(document)
+    sent = [name for name, operation in document["operations"].items() if operation["action"] == "send"]
+    assert sent == ["sayHello", "sendOutputs"]
 
 
 def test_an_agent_operates_on_its_own_keys_only():
@@ -196,8 +212,9 @@ def asyncapi_schema():
 
 @pytest.mark.slow
 def test_asyncapi_is_valid_by_its_published_schema(asyncapi_schema):
-    document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
     validator = jsonschema.Draft7Validator(asyncapi_schema)
-    assert [error.message for error in validator.iter_errors(document)] == []
+    for file in ("participation.yaml", "asyncapi.yaml"):
+        document = yaml.safe_load((FOLDER / file).read_text())
+        assert [error.message for error in validator.iter_errors(document)] == []
     document["channels"]["agents_agent_command"]["adres"] = "typo"
     assert not validator.is_valid(document)

@@ -21,16 +21,16 @@ _ZENOH = (
 )
 _GATEWAY = "Door two, without Zenoh: {where}. docs/gateway.md tells it byte by byte."
 _PLACES = {
-    "stdio": "the agent's standard input and output",
+    "stdio": "{whose}'s standard input and output",
     "tcp": "a TCP connection to the address in GSLCOSIM_GATEWAY",
     "unix": "a connection to the unix socket in GSLCOSIM_GATEWAY",
 }
 _FRAMING = {
     "msgpack": "4 bytes: length, unsigned, big-endian; then that many bytes: one msgpack map",
     "json": "one JSON object in UTF-8 on one line, ended by a line feed",
-    "messageKey": "message: Briefing, Observation or Ending in each frame from the gateway; optional in a Command",
     "maxFrameBytes": 1024 * 1024,
 }
+_KEY_OF_AGENTS = "each frame from the gateway, Briefing, Observation or Ending; optional in a Command"
 _FIRST_FRAME = "{token: <the value of GSLCOSIM_TOKEN>}"
 
 
@@ -51,7 +51,7 @@ def asyncapi_document() -> dict[str, Any]:
         "channels": {_channel_id(channel): _channel(channel) for channel in CHANNELS},
         "operations": {_operation_id(channel): _operation(channel) for channel in CHANNELS if channel.direction},
         "components": {
-            "messages": {item.__name__: _message(item) for item in message_types() if item.__name__ in used},
+            "messages": {item.__name__: message_of(item) for item in message_types() if item.__name__ in used},
             "parameters": {"agent": {"description": "An agent's name, as in the scenario: a-z, 0-9 and _."}},
             "securitySchemes": {
                 "account": {"type": "userPassword", "description": "`user` and `password` of GSLCOSIM_JOIN."}
@@ -87,8 +87,22 @@ def _servers() -> dict[str, Any]:
             },
         }
     }
-    for place, where in _PLACES.items():
-        framing = dict(_FRAMING) if place == "stdio" else {**_FRAMING, "firstFrame": _FIRST_FRAME}
+    return {**servers, **gateway_servers()}
+
+
+def gateway_servers(whose: str = "the agent", key: str = _KEY_OF_AGENTS) -> dict[str, Any]:
+    """Return the three ways through the gateway as servers.
+
+    Args:
+        whose: Who speaks there.
+        key: In which frames the key `message` is.
+    """
+    servers: dict[str, Any] = {}
+    for place, text in _PLACES.items():
+        where = text.format(whose=whose)
+        framing = {**_FRAMING, "messageKey": f"message: the message's name in {key}"}
+        if place != "stdio":
+            framing |= {"firstFrame": _FIRST_FRAME}
         servers[f"gateway_{place}"] = {
             "host": "{address}",
             "protocol": place,
@@ -140,7 +154,8 @@ def _operation(channel: Channel) -> dict[str, Any]:
     return operation
 
 
-def _message(message_type: Any) -> dict[str, Any]:
+def message_of(message_type: Any) -> dict[str, Any]:
+    """Return what the document says of a message."""
     name = cast(str, message_type.__name__)
     return {
         "name": name,

@@ -46,6 +46,7 @@ from gslcosim.contract.messages import (
     Verdict,
     Waypoint,
 )
+from gslcosim.contract.publish.participation_examples import PARTICIPATION_EXAMPLES
 
 _BODY = BodyState(
     agent="beetle",
@@ -89,6 +90,7 @@ _BELIEF = Belief(
 )
 _BELIEF_SCORE = BeliefScore(expected_distance_m=1.25, mass_near_frac=0.75, cell_frac=0.5, entropy_bits=1.75)
 EXAMPLES: dict[str, Message] = {
+    **PARTICIPATION_EXAMPLES,
     "bodies_flying": BodyPoses(tick=7, bodies=(_BODY,)),
     "bodies_all_fields": BodyPoses(
         tick=2**32,

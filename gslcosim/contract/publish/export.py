@@ -6,10 +6,20 @@ from typing import Any
 
 from gslcosim.contract.codec import MAX_LEVELS
 from gslcosim.contract.messages import CONTRACT_VERSION
+from gslcosim.contract.participation import PARTICIPATION_VERSION
 from gslcosim.contract.publish.asyncapi import asyncapi_yaml
+from gslcosim.contract.publish.participation_api import participation_yaml
 from gslcosim.contract.publish.vectors import vectors_of
-from gslcosim.contract.schema import contract_hash, json_schema_of, message_types
+from gslcosim.contract.schema import (
+    contract_hash,
+    json_schema_of,
+    message_types,
+    participation_hash,
+    participation_types,
+    published_types,
+)
 
+_MADE = "# Made by `make contract` from gslcosim/contract; do not edit.\n"
 _README = f"""# The contract, version {CONTRACT_VERSION}
 
 <!-- Made by `make contract` from gslcosim/contract; do not edit. -->
@@ -20,6 +30,7 @@ The messages between gslcosim and its agents, for every language.
 |---|---|
 | `contract.json` | version and hash of this contract, and its messages |
 | `asyncapi.yaml` | keys, directions and both doors, as AsyncAPI 3 |
+| `participation.yaml` | what a model of one's own says and hears, as AsyncAPI 3 |
 | `schemas/<Message>.json` | a message as JSON Schema 2020-12 |
 | `vectors/<Message>.json` | bytes that every reader accepts, and those it must reject, with the reason |
 
@@ -31,6 +42,10 @@ In `fields` and in JSON, bytes are base64 text.
 In what an agent writes each key is there once, and lists and maps are at most {MAX_LEVELS} deep.
 
 An agent meets four messages: `Briefing`, `Observation`, `Command` and `Ending`; the others are between services.
+
+A model of one's own meets `ParticipantHello`, `ParticipantBriefing`, `ParticipantInputs`, `ParticipantOutputs` and
+`Ending`, and within the inputs what it declares to read. These are a contract beside that of agents, version
+{PARTICIPATION_VERSION}; its hash in `contract.json` is one over all schemas.
 """
 
 
@@ -43,11 +58,17 @@ def contract_files() -> dict[str, str]:
                 "version": CONTRACT_VERSION,
                 "hash": contract_hash(),
                 "messages": [item.__name__ for item in message_types()],
+                "participation": {
+                    "version": PARTICIPATION_VERSION,
+                    "hash": participation_hash(),
+                    "messages": [item.__name__ for item in participation_types()],
+                },
             }
         ),
-        "asyncapi.yaml": f"# Made by `make contract` from gslcosim/contract; do not edit.\n{asyncapi_yaml()}",
+        "asyncapi.yaml": f"{_MADE}{asyncapi_yaml()}",
+        "participation.yaml": f"{_MADE}{participation_yaml()}",
     }
-    for item in message_types():
+    for item in published_types():
         files[f"schemas/{item.__name__}.json"] = _json(json_schema_of(item))
         files[f"vectors/{item.__name__}.json"] = _json(vectors_of(item))
     return files

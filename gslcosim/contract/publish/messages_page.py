@@ -13,7 +13,8 @@ from gslcosim.contract.channels import CHANNELS, Channel
 from gslcosim.contract.codec import MAX_LEVELS
 from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
-from gslcosim.contract.schema import message_types
+from gslcosim.contract.participation import PARTICIPATION_VERSION
+from gslcosim.contract.schema import message_types, participation_types
 
 # Which message travels on which key.
 MESSAGE_OF_KEY = {channel.key: channel.message for channel in CHANNELS}
@@ -31,17 +32,28 @@ The same for programs, as JSON Schema, AsyncAPI and golden bytes, is in [agents/
 """
 
 
+_PARTICIPANTS = f"""## Messages of participants, contract {PARTICIPATION_VERSION}
+
+A model of one's own speaks these through the gateway; [participant.md](extend/participant.md) tells how.
+In a run `WindShare` is on the key `truth/wind`, `ParticipantValues` on `participant/<name>/<word>`; the others stay
+between the program and the one who started it.
+They are a contract of their own, with the rules of [contract-evolution.md](contract-evolution.md).
+"""
+
+
 def messages_markdown() -> str:
     """Return the whole reference."""
-    found = message_types()
+    found, with_participants = message_types(), participation_types()
     return "\n".join(
         [
             _HEAD,
             _keys_table(),
             "## Messages\n",
             *map(_section, found),
+            _PARTICIPANTS,
+            *map(_section, with_participants),
             "## Parts of messages\n",
-            *map(_section, _parts(found)),
+            *map(_section, _parts((*found, *with_participants))),
         ]
     )
 
@@ -106,6 +118,8 @@ def _type_text(annotation: Any) -> str:
         return " or ".join(_type_text(argument) for argument in arguments)
     if origin is tuple and arguments[-1] is Ellipsis:
         return f"list of {_type_text(arguments[0])}"
+    if annotation is typing.Any:
+        return "any"
     if origin is dict:
         return f"map of {_type_text(arguments[0])} to {_type_text(arguments[1])}"
     if origin is tuple:

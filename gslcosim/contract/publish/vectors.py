@@ -15,7 +15,9 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import CONTRACT_VERSION, Command, Message
+from gslcosim.contract.participation import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
 from gslcosim.contract.publish.examples import EXAMPLES
+from gslcosim.contract.schema import message_types
 
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
@@ -50,7 +52,7 @@ def vectors_of(message_type: type[Message]) -> dict[str, Any]:
     accepted, rejected = list(accepted_of(message_type)), list(rejected_of(message_type))
     return {
         "message": message_type.__name__,
-        "contract": CONTRACT_VERSION,
+        "contract": CONTRACT_VERSION if message_type in message_types() else PARTICIPATION_VERSION,
         "accept": [_present(case) for case in accepted],
         "reject": [_present(case) for case in rejected],
     }
@@ -100,7 +102,7 @@ def rejected_of(message_type: type[Message]) -> Iterator[Rejected]:
 
 # Only what agents write is looked at so closely: see `codec.unpack_foreign`.
 def _rejected_of_foreign(example: Message) -> Iterator[Rejected]:
-    if not isinstance(example, Command):
+    if not isinstance(example, Command | ParticipantHello | ParticipantOutputs):
         return
     fields = example.model_dump()
     twice: bytes = _msgpack.Packer(use_bin_type=True).pack_map_pairs([("tick", 8), *fields.items()])
@@ -202,6 +204,32 @@ def _belief(dtype: str, shape: list[int], data_hex: str) -> _Fields:
 
 
 _FAULTS_OF = {
+    "WindShare": (
+        _Fault(name="no_share", reason="share is missing", change={"share": _DROP}),
+        _Fault(name="share_below_0", reason="air does not flow backwards", change={"share": -0.5}),
+        _Fault(name="share_is_nan", reason="numbers are finite", change={"share": _NAN}, schema_refuses=False),
+    ),
+    "ParticipantHello": (
+        _Fault(name="no_writes", reason="writes is missing", change={"writes": _DROP}),
+        _Fault(name="reads_is_text", reason="reads is a list", change={"reads": "truth/samples"}),
+        _Fault(name="port_is_nothing", reason="a port has a name", change={"reads": [""]}),
+    ),
+    "ParticipantOutputs": (
+        _Fault(name="no_outputs", reason="outputs is missing", change={"outputs": _DROP}),
+        _Fault(name="outputs_is_list", reason="outputs is a map", change={"outputs": [1.0]}),
+        _Fault(name="output_is_number", reason="each output is a map", change={"outputs": {"state": 1.0}}),
+    ),
+    "ParticipantInputs": (_Fault(name="no_inputs", reason="inputs is missing", change={"inputs": _DROP}),),
+    "ParticipantValues": (
+        _Fault(name="value_is_text", reason="values are numbers", change={"values": {"on": "yes"}}),
+        _Fault(
+            name="name_in_capitals",
+            reason="names are lower-case",
+            change={"values": {"ON": True}},
+            schema_refuses=False,
+        ),
+        _Fault(name="value_is_nan", reason="numbers are finite", change={"values": {"a": _NAN}}, schema_refuses=False),
+    ),
     "Command": (
         _Fault(name="no_kind", reason="kind is missing", change={"kind": _DROP}),
         _Fault(name="unknown_kind", reason="there is no such kind", change={"kind": "teleport"}),

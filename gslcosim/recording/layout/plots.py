@@ -42,7 +42,7 @@ def flight_plots(
     if believing:
         within_m = scenario.referee.success.within_m
         plots.append(_plot(entities.BELIEF_PLOTS, f"Belief within {within_m:g} m of the source [1]", len(believing)))
-    if scenario.has_driven_wind or any(service.recorded_ports for service in scenario.services):
+    if scenario.has_driven_wind or scenario.curve_ports:
         plots.append(_plot(entities.SERVICE_PLOTS, "Services", MAX_CURVES_WITH_LEGEND))
     plots.append(_plot(entities.DISTANCE_PLOTS, "Distance to the source [m]", len(agents) + len(believing)))
     plots.append(_plot(entities.TRACKING_PLOTS, "Control error: distance to the reference [m]", len(agents)))

@@ -1,8 +1,10 @@
-"""What services of other packages write, as curves: each number and truth value of their messages."""
+"""What services of other packages and participants write, as curves: each number and truth value of it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from gslcosim.contract.participant import Inbox
+from gslcosim.contract.participation import ParticipantValues
+from gslcosim.contract.record import Message
 from gslcosim.contract.ventilation import WIND
 from gslcosim.recording import entities
 from gslcosim.recording.rows.columns import ScalarRows
@@ -14,14 +16,14 @@ class ServiceRows:
 
     def __init__(self, scenario: Scenario) -> None:
         wind = (WIND,) if scenario.has_driven_wind else ()
-        self._ports = (*wind, *(port for service in scenario.services for port in service.recorded_ports))
+        self._ports = (*wind, *scenario.curve_ports)
         self._rows: dict[str, ScalarRows] = {}
 
     def add(self, tick: int, inbox: Inbox) -> None:
         """Take note of the messages of a tick."""
         for port in self._ports:
             message = inbox.get(port)
-            for name, value in message.model_dump().items() if message is not None else ():
+            for name, value in _fields_of(message) if message is not None else ():
                 if name != "tick" and isinstance(value, bool | int | float):
                     entity = f"{entities.SERVICE_PLOTS}/{port}/{name}"
                     self._rows.setdefault(entity, ScalarRows(entity)).add(tick, float(value))
@@ -29,3 +31,7 @@ class ServiceRows:
     def all(self) -> Sequence[ScalarRows]:
         """Return all rows."""
         return tuple(self._rows.values())
+
+
+def _fields_of(message: Message) -> Iterable[tuple[str, object]]:
+    return (message.values if isinstance(message, ParticipantValues) else message.model_dump()).items()

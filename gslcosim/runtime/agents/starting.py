@@ -23,7 +23,7 @@ def start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     if agent.start.python is not None:
         return python_command(str(find_python_agent(agent.start.python, directory)))
     if agent.start.command is not None:
-        return _resolved(agent.start.command, directory)
+        return resolved_command(agent.start.command, directory)
     return None
 
 
@@ -74,7 +74,8 @@ def _is_agent_of(item: object, module_name: str) -> bool:
     )
 
 
-def _resolved(command: Sequence[str], directory: Path) -> list[str]:
+def resolved_command(command: Sequence[str], directory: Path) -> list[str]:
+    """Return a command line whose program, where it has a slash, is looked for in a scenario's folder."""
     program, *arguments = command
     beside = directory / program
     return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]

@@ -1,18 +1,53 @@
 """Which sandboxes this machine has, and which of them an agent of a scenario gets."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, Protocol
 
 from gslcosim.errors import UsageError
 from gslcosim.runtime.sandbox import landlock, seccomp
 from gslcosim.runtime.sandbox.bubblewrap import why_not
 from gslcosim.runtime.sandbox.launching import is_launcher_possible
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.confinement import AgentLimitsSpec, SandboxChoice
 from gslcosim.scenario.models.scenario import AgentSpec
 
 SandboxKind = Literal["bubblewrap", "landlock", "none"]
 IN_THIS_PROCESS = "none: in this process"
 STARTED_ELSEWHERE = "none: started elsewhere"
+
+
+class Confined(Protocol):
+    """What a scenario says of how the process of an agent or participant is confined; `place` is for errors."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def place(self) -> str:
+        """Where it is in the scenario."""
+        ...
+
+    @property
+    def sandbox(self) -> SandboxChoice:
+        """What its process is started in."""
+        ...
+
+    @property
+    def limits(self) -> AgentLimitsSpec:
+        """The bounds of what its processes use."""
+        ...
+
+    @property
+    def may_read(self) -> tuple[str, ...]:
+        """Folders that it sees besides its own."""
+        ...
+
+    @property
+    def may_write(self) -> tuple[str, ...]:
+        """Folders that it may change."""
+        ...
 
 
 def why_there_is_no(kind: SandboxKind) -> str:
@@ -34,7 +69,7 @@ def strongest_sandbox() -> SandboxKind:
 
 
 def sandboxes_of(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, str]:
-    """Return by agent what its process is confined by, in the words of `result.json`.
+    """Return by agent and participant what its process is confined by, in the words of `result.json`.
 
     Args:
         scenario: The scenario.
@@ -44,7 +79,10 @@ def sandboxes_of(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, st
         UsageError: the scenario demands what this machine lacks, or of an agent that is not started as a process.
     """
     starts = {agent.name: agent for agent in scenario.agents}
-    return {agent.name: _sandbox_of(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents}
+    of_agents = {
+        agent.name: _sandbox_of(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents
+    }
+    return {**of_agents, **{participant.name: _sandbox_started(participant) for participant in scenario.participants}}
 
 
 def is_sandboxed(told: str) -> bool:
@@ -52,8 +90,8 @@ def is_sandboxed(told: str) -> bool:
     return bool(told) and not any(each.startswith("none") for each in told.split("; "))
 
 
-def sandbox_kind(agent: AgentSpec) -> SandboxKind:
-    """Return which sandbox an agent's process is started in.
+def sandbox_kind(agent: Confined) -> SandboxKind:
+    """Return which sandbox the process of an agent or participant is started in.
 
     Raises:
         UsageError: the one that the scenario demands does not work here.
@@ -63,13 +101,13 @@ def sandbox_kind(agent: AgentSpec) -> SandboxKind:
     if agent.sandbox == "required":
         if (strongest := strongest_sandbox()) == "none":
             raise UsageError(
-                f"agents.{agent.name}.sandbox: expected a sandbox on this machine, there is none: "
+                f"{agent.place}.sandbox: expected a sandbox on this machine, there is none: "
                 f"{why_there_is_no('bubblewrap')}; {why_there_is_no('landlock')}. Install bubblewrap, or take auto."
             )
         return strongest
     if reason := why_there_is_no(agent.sandbox):
         raise UsageError(
-            f"agents.{agent.name}.sandbox: expected {agent.sandbox} on this machine, but {reason}. Install it, or take "
+            f"{agent.place}.sandbox: expected {agent.sandbox} on this machine, but {reason}. Install it, or take "
             "auto for the strongest that works here; `gslcosim doctor` says which that is."
         )
     return agent.sandbox
@@ -80,11 +118,13 @@ def _sandbox_of(agent: AgentSpec, *, is_one_process: bool) -> str:
     if agent.start.attach or is_object:
         _check_nothing_is_demanded(agent)
         return STARTED_ELSEWHERE if agent.start.attach else IN_THIS_PROCESS
+    return _sandbox_started(agent)
+
+
+def _sandbox_started(agent: Confined) -> str:
     kind = sandbox_kind(agent)
     if agent.limits.are_given and not is_launcher_possible():
-        raise UsageError(
-            f"agents.{agent.name}.limits: expected Linux for limits of an agent, was another system. Leave them out."
-        )
+        raise UsageError(f"{agent.place}.limits: expected Linux for limits, was another system. Leave them out.")
     return f"landlock {landlock.version()}" if kind == "landlock" else kind
 
 

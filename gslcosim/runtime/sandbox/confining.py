@@ -1,4 +1,4 @@
-"""From an agent of a scenario to how its process is confined."""
+"""From an agent or participant of a scenario to how its process is confined."""
 
 import os
 from collections.abc import Sequence
@@ -16,14 +16,13 @@ from gslcosim.runtime.sandbox.cells import (
     python_folders,
     truth_within,
 )
-from gslcosim.runtime.sandbox.choosing import sandbox_kind
+from gslcosim.runtime.sandbox.choosing import Confined, sandbox_kind
 from gslcosim.runtime.sandbox.launching import Confinement
 from gslcosim.runtime.setup import Setup
-from gslcosim.scenario.models.scenario import AgentSpec
 
 
 def confinement_of(
-    agent: AgentSpec,
+    agent: Confined,
     command: Sequence[str],
     setup: Setup,
     *,
@@ -32,10 +31,10 @@ def confinement_of(
     sockets: Sequence[Path] = (),
     tcp_port: int | None = None,
 ) -> Confinement:
-    """Return how the process of an agent is confined.
+    """Return how the process of an agent or participant is confined.
 
     Args:
-        agent: The agent whose process it is.
+        agent: The agent or participant whose process it is.
         command: What starts it.
         setup: The run, none of which it sees.
         directory: The scenario's folder.

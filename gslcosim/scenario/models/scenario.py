@@ -18,6 +18,7 @@ from gslcosim.scenario.models.layouts import Layout as Layout
 from gslcosim.scenario.models.layouts import LayoutSpec as LayoutSpec
 from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
 from gslcosim.scenario.models.onboard import CameraSensorSpec
+from gslcosim.scenario.models.own_models import OwnModelSpec
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.sensors import Sensor
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
@@ -315,6 +316,11 @@ class AgentSpec(Spec):
     may_write: tuple[str, ...] = Field(default=(), description="folders that it may change")
 
     @property
+    def place(self) -> str:
+        """Where it is in a scenario, for errors."""
+        return f"agents.{self.name}"
+
+    @property
     def latency_ticks(self) -> int:
         """Ticks between an observation and the effect of its command: N for `{latency: N}`, otherwise 1."""
         return self.mode["latency"] if isinstance(self.mode, dict) else 1
@@ -426,6 +432,9 @@ class Scenario(Spec):
     recording: RecordingSpec = Field(default=RecordingSpec(), description="what is recorded")
     channels: tuple[ChannelSpec, ...] = Field(default=(), description="channels on which agents send each other texts")
     services: tuple[Service, ...] = Field(default=(), description="services of other packages that take part")
+    participants: tuple[OwnModelSpec, ...] = Field(
+        default=(), description="models of one's own that take part as programs, in any language"
+    )
     events: tuple[Event, ...] = Field(default=(), description="what happens during the run")
     pace: Annotated[float, Field(ge=0.05, le=1000)] | None = Field(
         default=None,
@@ -437,17 +446,18 @@ class Scenario(Spec):
 
     @model_validator(mode="after")
     def _check_driven_wind(self) -> Self:
-        drivers = [service.name for service in self.services if service.drives_wind]
+        drivers = [each.name for each in (*self.services, *self.participants) if each.drives_wind]
+        key = "participants" if any(each.drives_wind for each in self.participants) else "services"
         if len(drivers) > 1:
             raise broken_rule(
-                key="services",
+                key=key,
                 expected="at most one that changes the wind",
                 found=" and ".join(drivers),
                 remedy="Leave all but one of them out.",
             )
         if drivers and (self.gas.tape or not self.gas.can_be_driven):
             raise broken_rule(
-                key="services",
+                key=key,
                 expected=f"none that changes the wind, as {drivers[0]} does, with gas that does not follow it",
                 found="gas.tape: true" if self.gas.tape else f"gas.model: {self.gas.model}",
                 remedy="Take gas.model: filament without a tape.",
@@ -461,8 +471,14 @@ class Scenario(Spec):
 
     @property
     def has_driven_wind(self) -> bool:
-        """Whether a service scales the wind during the run."""
-        return any(service.drives_wind for service in self.services)
+        """Whether a service or participant scales the wind during the run."""
+        return any(each.drives_wind for each in (*self.services, *self.participants))
+
+    @property
+    def curve_ports(self) -> tuple[str, ...]:
+        """The ports of services of other packages and of participants that are recorded as curves."""
+        of_services = tuple(port for service in self.services for port in service.recorded_ports)
+        return (*of_services, *(port for participant in self.participants for port in participant.own_ports))
 
     @property
     def cameras(self) -> tuple[tuple[AgentSpec, CameraSensorSpec], ...]:

@@ -1,0 +1,135 @@
+"""What a run and a model of a user's own say to each other, through the gateway: a contract beside that of agents.
+
+It has a version of its own: agents take no part in it, and their briefing does not change with it.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import msgpack  # pyright: ignore[reportMissingTypeStubs]
+from pydantic import Field, StringConstraints
+
+from gslcosim.contract.knowledge import ParameterValue
+from gslcosim.contract.messages import Bounds
+from gslcosim.contract.record import Message, Name, Record
+
+PARTICIPATION_VERSION = "1.0"
+VENTILATION = "ventilation"
+"""The word for the output that changes the wind of the room, a `WindShare`."""
+
+MAX_PORTS = 64
+MAX_VALUES = 256
+# Without type stubs, so its functions are Any.
+_msgpack: Any = msgpack
+_Port = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+_Ports = Annotated[tuple[_Port, ...], Field(max_length=MAX_PORTS)]
+
+
+def own_port(participant: str, word: str) -> str:
+    """Return the port of a participant's own that a word of its `writes` stands for."""
+    return f"participant/{participant}/{word}"
+
+
+class ParticipantHello(Message):
+    """The first frame of a participant's program: what it was made for. `tick` is 0.
+
+    `reads` are the ports that it wants and `writes` the words of its outputs, in any order: exactly those that the
+    scenario declares. `contract` may say which version of this contract it was made for, such as `1.0`.
+    """
+
+    reads: _Ports
+    writes: _Ports
+    contract: Annotated[str, StringConstraints(max_length=80)] | None = None
+
+
+class PortRead(Record):
+    """A port that the participant gets: from `delay_ticks` before, as a `message` of that type."""
+
+    port: str
+    delay_ticks: int
+    message: str
+
+
+class PortWrite(Record):
+    """An output of the participant: the `word` that it answers with, its `port`, and the type of its `message`."""
+
+    word: str
+    port: str
+    message: str
+
+
+class VehicleOfRun(Record):
+    """An agent of the run and the names of its vehicle's sensors, as `BodyPoses` and `FieldSamples` have them."""
+
+    agent: Name
+    sensors: tuple[Name, ...]
+
+
+class ParticipantBriefing(Message):
+    """What a participant is told in answer to its hello. `tick` is 0.
+
+    It steps at tick 0 and every `period_ticks` after it. `seed` is its own, for all that it draws at random; `bounds`
+    is the room. `reads` and `writes` are the ports as the run understands them, `parameters` its settings in the
+    scenario. `contract_version` is that of this contract.
+    """
+
+    participant: Name
+    contract_version: str
+    scenario: Name
+    tick_ns: int
+    period_ticks: int
+    seed: int
+    time_limit_s: float
+    bounds: Bounds
+    gases: tuple[str, ...]
+    vehicles: tuple[VehicleOfRun, ...]
+    reads: tuple[PortRead, ...]
+    writes: tuple[PortWrite, ...]
+    parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - msgspec copies it
+
+
+class ParticipantInputs(Message):
+    """All inputs of one step of a participant, in one frame. `time_s` is the simulated time of its tick.
+
+    `inputs` has by port the message of `tick - delay_ticks`, with all its fields; a port is missing where there is no
+    such message: before tick 0, and between the periods of the one who writes it. Exactly one `ParticipantOutputs` with
+    this tick is expected in return, and simulated time waits for it.
+    """
+
+    time_s: float
+    inputs: dict[str, dict[str, Any]]
+
+
+class ParticipantOutputs(Message):
+    """A participant's answer to the inputs of the same `tick`: one map for each word of its `writes`, and no other.
+
+    Under `ventilation` are the fields of a `WindShare`, under any other word numbers and truth values by name. `tick`
+    is not repeated in them.
+    """
+
+    outputs: Annotated[dict[str, dict[str, Any]], Field(max_length=MAX_PORTS)]
+
+
+class ParticipantValues(Message):
+    """What a participant writes on a port of its own, `participant/<name>/<word>`, at each tick of its period.
+
+    Numbers and truth values by name, curves in the recording; other participants may read them.
+    """
+
+    values: Annotated[dict[Name, bool | float], Field(max_length=MAX_VALUES)]
+
+
+def payload_of_inputs(tick: int, time_s: float, payloads: Mapping[str, bytes]) -> bytes:
+    """Return the canonical bytes of `ParticipantInputs` from those of the messages in it.
+
+    Args:
+        tick: Of the step.
+        time_s: The simulated time.
+        payloads: The canonical bytes of a message by port.
+    """
+    packer: Any = _msgpack.Packer(use_bin_type=True)
+    parts = [packer.pack_map_header(3), packer.pack("tick"), packer.pack(tick), packer.pack("time_s")]
+    parts += [packer.pack(time_s), packer.pack("inputs"), packer.pack_map_header(len(payloads))]
+    for port, payload in payloads.items():
+        parts += [packer.pack(port), payload]
+    return b"".join(parts)

@@ -1,0 +1,80 @@
+"""A participant without any library that does one thing wrong: the arguments say what, and at which tick."""
+
+import json
+import os
+import signal
+import socket
+import sys
+import time
+
+FAULT, AT = sys.argv[1:]
+
+
+def streams():
+    """Return what it reads and writes: its standard streams, or a connection."""
+    kind, _, address = os.environ.get("GSLCOSIM_GATEWAY", "").partition(":")
+    if not kind:
+        return sys.stdin, sys.stdout
+    if kind == "unix":
+        connection = socket.socket(socket.AF_UNIX)
+        connection.connect(address)
+    else:
+        host, _, port = address.rpartition(":")
+        connection = socket.create_connection((host, int(port)))
+    return connection.makefile("r"), connection.makefile("w")
+
+
+heard, told = streams()
+
+
+def say(message):
+    told.write((message if isinstance(message, str) else json.dumps(message)) + "\n")
+    told.flush()
+
+
+hello = {"tick": 0, "reads": ["truth/samples"], "writes": ["state"]}
+if FAULT == "wrong_reads":
+    hello["reads"] = ["truth/bodies"]
+if FAULT == "wrong_writes":
+    hello["writes"] = ["state", "gas"]
+if FAULT == "never_says_hello":
+    sys.exit(4)
+if told is not sys.stdout:
+    say({"token": os.environ["GSLCOSIM_TOKEN"] if FAULT != "wrong_token" else "?"})
+say(hello)
+for line in heard:
+    message = json.loads(line)
+    if message["message"] == "Ending":
+        break
+    if message["message"] != "ParticipantInputs":
+        continue
+    tick = message["tick"]
+    outputs = {"state": {"n_samples": len(message["inputs"]["truth/samples"]["samples"]), "tick": tick}}
+    answer = {"tick": tick, "outputs": outputs}
+    if tick == int(AT):
+        if FAULT == "exits":
+            sys.stderr.write("the model has blown up\n")
+            sys.exit(7)
+        if FAULT == "is_killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if FAULT == "hangs":
+            time.sleep(600)
+        if FAULT == "closes":
+            os.close(1)
+            time.sleep(600)
+        if FAULT == "garbage":
+            answer = "hello world"
+        if FAULT == "wrong_tick":
+            answer["tick"] = tick - 1
+        if FAULT == "other_output":
+            answer["outputs"] = {"gas": {}}
+        if FAULT == "nan":
+            answer = f'{{"tick": {tick}, "outputs": {{"state": {{"level": NaN}}}}}}'
+        if FAULT == "too_big":
+            answer["outputs"]["state"]["text"] = "x" * 2_000_000
+        if FAULT == "twice":
+            say(answer)
+        if FAULT == "memory":
+            answer["outputs"]["state"]["n"] = len(bytearray(400_000_000) + bytes(1))
+            time.sleep(5)
+    say(answer)

@@ -1,0 +1,98 @@
+"""Models of one's own as programs: one digest wherever they are hosted, and each of their faults by name."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from flights import ROOT, TINY_ROOM, fly, fly_here
+
+from gslcosim.cli.main import main
+
+EXAMPLES = ROOT / "docs" / "examples" / "participants"
+PROGRAM = Path(__file__).parent / "foreign_program.py"
+SHORT = ("--set", "referee.stop.time_limit_s=2", "--set", "referee.success.within_m=0.01")
+FAULT = 3
+
+pytestmark = pytest.mark.timeout(300)
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """The scenario of the page with its program, compiled."""
+    if shutil.which("cc") is None:
+        pytest.skip("needs a C compiler: apt-get install gcc")
+    folder = tmp_path_factory.mktemp("room")
+    for file in EXAMPLES.iterdir():
+        if file.is_file():
+            shutil.copy(file, folder)
+    build = ["cc", "-O2", "-Wall", "-Wextra", "-Werror", "-std=c11", "-ffp-contract=off"]
+    subprocess.run([*build, "-o", "air_conditioner", "air_conditioner.c", "-lm"], cwd=folder, check=True)
+    return folder / "ventilated_room.yaml"
+
+
+def with_program(fault, tick=3, door="stdio", **more):
+    start = {"command": [sys.executable, str(PROGRAM), fault, str(tick)], "format": "json", "door": door}
+    reads, writes = [{"port": "truth/samples"}], ["state"]
+    block = {"name": "model", "start": start, "reads": reads, "writes": writes, **more}
+    return ("--set", f"participants=[{json.dumps(block)}]", *SHORT)
+
+
+def told_fault(ended):
+    """What a run says of the one fault that has ended it."""
+    assert ended.exit_code == FAULT, ended.errors
+    (fault,) = ended.result["faults"]
+    assert fault["participant"] == "model"
+    return fault["text"]
+
+
+@pytest.mark.tour
+def test_an_air_conditioner_in_c_flies_in_both_kinds_of_hosting_with_one_digest(room, tmp_path):
+    here = fly_here(room, tmp_path / "here")
+    many = fly(room, tmp_path / "many")
+    assert [flight.result["faults"] for flight in (here, many)] == [[], []]
+    ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]
+    assert {name: ports[name]["participant"] for name in ("truth/wind", "participant/air_conditioner/state")} == {
+        "truth/wind": "air_conditioner",
+        "participant/air_conditioner/state": "air_conditioner",
+    }
+    assert here.result["digest"] == many.result["digest"] is not None
+    assert (many.run_dir / "logs" / "participant_air_conditioner.log").exists()
+
+
+def test_the_same_in_python_and_among_grouped_services_has_that_digest_too(room, tmp_path):
+    start = f"participants[0].start={{command: [{sys.executable}, ./air_conditioner.py], format: json}}"
+    in_python = fly(room, tmp_path / "python", "--processes", "grouped", "--set", start)
+    assert in_python.result["digest"] == fly_here(room, tmp_path / "c").result["digest"] is not None
+
+
+def test_a_run_with_a_participant_is_replayed_to_the_bit(room, tmp_path):
+    flown = fly_here(room, tmp_path / "flown")
+    words = ["replay", str(flown.run_dir), "--runs-dir", str(tmp_path / "again")]
+    assert main(words) == 0
+    (again,) = (tmp_path / "again").glob("*/result.json")
+    assert json.loads(again.read_text())["digest"] == flown.result["digest"]
+
+
+def test_a_door_and_a_longer_period_give_one_digest_here_and_in_processes(tmp_path):
+    words = with_program("right", door="unix", period_s=0.4)
+    here = fly_here(TINY_ROOM, tmp_path / "here", *words)
+    ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]
+    assert ports["participant/model/state"]["ticks"] == [0, 4, 8, 12, 16, 20]
+    assert fly(TINY_ROOM, tmp_path / "many", *words).result["digest"] == here.result["digest"]
+
+
+@pytest.mark.parametrize("hosting", [fly_here, fly])
+def test_a_fault_ends_the_run_with_its_name_wherever_it_is_hosted(tmp_path, hosting):
+    text = told_fault(hosting(TINY_ROOM, tmp_path, *with_program("exits")))
+    assert text.startswith(
+        "expected an answer to the inputs of tick 3, but its process ended with exit code 7. The end of its log:\n"
+        "the model has blown up"
+    )
+
+
+def test_its_limits_hold(tmp_path):
+    ended = fly_here(TINY_ROOM, tmp_path, *with_program("memory", limits={"memory_mb": 200}))
+    assert "used more than its limits.memory_mb of 200 MB" in told_fault(ended)
