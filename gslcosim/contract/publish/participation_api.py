@@ -52,7 +52,9 @@ def participation_document() -> dict[str, Any]:
                 "messages": {each.__name__: {"$ref": f"#/components/messages/{each.__name__}"} for each in _MESSAGES},
             }
         },
-        "operations": {name: _operation(*rest) for name, *rest in _OPERATIONS},
+        "operations": {
+            name: _operation(action, message, summary, answer) for name, action, message, summary, answer in _OPERATIONS
+        },
         "components": {"messages": {each.__name__: message_of(each) for each in _MESSAGES}},
     }
 
