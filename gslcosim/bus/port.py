@@ -43,8 +43,9 @@ class Join(BaseModel):
     vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
     they are several; otherwise it flies the one of its `name`. `is_watched` says that whoever starts the run sees
     whether the process ends or is stopped, so that nobody has to conclude it from silence. Others are given up after
-    `lease_s` [s] of silence. Where the router lets nobody in without a client certificate, `needs_tls_client` says so,
-    and `tls_client_certificate` and `tls_client_key` are PEM texts that the host that joins has added.
+    `lease_s` [s] of silence. `window_ticks` is given to services only, where it is not the usual one.
+    Where the router lets nobody in without a client certificate, `needs_tls_client` says so, and
+    `tls_client_certificate` and `tls_client_key` are PEM texts that the host that joins has added.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -59,6 +60,7 @@ class Join(BaseModel):
     agents: tuple[str, ...] | None = None
     is_watched: bool = False
     lease_s: float | None = None
+    window_ticks: int | None = None
     needs_tls_client: bool = False
     tls_client_certificate: str | None = None
     tls_client_key: str | None = None

@@ -81,6 +81,8 @@ class ZenohBus:
         config = session_config(join.namespace, lease_ms=PATIENCE_MS if join.is_watched else elsewhere_ms)
         if join.is_watched or join.lease_s is not None:
             _set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
+        if not join.is_watched:
+            _compress(config)
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
         config.insert_json5("listen/endpoints", "[]")
@@ -130,6 +132,8 @@ class ZenohBus:
         is_local = all(endpoint.startswith("unixsock-stream/") for endpoint in endpoints)
         config = session_config(namespace, lease_ms=PATIENCE_MS if is_local else ROUTER_LEASE_MS)
         _set_unread_limit(config, max(UNREAD_LIMIT_MS, round(1000 * lease_s)))
+        if not is_local:
+            _compress(config)
         config.insert_json5("mode", '"router"')
         config.insert_json5("listen/endpoints", json.dumps(endpoints))
         if tls is not None:
@@ -283,6 +287,11 @@ def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.
     config.insert_json5("transport/link/tx/lease", str(lease_ms))
     config.insert_json5("transport/link/tx/keep_alive", "4")
     return config
+
+
+# Used on a link whose both ends have it: keys of messages come again and again.
+def _compress(config: zenoh.Config) -> None:
+    config.insert_json5("transport/unicast/compression/enabled", "true")
 
 
 def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:

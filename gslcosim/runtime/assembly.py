@@ -1,10 +1,11 @@
 """How the participants of a run are wired, and how the core of a service is built."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Command
-from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
+from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.foreign.declared import problems_of_participants
@@ -34,13 +35,22 @@ def service_names(scenario: Scenario) -> tuple[str, ...]:
     return tuple(kind.name for kind in services_of(scenario))
 
 
-def dataflow_of(scenario: Scenario) -> Dataflow:
+def dataflow_of(scenario: Scenario, *, window_ticks: int | None = None) -> Dataflow:
     """Return the checked dataflow of a run.
+
+    Args:
+        scenario: What is flown.
+        window_ticks: How far a writer may run ahead of an ordinary reader; the windows of others, which are larger or
+            smaller, change in proportion. Absent: as each reader says.
 
     Raises:
         DataflowError: it cannot run; see `Dataflow`.
     """
-    return Dataflow(_specs_of(scenario))
+    specs = _specs_of(scenario)
+    if window_ticks is None:
+        return Dataflow(specs)
+    windows = (max(1, spec.window_ticks * window_ticks // WINDOW_TICKS) for spec in specs)
+    return Dataflow(tuple(replace(spec, window_ticks=window) for spec, window in zip(specs, windows, strict=True)))
 
 
 def participant_problems(scenario: Scenario) -> Iterable[Problem]:

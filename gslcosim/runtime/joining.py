@@ -17,9 +17,12 @@ NEW_CERTIFICATE = (
 )
 
 JOIN_LIMIT_S = 180.0
-# A link that is cut for 3 s is silent for up to 6 s: TCP tries again after ever longer times.
-LEASE_S = 10.0
+# A link that is cut for 3 s is silent for up to 6 s, since TCP tries again after ever longer times; for 12 s where the
+# first packet afterwards is lost as well.
+LEASE_S = 15.0
 SHORTEST_LEASE_S, LONGEST_LEASE_S = 1.0, 3600.0
+# Agents tell their progress every 64 ticks.
+FEWEST_WINDOW_TICKS, MOST_WINDOW_TICKS = 128, 1 << 16
 EVERY_SERVICE = "all"
 
 
@@ -33,6 +36,7 @@ class Network:
     given up after `lease_s` [s] without a sign of life.
     Endpoints that begin with `tls/` need a certificate; who joins from elsewhere gets it with its join data.
     Others are for this machine alone, unless `is_insecure` says that everybody on the way may read and write.
+    `window_ticks` is how far a writer may run ahead of its slowest reader; absent: as far as the reader says.
     """
 
     listen: tuple[str, ...] = ()
@@ -41,6 +45,7 @@ class Network:
     tls: Certificate | None = None
     lease_s: float = LEASE_S
     is_insecure: bool = False
+    window_ticks: int | None = None
 
     def is_elsewhere(self, service: str) -> bool:
         """Return whether a service is started by someone else."""
@@ -55,7 +60,7 @@ class Network:
 
         Raises:
             UsageError: not a Zenoh endpoint, TLS without a certificate, a certificate that is not there, no TLS beyond
-                this machine, services elsewhere that the run does not have, or a lease out of range.
+                this machine, services elsewhere that the run does not have, or a lease or window out of range.
         """
         for endpoint in self.listen:
             if endpoint.split("/")[0] not in ("tcp", "tls", "unixsock-stream"):
@@ -77,6 +82,14 @@ class Network:
             raise UsageError(
                 f"--lease-s: expected seconds from {SHORTEST_LEASE_S:g} to {LONGEST_LEASE_S:g}, was {self.lease_s:g}."
             )
+        if self.window_ticks is not None:
+            if is_one_process:
+                raise UsageError("--window-ticks: expected --processes separate or grouped with it, was one.")
+            if not FEWEST_WINDOW_TICKS <= self.window_ticks <= MOST_WINDOW_TICKS:
+                raise UsageError(
+                    f"--window-ticks: expected ticks from {FEWEST_WINDOW_TICKS} to {MOST_WINDOW_TICKS}, "
+                    f"was {self.window_ticks}."
+                )
 
     def check_gateway(self, agent: str) -> None:
         """Refuse to let an agent attach from elsewhere by the gateway's TCP, which is never encrypted.

@@ -90,7 +90,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=None,
         metavar="S",
-        help="give up processes on other hosts after so many seconds without a sign of life (default: 10)",
+        help="give up processes on other hosts after so many seconds without a sign of life (default: 15)",
+    )
+    parser.add_argument(
+        "--window-ticks",
+        type=int,
+        metavar="N",
+        help="let writers run ahead of their slowest reader by so many ticks (default: 256): more for distant hosts",
     )
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -146,6 +152,7 @@ def _network(arguments: argparse.Namespace) -> "Network":
         tls=_certificate(arguments),
         lease_s=LEASE_S if arguments.lease_s is None else arguments.lease_s,
         is_insecure=arguments.insecure,
+        window_ticks=arguments.window_ticks,
     )
 
 

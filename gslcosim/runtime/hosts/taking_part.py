@@ -64,7 +64,7 @@ def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Sa
             for at_fault in _in_order(offer, names):
                 _check_files(at_fault, setup)
                 cores.append(build_core(at_fault, setup))
-            return _flown(bus, cores, setup, offer, say)
+            return _flown(bus, cores, setup, offer, join.window_ticks, say)
         except UsageError:
             # Who joins may correct it; the run waits.
             raise
@@ -137,8 +137,10 @@ def _check_files(name: str, setup: Setup) -> None:
         )
 
 
-def _flown(bus: ZenohBus, cores: Sequence[Core], setup: Setup, offer: RunOffer, say: Say) -> PartTaken:
-    host = Host(bus, cores, dataflow_of(setup.scenario), setup.episode)
+def _flown(
+    bus: ZenohBus, cores: Sequence[Core], setup: Setup, offer: RunOffer, window_ticks: int | None, say: Say
+) -> PartTaken:
+    host = Host(bus, cores, dataflow_of(setup.scenario, window_ticks=window_ticks), setup.episode)
     bus.on_disconnect(host.link_lost)
     bus.subscribe(control.START, lambda _key, _payload: say("flying"))
     host.join()

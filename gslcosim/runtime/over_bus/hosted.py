@@ -107,10 +107,12 @@ class Hosted:
                 for read in reader.reads
             )
         }
-        self.kept = Kept()
+        readers = dataflow.readers_of(self.name)
+        # Who misses a message is a window behind at most, and asks for it before its writer is another one ahead.
+        self.kept = Kept(max([KEPT_TICKS, *(2 * reader.window_ticks for reader in readers)]))
         self._bundle: list[Sent] = []
         self._bundled_from = 0
-        window_ticks = self.stepper.spec.window_ticks
+        window_ticks = dataflow.by_name[self.name].window_ticks
         self._progress_every_ticks = max(1, min(PROGRESS_EVERY_TICKS, window_ticks // _PROGRESS_WINDOW_SHARE))
         self._told_tick, self._told_at_s = -1, time.monotonic()
 

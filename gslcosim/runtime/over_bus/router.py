@@ -58,6 +58,7 @@ class RunRouter:
             user=SERVICE_USER,
             password=self._service_password,
             run_dir=str(self._run_dir.path.resolve()),
+            window_ticks=self._network.window_ticks,
             is_watched=is_watched,
         )
 

@@ -75,7 +75,7 @@ def _serve(names: Sequence[str], join: Join | None) -> None:
         cores: list[Core] = []
         for at_fault in names:
             cores.append(build_core(at_fault, setup))
-        dataflow = dataflow_of(setup.scenario)
+        dataflow = dataflow_of(setup.scenario, window_ticks=join.window_ticks)
     except Exception as error:
         _tell(join, at_fault, error)
         raise
