@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults attacks golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-network attacks golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -65,12 +65,17 @@ plume-statistics: .venv/ready-dev   # table and plots of intermittency and peaks
 soak: .venv/ready-dev       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -m soak --timeout 3600
+	$(BIN)/python tests/soak/network_campaign.py
 
 # Ten seconds a trial; JOBS at a time.
 N ?= 1000
 JOBS ?= 2
 soak-faults: .venv/ready-dev  # random faults of every member in every phase, and a table of what came of them; N=TRIALS
 	$(BIN)/python tests/soak/fault_campaign.py --trials $(N) --jobs $(JOBS)
+
+soak-network: .venv/ready-dev  # one run over links with delay, loss and cuts, as root: its table of speeds and digests
+	@tests/install_debian_packages.sh
+	$(BIN)/python tests/soak/network_campaign.py
 
 attacks: .venv/ready-dev    # what agents that try to cheat reach in each sandbox
 	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py

@@ -115,7 +115,8 @@ def test_an_agent_on_another_host_flies_the_same_run(hosts, there, tmp_path, dig
 @pytest.mark.parametrize("hosts", [BAD], indirect=True)
 def test_a_bad_link_that_is_cut_for_three_seconds_changes_nothing_but_the_time(hosts, there, tmp_path, digest_here):
     """100 ms each way, 5 % of the packets lost and 5 % out of order, and nothing at all for 3 s in flight."""
-    flight = fly(hosts, tmp_path, "--elsewhere=fields,sensing", f"--listen=tcp/{HERE}:7447", "--insecure")
+    options = ("--elsewhere=fields,sensing", f"--listen=tcp/{HERE}:7447", "--insecure", "--window-ticks=1024")
+    flight = fly(hosts, tmp_path, *options)
     file = tmp_path / "join" / "services" / "fields.json"
     joined = there("--wait=60", file, "fields", "sensing")
     flight.wait_until_flying()

@@ -67,6 +67,16 @@ def test_a_lease_is_neither_too_short_nor_endless(lease_s):
     assert refusal_of(Network(lease_s=lease_s)).startswith("--lease-s")
 
 
+@pytest.mark.parametrize("window_ticks", [0, 127, 1 << 17])
+def test_a_window_is_neither_too_small_for_what_agents_tell_nor_endless(window_ticks):
+    assert refusal_of(Network(window_ticks=window_ticks)).startswith("--window-ticks")
+
+
+def test_one_process_has_no_window():
+    assert "--processes" in refusal_of(Network(window_ticks=1024), is_one_process=True)
+    Network(window_ticks=1024).check(SERVICES)
+
+
 def test_a_certificate_that_nobody_would_see_is_refused(certificate):
     assert "tls/" in refusal_of(Network(listen=("tcp/127.0.0.1:1",), tls=certificate))
 

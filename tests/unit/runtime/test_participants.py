@@ -54,6 +54,15 @@ def test_the_table_of_the_architecture_has_each_service():
     assert sorted(set(rows) & set(NAMES)) == sorted(NAMES)
 
 
+def test_a_window_is_that_of_ordinary_readers_and_others_keep_their_proportion():
+    scenario = load_scenario("tiny_room").scenario
+    usual, wide = dataflow_of(scenario), dataflow_of(scenario, window_ticks=1024)
+    assert usual.by_name["fields"].window_ticks == 256
+    assert {p.name: p.window_ticks for p in wide.participants} == {
+        p.name: 4 * p.window_ticks for p in usual.participants
+    }
+
+
 def test_compose_starts_services_of_the_list_only():
     started = re.findall(r"/join/services/\w+\.json, (\w+)\]", (ROOT / "compose.yaml").read_text())
     assert started == list(service_names(load_scenario("warehouse_empty").scenario))
