@@ -158,8 +158,7 @@ class CamerasCore:
 def _model(scenario: Scenario, environment: Environment) -> mujoco.MjModel:
     vehicles = [(agent.name, vehicle_of(agent.vehicle.model)) for agent in scenario.agents]
     spec, kept = scene_spec(environment, vehicles, dt_s=1.0)
-    for light in _lamps(environment):
-        spec.worldbody.add_light(name=f"lamp_{light.name}", pos=light.position_m, castshadow=False)
+    add_lamps(spec, environment)
     for agent, sensor in scenario.cameras:
         spec.body(f"{agent.name}/body").add_camera(
             name=f"{agent.name}/{sensor.name}",
@@ -176,6 +175,12 @@ def _model(scenario: Scenario, environment: Environment) -> mujoco.MjModel:
     del kept
     model.vis.map.znear, model.vis.map.zfar = NEAR_M / model.stat.extent, FAR_M / model.stat.extent
     return model
+
+
+def add_lamps(spec: mujoco.MjSpec, environment: Environment) -> None:
+    """Add the lamps of a room to a scene, without shadows: as many as OpenGL has, evenly chosen."""
+    for light in _lamps(environment):
+        spec.worldbody.add_light(name=f"lamp_{light.name}", pos=light.position_m, castshadow=False)
 
 
 def _lamps(environment: Environment) -> tuple[Light, ...]:

@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import gslcosim.training  # noqa: E402
 from gslcosim.cli.main import main  # noqa: E402
+from gslcosim.contract import codec  # noqa: E402
 from gslcosim.errors import ScenarioError, UsageError  # noqa: E402
 from gslcosim.training.registration import SEARCH  # noqa: E402
 from gslcosim.training.search_env import SearchEnv  # noqa: E402
@@ -21,6 +22,7 @@ from gslcosim.training.search_env import SearchEnv  # noqa: E402
 SAYER = """
 import json, pathlib
 from gslcosim.agent_kit import Agent, Command, run
+from gslcosim.contract import codec
 
 SAID = json.loads(pathlib.Path(__file__).with_name("said.json").read_text())
 
@@ -30,7 +32,7 @@ class Sayer(Agent):
         pass
 
     def decide(self, observation):
-        return Command.model_validate_json(SAID[str(observation.tick)])
+        return codec.decode_json(Command, SAID[str(observation.tick)].encode())
 
 
 if __name__ == "__main__":
@@ -62,7 +64,7 @@ def test_gymnasiums_checker_passes_and_the_digest_is_that_of_up(tmp_path, monkey
     answered = gslcosim.training.hand_flight.HandFlight.answer
 
     def noted(flight, agent, command):
-        said[command.tick] = command.model_dump_json()
+        said[command.tick] = codec.encode_json(command).decode()
         answered(flight, agent, command)
 
     monkeypatch.setattr(gslcosim.training.hand_flight.HandFlight, "answer", noted)

@@ -1,0 +1,95 @@
+"""`gslcosim film`: a film of a run, or of several side by side."""
+
+import argparse
+from pathlib import Path
+
+from gslcosim.cli.bench_text import watched_count
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.errors import UsageError
+from gslcosim.machine import refused_place
+
+EXAMPLES = """  gslcosim film --out search.mp4
+  gslcosim film runs/night_42 --out end.mp4 --from 100 --to 130 --speed 2
+  gslcosim film RUN_A RUN_B RUN_C --out three.webp --size 960x540 --speed 10"""
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "runs",
+        nargs="*",
+        metavar="RUN",
+        help="a run's folder, its recording, its id or the beginning of it (default: the newest); several become tiles",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the film: .mp4, .gif or .webp")
+    parser.add_argument(
+        "--speed", type=_speed, default=8.0, metavar="X", help="simulated seconds in a second of film (default: 8)"
+    )
+    parser.add_argument("--from", type=float, dest="from_s", metavar="S", help="simulated time at which it begins")
+    parser.add_argument("--to", type=float, dest="to_s", metavar="S", help="simulated time at which it ends")
+    parser.add_argument(
+        "--size", type=_size, default=(1280, 720), metavar="WxH", help="its size in pixels (default: 1280x720)"
+    )
+    parser.add_argument("--follow", metavar="AGENT", help="whose vehicle is seen in the room (default: the first)")
+    parser.add_argument("--plan-only", action="store_true", help="show the plan alone; needs neither EGL nor OSMesa")
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _speed(text: str) -> float:
+    speed = float(text)
+    if not 0.01 <= speed <= 1000:
+        raise argparse.ArgumentTypeError(f"expected a number from 0.01 to 1000, was {text}")
+    return speed
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if (
+        not (width.isdecimal() and height.isdecimal())
+        or not 160 <= int(width) <= 7680
+        or not 120 <= int(height) <= 4320
+    ):
+        raise argparse.ArgumentTypeError(f"expected pixels such as 1280x720, at least 160x120, was {text}")
+    # What H.264 wants.
+    return int(width) // 2 * 2, int(height) // 2 * 2
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.errors import ModelError
+    from gslcosim.film.cuts import Cut
+    from gslcosim.film.encoding import write_film
+    from gslcosim.film.screening import frames_of
+    from gslcosim.run_data.opening import open_run
+
+    names = arguments.runs or [None]
+    runs = [open_run(find_in_run(name, runs_dir=arguments.runs_dir, file_name=RECORDING)) for name in names]
+    cuts = [Cut.of(run, from_s=arguments.from_s, to_s=arguments.to_s, speed=arguments.speed) for run in runs]
+    cut = max(cuts, key=lambda one: one.to_s)
+    frames = frames_of(runs, cut, arguments.size, follow=arguments.follow, has_room=not arguments.plan_only)
+    n_frames = len(cut.times_s)
+    try:
+        with watched_count("frames", is_quiet=arguments.json) as report:
+            write_film(frames, arguments.out, lambda done: report(done, n_frames))
+    except ModelError as error:
+        raise UsageError(f"{error} Or film the plan alone with --plan-only.") from error
+    except OSError as error:
+        raise refused_place(error, "--out", "a file that can be written", path=arguments.out) from error
+    if arguments.json:
+        size = arguments.out.stat().st_size
+        write_json(
+            {"out": str(arguments.out), "n_frames": n_frames, "bytes": size, "from_s": cut.from_s, "to_s": cut.to_s}
+        )
+        return 0
+    write(str(arguments.out))
+    return 0
+
+
+COMMAND = Command(
+    name="film",
+    summary="make a film of a run: plan, vehicle in its room, readings; of several runs tiles",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)
