@@ -1,11 +1,12 @@
 """`gslcosim`: the entry point. Heavy packages are imported only by the command that needs them."""
 
+import argparse
 import contextlib
 import gc
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from gslcosim import __version__
 from gslcosim.cli.commands import (
@@ -26,6 +27,7 @@ from gslcosim.cli.commands import (
     runs,
     sample,
     schema,
+    serve,
     sweep,
     tune,
     up,
@@ -62,6 +64,7 @@ COMMANDS = (
     flights.PS,
     flights.TOP,
     flights.STOP,
+    serve.COMMAND,
     sample.COMMAND,
     agent.COMMAND,
     schema.COMMAND,
@@ -80,7 +83,7 @@ def main(words: Sequence[str] | None = None) -> int:
     # What is imported stays: looking through it for garbage again and again would take a seventh of the start.
     gc.set_threshold(_COLLECT_EVERY)
     open_missing_streams()
-    exit_code = _told_exit_code(sys.argv[1:] if words is None else words)
+    exit_code = told_exit_code(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:
         # Libraries wait at the interpreter's end for threads that a machine without memory has not let them start.
         with contextlib.suppress(OSError):
@@ -89,9 +92,15 @@ def main(words: Sequence[str] | None = None) -> int:
     return exit_code
 
 
-def _told_exit_code(words: Sequence[str]) -> int:
+def told_exit_code(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
+    """Run one command, tell what goes wrong, and return the exit code.
+
+    Args:
+        words: The command line without the program's name.
+        call: What is called with the parsed words; by default what the command is there for.
+    """
     try:
-        exit_code = _exit_code_of(words)
+        exit_code = _exit_code_of(words, call)
         finish_output()
     except BrokenPipeError:
         give_up_output()
@@ -103,7 +112,7 @@ def _told_exit_code(words: Sequence[str]) -> int:
     return exit_code
 
 
-def _exit_code_of(words: Sequence[str]) -> int:
+def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
     parser = build_parser(COMMANDS, version=__version__)
     try:
         if not words:
@@ -112,7 +121,7 @@ def _exit_code_of(words: Sequence[str]) -> int:
         arguments = parse(parser, COMMANDS, words)
         if words[0] in _COMPUTING:
             check_address_space()
-        return int(arguments.call(arguments))
+        return int((call or arguments.call)(arguments))
     except SystemExit:
         # The help or the version has been printed.
         finish_output()

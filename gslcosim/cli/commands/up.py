@@ -98,21 +98,40 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="let writers run ahead of their slowest reader by so many ticks (default: 256): more for distant hosts",
     )
+    parser.add_argument(
+        "--warm",
+        action="store_true",
+        help="fly from the server that gslcosim serve has started, which has imported everything: a run begins sooner",
+    )
     add_runs_dir_option(parser)
     add_json_option(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    if arguments.warm:
+        from gslcosim.runtime.over_bus.warm_client import fly_warm
+
+        return fly_warm(arguments.words)
+
     from gslcosim.runtime.over_bus.forks import ForkServer
 
     is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
     # First of all: it imports what services need while the scenario is read and checked.
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
-        return _fly(arguments, fork_server)
+        return fly_with(arguments, fork_server)
 
 
-def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
+def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
+    """Fly the scenario of parsed words, tell how it went, and return the exit code.
+
+    Args:
+        arguments: Of `gslcosim up`.
+        fork_server: Forks the services, if there is one already.
+    """
     loaded = load_checked(arguments)
+    # Libraries for linear algebra have one thread in what a warm server forks, and agents in this process may not.
+    if arguments.warm and "one" in (arguments.processes, arguments.processes or loaded.scenario.processes):
+        raise UsageError("--warm: expected --processes separate or grouped with it, was one. Leave --warm away.")
 
     from gslcosim.cli.flight_report import summary, watched_flight
     from gslcosim.runtime.flight import fly

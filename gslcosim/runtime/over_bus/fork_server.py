@@ -38,16 +38,22 @@ def main(fd: int) -> None:
         fd: The socket's file descriptor.
     """
     keep_memory_private()
-    # Ctrl-C is the supervisor's to handle.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # What is imported stays; looking through it for garbage would take a fifth of the start.
     gc.disable()
-    _import_what_services_share()
+    import_what_services_share()
     gc.freeze()
-    _Server(socket.socket(fileno=fd)).serve()
+    serve_requests(socket.socket(fileno=fd))
 
 
-def _import_what_services_share() -> None:
+def serve_requests(requests: socket.socket) -> None:
+    """Serve requests from a socket until its other end is closed; what services share has been imported."""
+    # Ctrl-C is the supervisor's to handle.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _Server(requests).serve()
+
+
+def import_what_services_share() -> None:
+    """Import what several services need, and load the compiler of their kernels; starts no thread."""
     from gslcosim.runtime.participants import SERVICES
 
     # Otherwise MuJoCo imports what opens windows, which starts a process to look for it; pictures need none of it.
@@ -133,7 +139,7 @@ class _Server:
     def _become(self, request: dict[str, Any]) -> None:
         code = 1
         try:
-            _end_with_parent(self._pid)
+            end_with_parent(self._pid)
             os.setsid()
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -175,7 +181,8 @@ def _note_nothing(number: int, frame: object) -> None:
     del number, frame
 
 
-def _end_with_parent(parent: int) -> None:
+def end_with_parent(parent: int) -> None:
+    """Let Linux end this process when the one that has forked it ends."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)

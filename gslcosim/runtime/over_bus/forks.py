@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import signal
 import socket
@@ -9,22 +10,30 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Sequence
+import time
+import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Self
+from typing import IO, TYPE_CHECKING, NoReturn, Self
 
 from gslcosim.errors import SimulationFault
 from gslcosim.runtime.command_lines import ending_with_parent, exit_text, python_command
+from gslcosim.runtime.process_title import set_process_title
 from gslcosim.scratch import no_temporary_directory
 
 if TYPE_CHECKING:
     from gslcosim.bus.port import Join
+    from gslcosim.runtime.processes import Process
 
 FORK_SERVER = "fork_server"
 CLOSE_LIMIT_S = 2.0
 # A service needs no threads for linear algebra, and a process that forks must have none.
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-_ROOM_FOR_TITLES = "." * 200
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1") | {
+    # Each of many threads would keep a heap of its own, of 20 MB together in the recorder.
+    "MALLOC_ARENA_MAX": "2"
+}
+ROOM_FOR_TITLES = "." * 200
+_LOOK_AGAIN_S = 0.005
 
 
 class ForkedProcess:
@@ -73,35 +82,104 @@ def _nameless_log() -> IO[bytes]:
         raise no_temporary_directory(error) from error
 
 
+def _started(theirs: socket.socket, log: IO[bytes]) -> "subprocess.Popen[bytes]":
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
+    command = python_command("-m", "gslcosim_services", "--fork-server", str(theirs.fileno()), ROOM_FOR_TITLES)
+    return subprocess.Popen(
+        [*ending_with_parent(), *command],
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        env={**inherited, **ONE_THREAD},
+        pass_fds=[theirs.fileno()],
+        start_new_session=True,
+    )
+
+
+class _ForkOfThis:
+    """A fork server that was forked, as `subprocess.Popen` shows one that was started."""
+
+    def __init__(self, theirs: socket.socket, log: IO[bytes], unwanted: Sequence[int]) -> None:
+        self._code: int | None = None
+        parent = os.getpid()
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._become_server(parent, theirs, log, unwanted)
+
+    def poll(self) -> int | None:
+        """Return how it has ended; None while it runs."""
+        if self._code is None and (status := os.waitpid(self.pid, os.WNOHANG))[0]:
+            self._code = os.waitstatus_to_exitcode(status[1])
+        return self._code
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end and return how it has ended.
+
+        Raises:
+            subprocess.TimeoutExpired: it has not ended within the time.
+        """
+        deadline_s = math.inf if timeout is None else time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > deadline_s:
+                raise subprocess.TimeoutExpired(FORK_SERVER, timeout or 0.0)
+            time.sleep(_LOOK_AGAIN_S)
+        return code
+
+    # Never returns, whatever happens: what follows is the supervisor's.
+    def _become_server(self, parent: int, theirs: socket.socket, log: IO[bytes], unwanted: Sequence[int]) -> NoReturn:
+        code = 1
+        try:
+            from gslcosim.runtime.over_bus import fork_server
+
+            fork_server.end_with_parent(parent)
+            os.setsid()
+            nothing = os.open(os.devnull, os.O_RDONLY)
+            for fd, target in ((nothing, 0), (log.fileno(), 1), (log.fileno(), 2)):
+                os.dup2(fd, target)
+            for fd in (nothing, *unwanted):
+                os.close(fd)
+            set_process_title(f"{sys.executable} -P -m gslcosim_services --fork-server {theirs.fileno()}")
+            fork_server.serve_requests(theirs)
+            code = 0
+        except BaseException:  # told in the log, as by an interpreter that ends
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+
+
 class ForkServer:
     """A running fork server; leaving the context ends it and all that it has forked.
 
     It starts to import when it is made, so it is made before anything else is prepared.
 
+    Args:
+        start: Starts its process, given its end of the socket and its log; by default a process of its own.
+
     Raises:
         MachineError: it cannot be started.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, start: "Callable[[socket.socket, IO[bytes]], Process] | None" = None) -> None:
         self._log = _nameless_log()
         self._socket, theirs = socket.socketpair()
         self._lock = threading.Lock()
         self._forked: dict[str, ForkedProcess] = {}
         self._is_gone = self._is_closing = False
-        inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
-        command = python_command("-m", "gslcosim_services", "--fork-server", str(theirs.fileno()), _ROOM_FOR_TITLES)
         with theirs:
-            self._process = subprocess.Popen(
-                [*ending_with_parent(), *command],
-                stdin=subprocess.DEVNULL,
-                stdout=self._log,
-                stderr=self._log,
-                env={**inherited, **_ONE_THREAD},
-                pass_fds=[theirs.fileno()],
-                start_new_session=True,
-            )
+            self._process = (start or _started)(theirs, self._log)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
+
+    @classmethod
+    def of_this_process(cls, unwanted: Sequence[int] = ()) -> Self:
+        """Return a fork server that is a fork of this process, which has imported what services share.
+
+        This process must have one thread.
+
+        Args:
+            unwanted: Descriptors that are none of the fork's business.
+        """
+        return cls(lambda theirs, log: _ForkOfThis(theirs, log, unwanted))
 
     @staticmethod
     def is_possible() -> bool:

@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import socket
-import struct
 import sys
 import time
 from dataclasses import dataclass
@@ -14,13 +13,11 @@ from typing import Any
 
 from gslcosim.errors import RunTimeoutError, UsageError
 from gslcosim.runtime.watching.window import SUFFIX, windows_folder
-from gslcosim.socket_paths import socket_address
+from gslcosim.socket_paths import pid_behind, socket_address
 
 LOOK_WITHIN_S = 2.0
 STOP_WITHIN_S = 20.0
 _LOOK_AGAIN_S = 0.05
-# struct ucred: pid, uid, gid.
-_CREDENTIALS = struct.Struct("3i")
 
 # Of a flight whose process stands still.
 _UNTOLD: dict[str, Any] = {
@@ -79,7 +76,7 @@ def look_through(window: Path) -> RunningFlight | None:
             facts = json.loads(_all_of(connection))
         except TimeoutError:
             facts = _UNTOLD
-        return RunningFlight(window, _pid_behind(connection, window), facts, time.monotonic())
+        return RunningFlight(window, _pid_of(connection, window), facts, time.monotonic())
     return None
 
 
@@ -133,8 +130,5 @@ def _all_of(connection: socket.socket) -> bytes:
 
 
 # Elsewhere than on Linux it is the one in the window's name.
-def _pid_behind(connection: socket.socket, window: Path) -> int:
-    if sys.platform != "linux":
-        return int(window.name.partition("-")[0])
-    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return _CREDENTIALS.unpack(credentials)[0]
+def _pid_of(connection: socket.socket, window: Path) -> int:
+    return pid_behind(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])

@@ -1,0 +1,320 @@
+"""The warm server: imports and rehearses once, then becomes the supervisor of each flight that is asked for by a fork.
+
+It has one thread, holds nothing of any run, and forks only while it has one. A fork has the whole flight to itself: it
+forks the run's own fork server first, takes over the caller's streams, folder and environment, and flies. So what is
+warm is what was imported, and nothing else differs from a flight without a server.
+"""
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import selectors
+import signal
+import socket
+import stat
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from gslcosim.errors import ExitCode, UsageError
+from gslcosim.machine import machine_error
+from gslcosim.runtime.over_bus.fork_server import import_what_services_share
+from gslcosim.runtime.over_bus.forks import ForkServer
+from gslcosim.runtime.over_bus.warm_place import differences, identity, n_threads, warm_folder, warm_socket
+from gslcosim.runtime.privacy import keep_memory_private
+from gslcosim.runtime.process_title import set_process_title
+from gslcosim.runtime.watching.own_process import user_id
+from gslcosim.socket_paths import pid_behind, socket_address
+
+GREETING = b"gslcosim\n"
+N_STREAMS = 3
+MOST_BYTES = 1 << 22
+# A caller has all that it sends ready before it connects.
+REQUEST_WITHIN_S = 10.0
+END_WITHIN_S = 20.0
+_LOOK_AGAIN_S = 0.05
+_QUEUE = 64
+# What a flight imports besides what its services share.
+_OF_SUPERVISORS = (
+    "gslcosim.runtime.flight",
+    "gslcosim.runtime.over_bus.launch",
+    "gslcosim.environment.of_scenario.places",
+    "gslcosim.generation.preparing",
+    "gslcosim.sensing.method_checks",
+    "rich.live",
+)
+_REHEARSED = "warehouse_empty"
+
+Fly = Callable[[Sequence[str], ForkServer], int]
+
+
+def serve_warm(fly: Fly, *, announce: Callable[[Path], None]) -> None:
+    """Import and rehearse, then fly for whoever of this user asks, until SIGINT or SIGTERM; flights end with it.
+
+    Args:
+        fly: Flies a command line with a fork server, and returns its exit code; called in a fork.
+        announce: Is told the socket as soon as it is listened at.
+
+    Raises:
+        UsageError: there is a server already, or its folder belongs to others.
+        MachineError: the socket cannot be made.
+    """
+    keep_memory_private()
+    with _listener() as listener:
+        # Before anything is imported: what is changed meanwhile differs then.
+        imported = identity()
+        gc.disable()
+        _warm_up()
+        gc.collect()
+        gc.freeze()
+        server = _WarmServer(listener, imported, fly)
+        try:
+            announce(warm_socket())
+            server.serve()
+        finally:
+            warm_socket().unlink(missing_ok=True)
+            server.end_flights()
+
+
+def check_one_thread() -> None:
+    """Refuse to fork a process with several threads: a fork has only one, and whatever another held stays held.
+
+    Raises:
+        UsageError: there are several.
+    """
+    if n_threads() > 1:
+        names = ", ".join(thread.name for thread in threading.enumerate())
+        raise UsageError(f"warm server: expected one thread, to fork from, was {n_threads()} (Python's: {names}).")
+
+
+def _warm_up() -> None:
+    import_what_services_share()
+    for module in _OF_SUPERVISORS:
+        importlib.import_module(module)
+    _rehearse_services()
+
+
+# In still air, so that no wind has to be there: what is loaded are the kernels.
+def _rehearse_services() -> None:
+    import numpy as np
+
+    from gslcosim.environment.model import WindFrames
+    from gslcosim.environment.of_scenario.room_origin import room_of
+    from gslcosim.environment.room import with_wind
+    from gslcosim.runtime.assembly import build_core
+    from gslcosim.runtime.participants import services_of
+    from gslcosim.runtime.run_dir import RunDir
+    from gslcosim.runtime.setup import Setup
+    from gslcosim.scenario import load_scenario
+
+    loaded = load_scenario(_REHEARSED)
+    scenario = loaded.scenario
+    room = room_of(scenario.environment, scenario.wind, scenario_dir=loaded.directory)
+    still = WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32))
+    setup = Setup(
+        run_dir=RunDir(loaded.directory),
+        scenario=scenario,
+        environment_dir=loaded.directory,
+        environment=with_wind(room, still),
+    )
+    for kind in services_of(scenario):
+        if kind.is_rehearsed:
+            build_core(kind.name, setup)
+
+
+@contextlib.contextmanager
+def _listener() -> Any:
+    folder, path = warm_folder(), warm_socket()
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        try:
+            folder.mkdir(mode=0o700, exist_ok=True)
+            _check_is_ours(folder)
+            _remove_dead(path)
+            with socket_address(path) as address:
+                listener.bind(address)
+            listener.listen(_QUEUE)
+        except OSError as error:
+            raise machine_error(error, "warm server", "a unix socket that can be made", path=path) from error
+        yield listener
+    finally:
+        listener.close()
+
+
+def _check_is_ours(folder: Path) -> None:
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user_id() or found.st_mode & 0o077:
+        raise UsageError(
+            f"{folder}: expected a folder that only this user can enter, found another. Remove it, or set TMPDIR."
+        )
+
+
+def _remove_dead(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            with socket_address(path) as address:
+                probe.connect(address)
+        except (FileNotFoundError, ConnectionRefusedError):
+            path.unlink(missing_ok=True)
+            return
+        pid = pid_behind(probe)
+    raise UsageError(f"serve: expected no other server of this user, found one, process {pid}. End it: kill {pid}")
+
+
+class _WarmServer:
+    def __init__(self, listener: socket.socket, imported: dict[str, str], fly: Fly) -> None:
+        self._listener = listener
+        self._imported = imported
+        self._fly = fly
+        self._flights: set[int] = set()
+        self._woken, self._waker = os.pipe()
+        self._is_ended = False
+
+    def serve(self) -> None:
+        os.set_blocking(self._waker, False)
+        signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda number, frame: None)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._end)
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._listener, selectors.EVENT_READ)
+            selector.register(self._woken, selectors.EVENT_READ)
+            while not self._is_ended:
+                for key, _ in selector.select():
+                    if key.fileobj is self._listener:
+                        self._accept(selector)
+                    else:
+                        os.read(self._woken, MOST_BYTES)
+                self._reap()
+
+    def end_flights(self) -> None:
+        """Interrupt all flights, wait for their ends in order, and kill what is left."""
+        for number, limit_s in ((signal.SIGINT, END_WITHIN_S), (signal.SIGKILL, 1.0)):
+            for pid in self._flights:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, number)
+            deadline_s = time.monotonic() + limit_s
+            while self._flights and time.monotonic() < deadline_s:
+                self._reap()
+                time.sleep(_LOOK_AGAIN_S)
+
+    def _end(self, number: int, frame: object) -> None:
+        del number, frame
+        self._is_ended = True
+
+    def _reap(self) -> None:
+        with contextlib.suppress(ChildProcessError):
+            while self._flights and (pid := os.waitpid(-1, os.WNOHANG)[0]):
+                self._flights.discard(pid)
+
+    def _accept(self, selector: selectors.BaseSelector) -> None:
+        connection, _ = self._listener.accept()
+        with connection:
+            try:
+                check_one_thread()
+                pid = os.fork()
+            except (UsageError, OSError) as error:
+                _tell(connection, {"refused": f"warm server: {error}"})
+                return
+            if pid == 0:
+                try:
+                    selector.close()
+                    self._become(connection)
+                finally:
+                    os._exit(int(ExitCode.FAULT))
+            self._flights.add(pid)
+
+    # Never returns, whatever happens: there must be one server.
+    def _become(self, connection: socket.socket) -> None:
+        code = int(ExitCode.FAULT)
+        try:
+            os.setsid()
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            for fd in (self._woken, self._waker, self._listener.fileno()):
+                os.close(fd)
+            request = _taken_over(connection)
+            if differing := differences(self._imported, request["identity"]):
+                pid = os.getppid()
+                _tell(connection, {"refused": _stale_text(differing, pid)})
+            else:
+                code = _flown(connection, request["words"], self._fly)
+                # Whoever has called is gone as soon as it knows.
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+                _tell(connection, {"code": code})
+        except BaseException:  # told where the caller looks, as by an interpreter that ends
+            traceback.print_exc()
+        finally:
+            with contextlib.suppress(OSError, ValueError):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+
+
+def _stale_text(differing: Sequence[str], pid: int) -> str:
+    return (
+        f"up --warm: expected a server that has imported what is there now, found one with another "
+        f"{', '.join(differing)}. Start it again: kill {pid}; gslcosim serve"
+    )
+
+
+def _flown(connection: socket.socket, words: Sequence[str], fly: Fly) -> int:
+    gc.enable()
+    # A fork of this fork, while it has one thread.
+    fork_server = ForkServer.of_this_process(unwanted=(connection.fileno(),))
+    set_process_title(f"{sys.executable} -P -m gslcosim {' '.join(words)}")
+    _tell(connection, {"pid": os.getpid()})
+    threading.Thread(target=_obey, args=(connection,), name="caller", daemon=True).start()
+    with fork_server:
+        return fly(words, fork_server)
+
+
+# Whoever has called interrupts with a byte, and by being gone.
+def _obey(connection: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while connection.recv(1):
+            os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def _taken_over(connection: socket.socket) -> dict[str, Any]:
+    connection.settimeout(REQUEST_WITHIN_S)
+    _, streams, _, _ = socket.recv_fds(connection, len(GREETING), N_STREAMS)
+    for fd, stream in enumerate(streams):
+        os.dup2(stream, fd)
+        os.close(stream)
+    sys.stdout = os.fdopen(1, "w", closefd=False)
+    sys.stderr = os.fdopen(2, "w", closefd=False, errors="backslashreplace")
+    request = json.loads(_line_from(connection))
+    connection.settimeout(None)
+    os.environ.clear()
+    os.environ.update(request["environ"])
+    os.chdir(request["folder"])
+    os.umask(request["umask"])
+    # It is looked for once in a process.
+    tempfile.tempdir = None
+    return request
+
+
+def _line_from(connection: socket.socket) -> bytes:
+    received = b""
+    while not received.endswith(b"\n"):
+        part = connection.recv(1 << 16)
+        if not part or len(received) > MOST_BYTES:
+            raise ConnectionError("warm server: expected a whole request, the caller is gone.")
+        received += part
+    return received
+
+
+def _tell(connection: socket.socket, answer: dict[str, Any]) -> None:
+    with contextlib.suppress(OSError):
+        connection.sendall(json.dumps(answer).encode() + b"\n")
