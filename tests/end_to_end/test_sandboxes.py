@@ -4,6 +4,7 @@
 """
 
 import contextlib
+import ctypes
 import json
 import os
 import re
@@ -26,11 +27,19 @@ REQUIRED, PIPED = "agents[0].sandbox=required", "agents[0].start.door=stdio"
 SANDBOXES = ("bubblewrap", "landlock")
 ATTACKS = re.findall(r"^def ([a-z]\w+)\(\):", (AGENTS / "attacker.py").read_text(), re.MULTILINE)
 SECRET, SECRET_ARGUMENT = "GSLCOSIM_JOIN_of_another=password", "gas.sources-are-at-1-2-3"
+VICTIM = """
+import ctypes, os, sys
+kept = ctypes.create_string_buffer(b"password in memory", 64)
+print(ctypes.addressof(kept), flush=True)
+sys.stdin.read()
+"""
 # Landlock does not know unix sockets that have a path, so docs/reliability.md says it.
 KNOWN_GAPS = {("landlock", "connect_to_unix_socket_of_others")}
 # What others refuse, whatever an agent is started in: the router, the launcher that ends its descendants, and root's
 # absence of a mask to take away.
 REFUSED_ANYWAY = {"join_as_a_service", "leave_a_daemon_behind", "reopen_inherited_files"}
+# What nobody but root may do, so that it proves nothing elsewhere.
+ONLY_ROOT = {"use_rights_of_root", "change_settings_of_the_kernel"}
 
 
 @dataclass
@@ -57,8 +66,14 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
     shutil.copy(TINY_ROOM, scenario)
     for name in ("victim.txt", "removable.txt"):
         (outside / name).write_text("kept")
+    for name in ("results/suite.yaml", "results/manifest.json", "results/rows.jsonl", "hall/environment.yaml",
+                 "hall/occupancy.npy"):  # fmt: skip
+        (work / name).parent.mkdir(exist_ok=True)
+        (work / name).write_text("the source is at 1 2 3")
     with contextlib.ExitStack() as stack:
-        victim = stack.enter_context(_victim())
+        victim, address = stack.enter_context(_victim())
+        terminal = stack.enter_context(_terminal())
+        key = stack.enter_context(_key())
         ports = stack.enter_context(_listening(outside))
         told = {
             "runs": str(work / "runs"),
@@ -68,6 +83,9 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
             "cache": str(cache_root()),
             "kernels": os.environ["NUMBA_CACHE_DIR"],
             "victim": victim.pid,
+            "address": address,
+            "terminal": terminal,
+            "key": key,
             "secret": SECRET.partition("=")[2],
             "tnemugra": SECRET_ARGUMENT[::-1],
             **ports,
@@ -91,13 +109,41 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
 @contextlib.contextmanager
 def _victim():
     environment = os.environ | dict([SECRET.split("=")])
-    program = [sys.executable, "-c", "import sys; sys.stdin.read()", SECRET_ARGUMENT]
-    process = subprocess.Popen(program, stdin=subprocess.PIPE, env=environment)
+    program = [sys.executable, "-c", VICTIM, SECRET_ARGUMENT]
+    memory = os.memfd_create("secret", 0)
+    os.write(memory, SECRET.encode())
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    process = subprocess.Popen(program, **pipes, env=environment, pass_fds=(memory,), start_new_session=True)
+    os.close(memory)
     try:
-        yield process
+        yield process, int(process.stdout.readline())
     finally:
         process.kill()
         process.communicate()
+
+
+@contextlib.contextmanager
+def _terminal():
+    ours, theirs = os.openpty()
+    try:
+        yield os.ttyname(theirs)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+@contextlib.contextmanager
+def _key():
+    """A key of the user in the kernel, as tickets and passwords of disks are."""
+    add_key, keyctl = (217, 219) if os.uname().machine == "aarch64" else (248, 250)
+    invalidate, user_keyring = 21, ctypes.c_long(-4)
+    library = ctypes.CDLL(None)
+    name = f"gslcosim-test-{os.getpid()}"
+    key = library.syscall(add_key, b"user", name.encode(), SECRET.encode(), ctypes.c_long(len(SECRET)), user_keyring)
+    try:
+        yield name
+    finally:
+        library.syscall(keyctl, ctypes.c_long(invalidate), ctypes.c_long(key))
 
 
 @contextlib.contextmanager
@@ -161,7 +207,9 @@ def test_the_run_is_as_if_nothing_had_been_tried(in_sandbox):
 def test_without_a_sandbox_the_same_attacks_do_get_through(tmp_path):
     """Otherwise the attacks would prove nothing; the result says that there was none."""
     after = attacked(tmp_path / "x", "none")
-    assert {name for name, evidence in after.reached.items() if not evidence} == REFUSED_ANYWAY
+    assert {name for name, evidence in after.reached.items() if not evidence} == REFUSED_ANYWAY | (
+        ONLY_ROOT if os.geteuid() else set()
+    )
     assert after.result["sandboxes"] == {"beetle": "none"}
     assert after.written == after.result
 

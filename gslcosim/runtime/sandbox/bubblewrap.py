@@ -35,7 +35,7 @@ def why_not() -> str:
 
 
 def bubblewrap_command(
-    cell: AgentCell, command: Sequence[str], *, has_pipes: bool, kernels: Path | None = None
+    cell: AgentCell, command: Sequence[str], *, has_pipes: bool, kernels: Path | None = None, calls: int | None = None
 ) -> list[str]:
     """Return the command line that starts a command in its cell.
 
@@ -46,6 +46,7 @@ def bubblewrap_command(
             beside it, does not keep them open.
         kernels: A folder of its own with the compiled kernels. Bubblewrap takes 9000 words at most, so that these
             are not linked by it one by one.
+        calls: The descriptor of a filter of system calls.
     """
     places: dict[Path, list[str]] = {}
     for path in cell.reads:
@@ -63,6 +64,7 @@ def bubblewrap_command(
     places.setdefault(cell.directory, ["--dir", str(cell.directory)])
     line = [shutil.which("bwrap") or "bwrap", *_BASE]
     line += [] if cell.tcp_port is not None else ["--unshare-net"]
+    line += [] if calls is None else ["--seccomp", str(calls)]
     line += [*_links(), "--dir", str(HOME)]
     # What lies deeper is put upon what lies around it.
     for path in sorted(places, key=lambda path: len(path.parts)):
@@ -90,6 +92,8 @@ def _links() -> list[str]:
 
 _BASE = (
     "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
-    "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc", "--dev", "/dev",
+    "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
+    # Whoever is root could change settings of the machine there.
+    "--ro-bind", "/proc/sys", "/proc/sys", "--dev", "/dev",
     "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", "/tmp",
 )  # fmt: skip

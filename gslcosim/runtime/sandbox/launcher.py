@@ -16,7 +16,7 @@ import sys
 import time
 from typing import Any
 
-from gslcosim.runtime.sandbox import landlock, seccomp
+from gslcosim.runtime.sandbox import capabilities, landlock, seccomp
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 LOOK_EVERY_S = 0.05
@@ -72,6 +72,8 @@ def _become(plan: dict[str, Any]) -> None:
             if confined["is_about_files"]:
                 confined["reads"].append(f"/proc/{os.getpid()}")
             landlock.confine(**confined)
+            if confined["is_about_files"]:
+                capabilities.give_up_capabilities()
         if (calls := plan["seccomp"]) is not None:
             seccomp.filter_calls(**calls)
         os.execvp(plan["command"][0], plan["command"])

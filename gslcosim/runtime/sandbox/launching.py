@@ -1,5 +1,6 @@
 """Starting a process by way of the launcher: what the launcher is told, and what it tells in the end."""
 
+import fcntl
 import json
 import os
 import sys
@@ -9,8 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gslcosim.runtime.sandbox import seccomp
 from gslcosim.runtime.sandbox.bubblewrap import bubblewrap_command, variables_in_bubblewrap
 from gslcosim.runtime.sandbox.cells import NUMBA_VARIABLE, AgentCell, readable_pieces
+from gslcosim.runtime.sandbox.launcher import PIPES_AT
 from gslcosim.scenario.models.confinement import AgentLimitsSpec
 
 # The packages around the launcher stay empty: what they import would cost as much as all the rest.
@@ -61,11 +64,13 @@ class Launch:
         self._confinement = confinement
         self._status, theirs = os.pipe()
         is_bubblewrap = confinement.kind == "bubblewrap" and confinement.cell is not None
+        calls = _filter_of(confinement.cell) if is_bubblewrap and confinement.cell is not None else []
+        keep = [*keep, *calls]
         plan = {
             "command": list(command),
             "supervisor": os.getpid(),
             "status": theirs,
-            "keep": list(keep),
+            "keep": keep,
             "limits": confinement.limits.model_dump(),
             "is_bubblewrap": is_bubblewrap,
             "pipes_apart": is_bubblewrap and has_pipes,
@@ -73,7 +78,11 @@ class Launch:
             "seccomp": None,
         }
         if confinement.cell is not None:
-            plan |= _closed(confinement.cell, command, is_bubblewrap=is_bubblewrap, has_pipes=has_pipes)
+            plan |= (
+                _closed_by_bubblewrap(confinement.cell, command, has_pipes=has_pipes, calls=next(iter(calls), None))
+                if is_bubblewrap
+                else _closed_by_landlock(confinement.cell, has_pipes=has_pipes)
+            )
         self._theirs = [theirs, *keep, file_of(json.dumps(plan))]
 
     @property
@@ -113,32 +122,50 @@ class Launch:
 
 def file_of(text: str) -> int:
     """Return the descriptor of a file in memory that holds a text and that only who inherits it can read."""
+    return _file_in_memory(text.encode())
+
+
+def _file_in_memory(data: bytes) -> int:
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("gslcosim", 0)
     else:
         file, path = tempfile.mkstemp()
         Path(path).unlink()
         descriptor = file
-    os.write(descriptor, text.encode())
+    os.write(descriptor, data)
     os.lseek(descriptor, 0, os.SEEK_SET)
     return descriptor
 
 
-def _closed(cell: AgentCell, command: Sequence[str], *, is_bubblewrap: bool, has_pipes: bool) -> Mapping[str, Any]:
-    calls = {
-        "allows_unix": not has_pipes and cell.tcp_port is None,
-        "allows_tcp": cell.tcp_port is not None,
-        "is_about_files": not is_bubblewrap,
-    }
+# The filter that bubblewrap puts on before the program starts, where there is one for this machine.
+def _filter_of(cell: AgentCell) -> list[int]:
+    if not seccomp.is_possible():
+        return []
+    code = seccomp.program(
+        os.uname().machine, allows_unix=True, allows_tcp=True, is_about_files=False,
+        is_about_sockets=cell.tcp_port is not None,
+    )  # fmt: skip
+    made = _file_in_memory(code)
+    # Away from the numbers that the launcher gives to pipes.
+    apart = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 2 * max(PIPES_AT))
+    os.close(made)
+    return [apart]
+
+
+def _closed_by_bubblewrap(
+    cell: AgentCell, command: Sequence[str], *, has_pipes: bool, calls: int | None
+) -> Mapping[str, Any]:
+    # It has its own network, but for one that reaches its door by TCP.
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
     kernels = _linked_kernels(cell)
-    if is_bubblewrap:
-        # It has its own network, but for one that reaches its door by TCP.
-        return {
-            "command": bubblewrap_command(cell, command, has_pipes=has_pipes, kernels=kernels),
-            "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
-            "seccomp": {**calls, "allows_unix": True} if ports else None,
-        }
+    return {
+        "command": bubblewrap_command(cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls),
+        "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
+    }
+
+
+def _closed_by_landlock(cell: AgentCell, *, has_pipes: bool) -> Mapping[str, Any]:
+    _linked_kernels(cell)
     reads, lists = readable_pieces(cell)
     return {
         "landlock": {
@@ -146,10 +173,14 @@ def _closed(cell: AgentCell, command: Sequence[str], *, is_bubblewrap: bool, has
             "lists": [str(path) for path in lists],
             "writes": [str(path) for path in (*cell.writes, cell.scratch)],
             "files_rw": [*_DEVICES, *map(str, cell.sockets)],
-            "tcp_ports": ports,
+            "tcp_ports": [cell.tcp_port] if cell.tcp_port is not None else [],
             "is_about_files": True,
         },
-        "seccomp": calls,
+        "seccomp": {
+            "allows_unix": not has_pipes and cell.tcp_port is None,
+            "allows_tcp": cell.tcp_port is not None,
+            "is_about_files": True,
+        },
     }
 
 

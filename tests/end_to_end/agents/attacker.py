@@ -10,6 +10,7 @@ import os
 import resource
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -21,6 +22,10 @@ TOLD = json.loads(sys.argv[1])
 RUNS, OUTSIDE, VICTIM = Path(TOLD["runs"]), Path(TOLD["outside"]), TOLD["victim"]
 LIBRARY = ctypes.CDLL(None, use_errno=True)
 CLONE_NEWUSER, CLONE_NEWNS, PTRACE_SEIZE = 0x10000000, 0x20000, 0x4206
+# Numbers of system calls on every kind of machine, then by kind of machine.
+PIDFD_OPEN, PIDFD_GETFD = 434, 438
+KEYCTL, PERF_EVENT_OPEN = (219, 241) if os.uname().machine == "aarch64" else (250, 298)
+SEARCH, READ, USER_KEYRING = 10, 11, -4
 SHARED_BYTES = 160 << 20
 
 
@@ -259,6 +264,95 @@ def write_memory_of_others():
     return ""
 
 
+def copy_memory_of_others():
+    class Piece(ctypes.Structure):
+        _fields_ = (("start", ctypes.c_void_p), ("n_bytes", ctypes.c_size_t))
+
+    copied = ctypes.create_string_buffer(64)
+    here = Piece(ctypes.cast(copied, ctypes.c_void_p), 64)
+    there = Piece(TOLD["address"], 64)
+    LIBRARY.process_vm_readv.restype = ctypes.c_ssize_t
+    if LIBRARY.process_vm_readv(VICTIM, ctypes.byref(here), 1, ctypes.byref(there), 1, 0) > 0:
+        return repr(copied.value)
+    return ""
+
+
+def read_descriptors_of_others():
+    for link in Path(f"/proc/{VICTIM}/fd").glob("*"):
+        with contextlib.suppress(OSError):
+            if "memfd" in str(link.readlink()):
+                return _text_of(link)
+    return ""
+
+
+def take_descriptors_of_others():
+    process = LIBRARY.syscall(PIDFD_OPEN, VICTIM, 0)
+    for number in range(3, 64) if process >= 0 else ():
+        if (taken := LIBRARY.syscall(PIDFD_GETFD, process, number, 0)) >= 0:
+            return str(Path(f"/proc/self/fd/{taken}").readlink())
+    return ""
+
+
+def signal_groups_of_others():
+    with contextlib.suppress(OSError):
+        os.killpg(VICTIM, signal.SIGCONT)
+        return "signalled"
+    return ""
+
+
+def slow_down_others():
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, VICTIM, 5)
+        return "niced"
+    with contextlib.suppress(OSError):
+        os.sched_setaffinity(VICTIM, {0})
+        return "bound to one core"
+    return ""
+
+
+def write_to_terminals_of_others():
+    with contextlib.suppress(OSError), Path(TOLD["terminal"]).open("wb", buffering=0) as terminal:
+        terminal.write(b"by the agent")
+        return "written"
+    return ""
+
+
+def read_keys_of_the_user():
+    found = LIBRARY.syscall(KEYCTL, SEARCH, USER_KEYRING, b"user", TOLD["key"].encode(), 0)
+    copied = ctypes.create_string_buffer(64)
+    return repr(copied.value) if found >= 0 and LIBRARY.syscall(KEYCTL, READ, found, copied, 64) > 0 else ""
+
+
+def watch_others_by_perf():
+    # Software clock; only attached, and closed with this process.
+    described = ctypes.create_string_buffer(struct.pack("<IIQ", 1, 64, 0).ljust(64, b"\0"), 64)
+    return "attached" if LIBRARY.syscall(PERF_EVENT_OPEN, described, VICTIM, -1, -1, 0) >= 0 else ""
+
+
+def change_settings_of_the_kernel():
+    # Opened and left as it is.
+    with contextlib.suppress(OSError), Path("/proc/sys/kernel/core_pattern").open("r+b", buffering=0):
+        return "open for writing"
+    return ""
+
+
+def use_rights_of_root():
+    # To what it is already.
+    with contextlib.suppress(OSError):
+        socket.sethostname(socket.gethostname())
+        return "the name of the machine is set"
+    return ""
+
+
+def read_results_of_suites():
+    folder = Path(__file__).parent / "results"
+    return _text_of(*(folder / name for name in ("rows.jsonl", "manifest.json", "maps.json")))
+
+
+def read_rooms_beside_it():
+    return _text_of(Path(__file__).parent / "hall" / "occupancy.npy")
+
+
 ATTACKS = [
     read_scenario_file, read_bundled_scenario, read_run_folder, read_run_folder_by_its_name, read_through_proc,
     read_cache_of_environments, read_environment_of_others, read_command_lines_of_others, read_memory_of_others,
@@ -266,7 +360,10 @@ ATTACKS = [
     connect_to_abstract_socket, connect_to_unix_socket_of_others, join_as_a_service, write_outside,
     change_its_own_program, change_what_others_execute, change_rights, remove_files_of_others,
     put_a_link_in_place_of_its_log, reopen_inherited_files, fill_shared_memory, take_away_what_hides,
-    leave_a_daemon_behind,
+    copy_memory_of_others, read_descriptors_of_others, take_descriptors_of_others, signal_groups_of_others,
+    slow_down_others, write_to_terminals_of_others, read_keys_of_the_user, watch_others_by_perf,
+    change_settings_of_the_kernel, use_rights_of_root, read_results_of_suites,
+    read_rooms_beside_it, leave_a_daemon_behind,
 ]  # fmt: skip
 
 if __name__ == "__main__":
