@@ -18,7 +18,7 @@ import zenoh
 import zenoh.handlers
 
 from gslcosim.bus.port import Answerer, Certificate, Handler, Join
-from gslcosim.bus.zenoh_sessions import open_session
+from gslcosim.bus.zenoh_sessions import open_session, set_unread_limit
 from gslcosim.errors import SimulationFault
 
 # How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not
@@ -80,7 +80,7 @@ class ZenohBus:
         elsewhere_ms = LEASE_MS if join.lease_s is None else round(1000 * join.lease_s)
         config = session_config(join.namespace, lease_ms=PATIENCE_MS if join.is_watched else elsewhere_ms)
         if join.is_watched or join.lease_s is not None:
-            _set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
+            set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
         if not join.is_watched:
             _compress(config)
         config.insert_json5("mode", '"client"')
@@ -131,7 +131,7 @@ class ZenohBus:
         accounts.write_text("\n".join(lines) + "\n")
         is_local = all(endpoint.startswith("unixsock-stream/") for endpoint in endpoints)
         config = session_config(namespace, lease_ms=PATIENCE_MS if is_local else ROUTER_LEASE_MS)
-        _set_unread_limit(config, max(UNREAD_LIMIT_MS, round(1000 * lease_s)))
+        set_unread_limit(config, max(UNREAD_LIMIT_MS, round(1000 * lease_s)))
         if not is_local:
             _compress(config)
         config.insert_json5("mode", '"router"')
@@ -301,10 +301,6 @@ def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:
 def _what_is_refused(join: Join) -> str:
     account = f"user {join.user!r} and its password"
     return f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"
-
-
-def _set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
-    config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
 
 
 # Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only

@@ -37,3 +37,8 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
             f"zenoh: expected {_EXPECTED}, was {error}. Raise the limits on open files (ulimit -n) and on processes "
             "(ulimit -u), or close programs."
         ) from error
+
+
+def set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
+    """Close the link of a member that has read nothing for so long [ms]."""
+    config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
