@@ -92,6 +92,10 @@ class ModelError(GslCosimError):
     """A core's state became invalid (not finite, out of its range); the run is stopped."""
 
 
+class SnapshotError(GslCosimError):
+    """A core's state cannot be kept or brought back; the text says what of it."""
+
+
 class SimulationFault(GslCosimError):  # noqa: N818 - it is somebody's fault, and the text says whose
     """A service failed during a run; names the culprit."""
 

@@ -114,6 +114,25 @@ class WorksAhead(Protocol):
 
 
 @runtime_checkable
+class Snapshots(Protocol):
+    """A core that tells its state itself, because it holds what nobody else can look into, such as a C library's.
+
+    The runtime looks through all other cores; see `docs/snapshots.md`.
+    """
+
+    def state(self) -> Mapping[str, Any]:
+        """Return all that the next steps depend on and `reset` does not bring: plain values and bytes, as in msgpack.
+
+        It is called between two steps, any number of times, and changes nothing.
+        """
+        ...
+
+    def bring_back(self, state: Mapping[str, Any]) -> None:
+        """Take a state that a core of the same scenario and code has told; called after `reset`, before any step."""
+        ...
+
+
+@runtime_checkable
 class Rehearses(Protocol):
     """A core that computes in flight what its first ticks do not reach."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import MachineError, RecordingError
+from gslcosim.errors import MachineError, RecordingError, UsageError
 from gslcosim.generation import prepare_environment
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.past import Past
@@ -21,6 +21,7 @@ from gslcosim.runtime.over_bus.launch import fly_over_bus
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.sandbox.choosing import sandboxes_of
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.snapshots.shelf import Snapshot
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.runtime.watching.window import FlightWindow
 from gslcosim.scenario import Scenario
@@ -32,11 +33,15 @@ Report = Callable[[FlightStatus], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Repetition:
-    """What a flight takes over from a run: its room, the commands of its past, and what the manifest says of it."""
+    """What a flight takes over from a run: its room, the commands of its past, and what the manifest says of it.
+
+    `snapshot` is where it goes on; absent: it begins at tick 0.
+    """
 
     environment_dir: Path
     past: Past
     origin: Mapping[str, Any]
+    snapshot: Snapshot | None = None
 
 
 def fly(
@@ -71,6 +76,11 @@ def fly(
     dataflow_of(scenario)
     processes = scenario.processes if processes is None else processes
     network.check(services, is_one_process=processes == "one")
+    if scenario.snapshots is not None and network.elsewhere:
+        raise UsageError(
+            "snapshots: expected all services started here, which write them into the run's folder, was --elsewhere "
+            f"{' '.join(network.elsewhere)}. Leave out snapshots, or take them with gslcosim replay."
+        )
     for agent in scenario.agents:
         if agent.start.attach and agent.start.door == "tcp":
             network.check_gateway(agent.name)
@@ -104,6 +114,7 @@ def fly(
         origin=repetition and repetition.origin,
         # What is repeated need not wait for any clock.
         paced_from_tick=repetition.past.until_tick if repetition is not None else 0,
+        snapshot=repetition and repetition.snapshot,
     )
     return result
 
@@ -120,6 +131,7 @@ def fly_into_folder(
     directory: Path,
     origin: Mapping[str, Any] | None = None,
     paced_from_tick: int | None = None,
+    snapshot: Snapshot | None = None,
 ) -> tuple[Outcome, FlightResult]:
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
 
@@ -134,6 +146,7 @@ def fly_into_folder(
         directory: Where relative paths of agents start.
         origin: What the manifest says of the run that is flown again.
         paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
+        snapshot: Where it goes on; absent: it begins at tick 0.
 
     Raises:
         MachineError: the folder cannot be made.
@@ -149,6 +162,7 @@ def fly_into_folder(
             environment=load_environment(environment_dir),
             directory=directory.absolute(),
             paced_from_tick=paced_from_tick,
+            snapshot=snapshot,
         )
         setup.save()
         run_dir.save_manifest(

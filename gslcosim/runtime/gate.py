@@ -1,6 +1,8 @@
 """Who may step: the pure state machine of one participant. Arrival order carries no meaning."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from gslcosim.contract.messages import Message
 from gslcosim.runtime.dataflow import ONCE, Dataflow
@@ -116,6 +118,27 @@ class Gate:
             announced.pop(tick - self._longest_delay, None)
         self.next_tick = tick + 1
         return tick, inbox
+
+    def memory(self) -> dict[str, Any]:
+        """Return what the next steps depend on and no later message tells: announcements, and ports that are closed."""
+        announced = {
+            port: [[tick, sorted(ports)] for tick, ports in ticks.items() if tick < self.next_tick]
+            for port, ticks in self._announced.items()
+        }
+        closed = {port: tick for port, tick in self._closed.items() if tick < self.next_tick}
+        return {"announced": announced, "closed": closed}
+
+    def go_on(self, tick: int, memory: Mapping[str, Any]) -> None:
+        """Let the next step be that of a tick, with what `memory` has told; inputs are to be delivered again."""
+        self.next_tick = tick
+        for port, ticks in memory.get("announced", {}).items():
+            self._announced[port] = {then: frozenset(ports) for then, ports in ticks}
+        self._closed = dict(memory.get("closed", {}))
+
+    @property
+    def least_credit(self) -> int:
+        """The last tick that all readers have finished; `NO_LIMIT` where nobody reads."""
+        return min(self._credit.values(), default=NO_LIMIT)
 
     @property
     def holds_any(self) -> bool:

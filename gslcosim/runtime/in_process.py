@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.agent_kit import Agent
-from gslcosim.contract import keys
+from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.contract.participant import Accounts, Closes, Core
-from gslcosim.errors import GslCosimError, RunFolderError, UsageError
+from gslcosim.errors import GslCosimError, RunFolderError
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.desk import Desk, agent_statuses, desk_of
 from gslcosim.runtime.agents.door import faults_of
 from gslcosim.runtime.agents.events import AgentEvent, PutEvent
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.links import AgentLink, ObjectLink
-from gslcosim.runtime.agents.starting import find_python_agent, load_python_agent
+from gslcosim.runtime.agents.starting import python_agent_types
 from gslcosim.runtime.agents.threaded_link import ThreadedLink, Worker
 from gslcosim.runtime.assembly import build_core, dataflow_of, service_names
 from gslcosim.runtime.clock_pace import PACED, clock_pace_of
@@ -32,6 +32,7 @@ from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.pauses import Pauses
 from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.snapshots.taking import Keeping
 from gslcosim.runtime.status import FlightStatus, ParticipantStatus
 from gslcosim.runtime.stepper import Sent, Stepper
 from gslcosim.runtime.stops import ProcessWatch
@@ -70,8 +71,9 @@ class InProcessFlight:
         self._dataflow = dataflow_of(setup.scenario)
         self._observed_by = {keys.observation(name): desk for name, desk in desks.items()}
         self._briefed_by = {keys.briefing(name): desk for name, desk in desks.items()}
+        self._keeping = Keeping.of(setup)
         order = [name for name in self._dataflow.order() if name in service_names(setup.scenario)]
-        self._steppers = {name: Stepper(build_core(name, setup), self._dataflow) for name in order}
+        self._steppers = {name: self._keeping.stepper(build_core(name, setup), self._dataflow) for name in order}
         self._readers: dict[str, list[Stepper]] = {
             port: [s for s in self._steppers.values() if any(read.port == port for read in s.spec.reads)]
             for port in self._dataflow.writes
@@ -103,13 +105,13 @@ class InProcessFlight:
             outcome: What the flight has brought in is put into it, in the end.
             is_interrupted: Is asked again and again whether to go on.
         """
-        started = time.perf_counter()
-        flying_since = started
+        started = flying_since = time.perf_counter()
         try:
             for name, stepper in self._steppers.items():
                 self._culprit = name
                 for sent in stepper.reset(self._setup.episode):
                     self._deliver(sent)
+            self._go_on(is_interrupted)
             flying_since = time.perf_counter()
             outcome.start_up_s = flying_since - started
             yield from self._step_all(is_interrupted, flying_since)
@@ -131,6 +133,18 @@ class InProcessFlight:
         outcome.account |= self._pace.account() if self._pace else {}
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
+
+    # Services begin at the snapshot; agents live through what came before, in the order in which they were told it.
+    def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
+        self._keeping.go_on(self._steppers.values(), self._dataflow)
+        for told in self._setup.snapshot.told() if self._setup.snapshot else ():
+            for agent, payload in told:
+                self._deliver_all(self._desks[agent].observe(codec.peek_observation(payload), payload))
+                self._hear_agents()
+            while any(desk.owes_answer for desk in self._desks.values()) and not is_interrupted():
+                self._wait_for_agent()
+            if is_interrupted():
+                return
 
     @property
     def _tick(self) -> int:
@@ -156,6 +170,7 @@ class InProcessFlight:
                 elif not stepper.gate.is_finished:
                     missing = ", ".join(f"{m.port} at tick {m.tick}" for m in stepper.gate.missing())
                     raise GslCosimError(f"{name} cannot step tick {stepper.gate.next_tick}: it lacks {missing}.")
+            self._keeping.take_due(self._steppers.values())
             if self._tick % REPORT_EVERY_TICKS == 0 or self._pace is not None:
                 self._tell(started)
 
@@ -291,7 +306,7 @@ def fly_in_process(
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
     guests = Guests(setup, directory, network, events.put)
-    agent_types = _agent_types(setup, directory, guests)
+    agent_types = python_agent_types(setup.scenario, directory, guests)
     desks: dict[str, Desk] = {}
     workers: dict[str, Worker] = {}
     for agent in setup.scenario.agents:
@@ -333,18 +348,3 @@ def _await_guests(
         with suppress(queue.Empty):
             event = events.get(timeout=LOOK_EVERY_S)
             desks[event.agent].handle(event)
-
-
-# One for each process, so that its agents share here what they share there.
-def _agent_types(setup: Setup, directory: Path, guests: Guests) -> dict[str, type[Agent]]:
-    types: dict[str, type[Agent]] = {}
-    for agent in setup.scenario.agents:
-        if agent.name in guests or agent.process != agent.name:
-            continue
-        if agent.start.python is None:
-            raise UsageError(
-                f"agents.{agent.name}.start: expected a python agent, or one with door: stdio, tcp or unix, for a run "
-                "in one process, was one with door: zenoh. Leave out --in-process."
-            )
-        types[agent.name] = load_python_agent(find_python_agent(agent.start.python, directory))
-    return types

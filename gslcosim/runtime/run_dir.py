@@ -136,9 +136,9 @@ class RunDir:
             "gslcosim": gslcosim.__version__,
             "git": _git_revision(),
             "python": sys.version.split()[0],
-            "packages": {name: _version(name) for name in PACKAGES},
+            "packages": {name: package_version(name) for name in PACKAGES},
             "platform": platform.platform(),
-            "cpu_flags": _cpu_flags(),
+            "cpu_flags": cpu_flags(),
         }
         self.replace("manifest.json", _as_json(manifest))
 
@@ -175,6 +175,17 @@ class RunDir:
         except OSError as error:
             raise self._cannot_write(name, error) from error
 
+    def make_folders(self, name: str) -> None:
+        """Make the folders in which a file of the run belongs, but not the run's own.
+
+        Raises:
+            OSError: they cannot be made.
+        """
+        folder = self.path
+        for part in name.split("/")[:-1]:
+            folder /= part
+            folder.mkdir(exist_ok=True)
+
     def _cannot_write(self, name: str, error: OSError) -> RunFolderError:
         if not self.path.is_dir():
             return RunFolderError(
@@ -199,7 +210,8 @@ def _as_json(content: Mapping[str, Any]) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-def _version(package: str) -> str:
+def package_version(package: str) -> str:
+    """Return the version of an installed package, or `missing`."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
@@ -217,7 +229,8 @@ def _git_revision() -> str | None:
         return None
 
 
-def _cpu_flags() -> str:
+def cpu_flags() -> str:
+    """Return what the processor can do, as the kernel tells it."""
     info = Path("/proc/cpuinfo")
     if not info.exists():
         return platform.processor()

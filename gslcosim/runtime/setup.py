@@ -9,6 +9,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.snapshots.shelf import Snapshot
 from gslcosim.scenario import Scenario
 
 
@@ -19,6 +20,7 @@ class Setup:
     `directory` is where relative paths of agents and participants start; `past` has the commands that count whatever
     agents answer, where the run is a fork; services do not need it.
     `paced_from_tick` is the first tick that keeps the scenario's pace; absent: none does, as in a replay.
+    `snapshot` is where the run goes on; absent: it begins at tick 0.
     """
 
     run_dir: RunDir
@@ -28,6 +30,7 @@ class Setup:
     directory: Path | None = None
     past: Past | None = None
     paced_from_tick: int | None = None
+    snapshot: Snapshot | None = None
 
     @property
     def episode(self) -> Episode:
@@ -41,6 +44,8 @@ class Setup:
             places["directory"] = str(self.directory)
         if self.paced_from_tick is not None:
             places["paced_from_tick"] = self.paced_from_tick
+        if self.snapshot is not None:
+            places["snapshot"] = str(self.snapshot.folder.absolute())
         self.run_dir.replace(self.run_dir.setup.name, json.dumps(places) + "\n")
 
     @classmethod
@@ -57,4 +62,5 @@ class Setup:
             environment=load_environment(environment_dir),
             paced_from_tick=saved.get("paced_from_tick"),
             directory=Path(saved["directory"]) if "directory" in saved else None,
+            snapshot=Snapshot.at(Path(saved["snapshot"]), scenario) if "snapshot" in saved else None,
         )

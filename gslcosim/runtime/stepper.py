@@ -1,16 +1,20 @@
 """One participant as the runtime sees it: a core behind its gate, checked, timed and digested."""
 
 import time
+from collections import deque
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
+from typing import Any
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
-from gslcosim.contract.participant import Core, Episode, Inbox, Outbox, ParticipantSpec
-from gslcosim.errors import ModelError
+from gslcosim.contract.participant import Core, Episode, Inbox, Outbox, ParticipantSpec, Snapshots
+from gslcosim.errors import ModelError, SnapshotError
 from gslcosim.runtime.dataflow import ONCE, Dataflow
 from gslcosim.runtime.digest import Trail
 from gslcosim.runtime.gate import Gate
+from gslcosim.runtime.snapshots.keeping import keeper_of
+from gslcosim.runtime.snapshots.parts import SnapshotPart, maker_of
 
 
 @dataclass(frozen=True)
@@ -44,10 +48,13 @@ class Stepper:
 
     core: Core
     dataflow: Dataflow
+    is_kept: bool = False
     trails: dict[str, Trail] = field(init=False)
     timing: Timing = field(default_factory=Timing)
     gate: Gate = field(init=False)
     _due_always: frozenset[str] | None = field(init=False, repr=False)
+    _keeper: Snapshots | None = field(init=False, repr=False)
+    _recent: deque[Sent] = field(default_factory=deque[Sent], init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
@@ -56,12 +63,20 @@ class Stepper:
         # What it writes at every tick, and nothing else, if that is so.
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
         self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
+        self._keeper = keeper_of(self.core) if self.is_kept else None
+        readers = self.dataflow.readers_of(self.spec.name)
+        reads = [read for reader in readers for read in reader.reads if read.port in self.trails]
+        self._longest_delay = max((read.delay_ticks for read in reads), default=0)
+        self._longest_window = max((reader.window_ticks for reader in readers), default=0)
 
     def reset(self, episode: Episode) -> list[Sent]:
         """Reset the core and return what it writes once."""
         outbox = self.core.reset(episode)
         expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
         self._check(outbox, expected, 0, "reset")
+        if self._keeper is not None:
+            # What cannot be kept is told now, and not when the first snapshot is due.
+            self._state_of(self._keeper)
         return [self._send(port, message) for port, message in outbox.items()]
 
     def step(self) -> list[Sent]:
@@ -82,7 +97,62 @@ class Stepper:
         payload = codec.encode_finite(message)
         self.trails[port].append(message.tick, payload)
         self.gate.wrote(port, message)
-        return Sent(port, message, payload)
+        sent = Sent(port, message, payload)
+        if self._keeper is not None:
+            self._remember(sent)
+        return sent
+
+    def part(self) -> SnapshotPart:
+        """Return what this participant needs to go on from here elsewhere.
+
+        Raises:
+            SnapshotError: something in its core cannot be kept.
+        """
+        assert self._keeper is not None
+        gate = self.gate
+        # What some reader may not have, and what readers with a delay have not stepped.
+        after_tick = min(gate.least_credit, gate.next_tick - 1 - self._longest_delay)
+        return SnapshotPart(
+            participant=self.spec.name,
+            tick=gate.next_tick,
+            state=self._state_of(self._keeper),
+            memory=gate.memory(),
+            trails={port: trail.as_fields() for port, trail in self.trails.items()},
+            outputs=[(sent.port, sent.payload) for sent in self._recent if sent.message.tick > after_tick],
+            made_by=maker_of(self.core),
+        )
+
+    def go_on(self, part: SnapshotPart) -> None:
+        """Go on from a part, after `reset`.
+
+        Raises:
+            SnapshotError: the part is of another core.
+        """
+        assert self._keeper is not None
+        if part.made_by != maker_of(self.core):
+            raise SnapshotError(f"{self.spec.name}: expected a snapshot of its own code, was one of other code.")
+        try:
+            self._keeper.bring_back(part.state)
+        except SnapshotError as error:
+            raise SnapshotError(f"{self.spec.name}{error}") from error
+        for write in self.spec.writes:
+            # What is written once has been written by `reset`.
+            if write.announced_in != ONCE:
+                self.trails[write.port] = Trail.from_fields(part.trails[write.port])
+        self.gate.go_on(part.tick, part.memory)
+
+    def _state_of(self, keeper: Snapshots) -> Mapping[str, Any]:
+        try:
+            return keeper.state()
+        except SnapshotError as error:
+            remedy = "Leave out snapshots, or let its core tell its state itself (docs/snapshots.md)."
+            raise SnapshotError(f"{self.spec.name}{error} {remedy}") from error
+
+    def _remember(self, sent: Sent) -> None:
+        recent = self._recent
+        recent.append(sent)
+        while recent[0].message.tick < sent.message.tick - self._longest_delay - self._longest_window:
+            recent.popleft()
 
     def _due(self, tick: int, inbox: Inbox, outbox: Outbox) -> Set[str]:
         if self._due_always is not None:

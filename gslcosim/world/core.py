@@ -35,6 +35,7 @@ from gslcosim.world.paths.routes import Routes, routes_of
 from gslcosim.world.paths.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.physics import records
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
+from gslcosim.world.physics.kept_data import keep_mujoco_data
 from gslcosim.world.physics.mujoco_kernels import step_address
 from gslcosim.world.physics.rotor_faults import RotorFaults
 from gslcosim.world.physics.scene import Scene, build_scene
@@ -51,6 +52,8 @@ _SUPPORTS_FROM = 0.7
 
 _Six = tuple[Any, Any, Any, Any, Any, Any]
 _new_poses = unchecked(BodyPoses)
+
+keep_mujoco_data()
 
 
 class WorldCore:

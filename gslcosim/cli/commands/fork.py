@@ -52,6 +52,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="replace one value that the past does not depend on, for example agents[0].parameters.step_m=2",
     )
     parser.add_argument(
+        "--from-start", action="store_true", help="repeat the whole past, also where the run has a snapshot of it"
+    )
+    parser.add_argument(
         "--processes", choices=("separate", "grouped", "one"), help="as for up (default: as the run's scenario says)"
     )
     parser.add_argument(
@@ -82,7 +85,10 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
         at_s=arguments.at_s,
         overrides=[*agent_overrides(past.scenario, arguments.agent), *arguments.set],
         checks=(check_places, check_methods, check_stored_gas, check_drawing),
+        uses_snapshots=not arguments.from_start,
     )
+    if fork.note:
+        write_note(f"{fork.note} The run is repeated from its start.")
     title = f"{past.run_dir.run_id} from {arguments.at_s:g} s on"
     with watched_flight(title, is_quiet=arguments.quiet or arguments.json) as report:
         forked = fly_fork(
@@ -94,6 +100,8 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
     elif not arguments.quiet:
         write(summary(flight))
         write(f"fork of    {past.run_dir.path} at {arguments.at_s:g} s (tick {fork.at_tick})")
+        if fork.snapshot is not None:
+            write(f"begun at   the snapshot of tick {fork.snapshot.tick}; the recording begins there")
         write(f"see both   gslcosim view {past.run_dir.path} {flight.run_dir}")
     if not flight.result.get("valid"):
         for fault in flight.result.get("faults", []):

@@ -23,6 +23,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", type=float, metavar="S", dest="to_s", help="record up to this simulated time")
     parser.add_argument("--no-recording", action="store_true", help="only fly and compare")
     parser.add_argument("--until", type=float, metavar="S", help="end at this simulated time")
+    parser.add_argument(
+        "--snapshots-every", type=float, metavar="S", help="take snapshots, for forks, every so many simulated seconds"
+    )
+    parser.add_argument(
+        "--from-start", action="store_true", help="fly the whole run, also where it has a snapshot before --from"
+    )
     parser.add_argument("--quiet", action="store_true", help="print errors and what differs only")
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -41,12 +47,17 @@ def _run(arguments: argparse.Namespace) -> int:
             runs_dir=arguments.runs_dir,
             recording=_recording(arguments),
             until_s=arguments.until,
+            snapshots_every_s=arguments.snapshots_every,
+            uses_snapshots=not arguments.from_start,
             report=report,
         )
     flight, divergence = replayed.flight, replayed.divergence
+    if replayed.note:
+        write_note(f"{replayed.note} The run was flown from its start.")
     if arguments.json:
         comparison = {
             "replay_of": past.run_dir.run_id,
+            "snapshot_tick": replayed.snapshot and replayed.snapshot.tick,
             "ticks_compared": replayed.n_ticks,
             "equal": divergence is None and replayed.n_ticks > 0,
             "divergence": divergence and vars(divergence),
@@ -54,6 +65,8 @@ def _run(arguments: argparse.Namespace) -> int:
         write_json({**flight.result, "comparison": comparison})
     elif not arguments.quiet:
         write(summary(flight))
+        if replayed.snapshot is not None:
+            write(f"begun at   the snapshot of tick {replayed.snapshot.tick}; nothing before it was flown")
         if replayed.n_ticks == 0:
             write("compared   with nothing: the past run or this one came to no digest")
         elif divergence is None:

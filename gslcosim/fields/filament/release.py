@@ -1,7 +1,6 @@
 """When filaments are born: exact over any time and independent of the step."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -77,13 +76,7 @@ class VariableRelease:
 
     def start(self, rng: np.random.Generator) -> Births:
         """Return a process that draws one rate for each interval."""
-        return _SteppedBirths(segments=self._segments(rng))
-
-    def _segments(self, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
-        i = 0
-        while True:
-            i += 1
-            yield i * self.interval_s, self.filaments_per_s * float(rng.random())
+        return _SteppedBirths(segments=_DrawnSegments(plan=self, rng=rng))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,14 +90,7 @@ class IntermittentRelease:
     def start(self, rng: np.random.Generator) -> Births:
         """Return a process without chance."""
         del rng
-        return _SteppedBirths(segments=self._segments())
-
-    def _segments(self) -> Iterator[tuple[float, float]]:
-        period_s, i = self.on_s + self.off_s, 0
-        while True:
-            yield i * period_s + self.on_s, self.filaments_per_s
-            i += 1
-            yield i * period_s, 0.0
+        return _SteppedBirths(segments=_PeriodicSegments(plan=self))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +104,48 @@ class ScheduledRelease:
         del rng
         times_s = [time_s for time_s, _ in self.schedule]
         rates = [0.0, *(rate for _, rate in self.schedule)]
-        return _SteppedBirths(segments=iter(zip([*times_s, math.inf], rates, strict=True)))
+        return _SteppedBirths(segments=_ListedSegments(tuple(zip([*times_s, math.inf], rates, strict=True))))
+
+
+# Spans of constant rate, one after the other, as (end_s, rate). They are objects with fields, and no generators, so
+# that a snapshot can hold how far they are.
+class _Segments(Protocol):
+    def following(self) -> tuple[float, float]: ...
+
+
+@dataclass(kw_only=True)
+class _DrawnSegments:
+    plan: VariableRelease
+    rng: np.random.Generator
+    n: int = 0
+
+    def following(self) -> tuple[float, float]:
+        self.n += 1
+        return self.n * self.plan.interval_s, self.plan.filaments_per_s * float(self.rng.random())
+
+
+@dataclass(kw_only=True)
+class _PeriodicSegments:
+    plan: IntermittentRelease
+    n: int = 0
+
+    def following(self) -> tuple[float, float]:
+        i, is_pause = divmod(self.n, 2)
+        self.n += 1
+        period_s = self.plan.on_s + self.plan.off_s
+        if is_pause:
+            return (i + 1) * period_s, 0.0
+        return i * period_s + self.plan.on_s, self.plan.filaments_per_s
+
+
+@dataclass
+class _ListedSegments:
+    items: tuple[tuple[float, float], ...]
+    n: int = 0
+
+    def following(self) -> tuple[float, float]:
+        self.n += 1
+        return self.items[self.n - 1]
 
 
 @dataclass(kw_only=True)
@@ -144,7 +171,7 @@ class _PoissonBirths:
 class _SteppedBirths:
     # Births where the integral of a piecewise constant rate passes 1, 2, …; `segments` gives (end_s, rate).
     # `begin_s` and `expected` are time and integral at the current segment's begin.
-    segments: Iterator[tuple[float, float]]
+    segments: _Segments
     begin_s: float = 0.0
     expected: float = 0.0
     n_born: int = 0
@@ -164,4 +191,4 @@ class _SteppedBirths:
                 return births
             self.expected += self.rate * (self.end_s - self.begin_s)
             self.begin_s = self.end_s
-            self.end_s, self.rate = next(self.segments)
+            self.end_s, self.rate = self.segments.following()

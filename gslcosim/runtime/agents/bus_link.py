@@ -2,7 +2,7 @@
 
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
-from gslcosim.contract.messages import Briefing, Ending
+from gslcosim.contract.messages import Briefing, Ending, Observation
 from gslcosim.runtime.agents.door import MAX_COMMAND_BYTES
 from gslcosim.runtime.agents.events import CommandCame, CommandRefused, PutEvent
 from gslcosim.runtime.agents.links import Seen
@@ -30,6 +30,8 @@ class BusLink:
         self._received_bytes = 0
         self._handled_bytes = 0
         self._has_told = False
+        # While nobody else writes what the agent is told, because it lies before the tick at which the run goes on.
+        self.is_writer = False
 
     def listen(self) -> None:
         """Hear the agent from now on."""
@@ -40,11 +42,16 @@ class BusLink:
         """Keep the briefing for a repetition; see `AgentLink`."""
         del briefing
         self._briefing = payload
+        if self.is_writer:
+            self._bus.publish(keys.briefing(self._agent), payload, encoding=codec.encoding_of(Briefing))
 
     def observe(self, observation: Seen, payload: bytes) -> None:
         """Keep a question for a repetition; see `AgentLink`."""
         if observation.awaiting_command:
             self._question = payload
+        if self.is_writer:
+            for key in (keys.observation, keys.question) if observation.awaiting_command else (keys.observation,):
+                self._bus.publish(key(self._agent), payload, encoding=codec.encoding_of(Observation), urgent=True)
 
     def repeat(self) -> None:
         """Publish briefing and last question again, which is harmless; see `AgentLink`."""

@@ -12,6 +12,7 @@ from gslcosim.runtime.agents.links import AgentLink, Seen
 from gslcosim.runtime.agents.past_door import door_in
 from gslcosim.runtime.digest import Trail
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.snapshots.told import ToldLog
 from gslcosim.runtime.status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.stepper import Sent
 from gslcosim.scenario.models.scenario import AgentSpec
@@ -24,7 +25,8 @@ class Desk:
     """An agent behind its door and its link, whatever kind of link that is.
 
     Methods return the commands that count now, with their bytes; whoever holds the desk delivers them. `journal` is
-    told each of them; `last_words` returns the end of the agent's log. Times are those of the monotonic clock [s].
+    told each of them; `last_words` returns the end of the agent's log; `told` keeps what the agent is told, where the
+    run takes snapshots. Times are those of the monotonic clock [s].
     """
 
     agent: str
@@ -33,6 +35,7 @@ class Desk:
     answer_within_s: float
     journal: Callable[[Command], None] = lambda _: None
     last_words: Callable[[], str] = lambda: ""
+    told: ToldLog | None = None
     trail: Trail = field(default_factory=Trail)
     decisions_s: list[float] = field(default_factory=list[float])
     is_ready: bool = False
@@ -57,6 +60,8 @@ class Desk:
     def observe(self, observation: Seen, payload: bytes) -> list[Sent]:
         """Send the agent an observation."""
         self.last_tick = observation.tick
+        if self.told is not None:
+            self.told.add(payload)
         commands = self.door.observed(observation)
         if self.door.pending and self._asked_at_s is None:
             self._asked_at_s = self._repeated_at_s = time.monotonic()
@@ -101,6 +106,8 @@ class Desk:
 
     def end(self, ending: Ending) -> None:
         """Tell the agent that the run is over."""
+        if self.told is not None:
+            self.told.flush()
         self.link.end(ending, codec.encode(ending))
 
     def _hear(self, event: CommandCame | CommandRefused) -> list[Sent]:
@@ -138,6 +145,7 @@ def desk_of(agent: AgentSpec, setup: Setup, link: AgentLink) -> Desk:
         agent.answer_within_s,
         journal=lambda command: run_dir.log_command(agent.name, command),
         last_words=lambda: run_dir.last_words(door_name(agent.process)),
+        told=ToldLog(run_dir, agent.name) if setup.scenario.snapshots is not None else None,
     )
 
 

@@ -3,14 +3,14 @@
 import importlib.util
 import inspect
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 from gslcosim.agent_kit import Agent
 from gslcosim.errors import UsageError
 from gslcosim.runtime.command_lines import python_command
 from gslcosim.scenario.bundled import bundled_agents
-from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 
 
 def start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
@@ -25,6 +25,30 @@ def start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     if agent.start.command is not None:
         return resolved_command(agent.start.command, directory)
     return None
+
+
+def python_agent_types(scenario: Scenario, directory: Path, guests: Container[str]) -> dict[str, type[Agent]]:
+    """Return the classes of agents that are objects in this process, by process, so that its agents share here, too.
+
+    Args:
+        scenario: The scenario.
+        directory: Its folder; relative paths start there.
+        guests: The agents that are processes.
+
+    Raises:
+        UsageError: an agent is neither, or cannot be loaded.
+    """
+    types: dict[str, type[Agent]] = {}
+    for agent in scenario.agents:
+        if agent.name in guests or agent.process != agent.name:
+            continue
+        if agent.start.python is None:
+            raise UsageError(
+                f"agents.{agent.name}.start: expected a python agent, or one with door: stdio, tcp or unix, for a run "
+                "in one process, was one with door: zenoh. Leave out --in-process."
+            )
+        types[agent.name] = load_python_agent(find_python_agent(agent.start.python, directory))
+    return types
 
 
 def find_python_agent(name: str, directory: Path) -> Path:

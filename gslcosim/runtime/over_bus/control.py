@@ -6,6 +6,7 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gslcosim.contract import keys
+from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import ContractError
 from gslcosim.runtime.stepper import Sent
 
@@ -161,6 +162,16 @@ class Description(Control):
     contract_hash: str
     pid: int
     host: str
+
+    @property
+    def difference(self) -> str:
+        """Why it cannot take part in a run of this process: its contract is another; empty where it can."""
+        if self.contract_hash == contract_hash():
+            return ""
+        return (
+            f"expected contract {contract_hash()}, was {self.contract_hash} (gslcosim {self.version} on {self.host}). "
+            "Install the same version everywhere."
+        )
 
 
 class Inspection(Control):

@@ -19,6 +19,7 @@ from gslcosim.runtime.clock_pace import PACED, ClockPace
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.hosted import Hosted
+from gslcosim.runtime.snapshots.taking import Keeping
 from gslcosim.runtime.stepper import Sent
 
 FIRST_RESEND_AFTER_S = 0.2
@@ -43,6 +44,7 @@ class Host:
         dataflow: Dataflow,
         episode: Episode,
         pace: ClockPace | None = None,
+        keeping: Keeping | None = None,
     ) -> None:
         """Prepare to host cores, each of a participant of its own.
 
@@ -52,13 +54,16 @@ class Host:
             dataflow: Of the whole run.
             episode: What is flown.
             pace: Holds the ticks of `PACED` back, if anything does.
+            keeping: What is kept of the run's state; absent: nothing.
         """
         self._bus = bus
         self._dataflow = dataflow
         self._episode = episode
         names = {core.spec.name for core in cores}
-        self._hosted = [Hosted(bus, core, dataflow, names, pace if core.spec.name == PACED else None) for core in cores]
-        self._by_name = {hosted.name: hosted for hosted in self._hosted}
+        self._hosted = [
+            Hosted(bus, core, dataflow, names, pace if core.spec.name == PACED else None, keeping) for core in cores
+        ]
+        self._keeping = keeping
         self._readers = {
             port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
         }
@@ -128,6 +133,8 @@ class Host:
             for hosted in several:
                 self._acting = hosted
                 self._once.append((hosted, hosted.reset(self._episode)))
+            if self._keeping is not None:
+                self._keeping.go_on([hosted.stepper for hosted in several], self._dataflow)
         except Exception as error:
             self._report(error)
             raise
@@ -165,6 +172,7 @@ class Host:
             if hosted.may_step():
                 self._acting = hosted
                 self._pass_on(hosted, hosted.step())
+                hosted.take_part_if_due()
                 hosted.tell_progress_if_due()
                 has_stepped = True
         return has_stepped

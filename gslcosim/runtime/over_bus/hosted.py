@@ -18,6 +18,7 @@ from gslcosim.runtime.clock_pace import ClockPace
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
 from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.snapshots.taking import Keeping
 from gslcosim.runtime.stepper import Sent, Stepper
 from gslcosim.runtime.watching.own_process import cpu_s, memory_bytes
 
@@ -74,6 +75,7 @@ class Hosted:
         dataflow: Of the whole run.
         neighbours: The participants of its process; what only they read does not travel.
         pace: Holds its ticks back, if anything does.
+        keeping: What is kept of the run's state; absent: nothing.
     """
 
     def __init__(
@@ -83,12 +85,14 @@ class Hosted:
         dataflow: Dataflow,
         neighbours: Collection[str],
         pace: ClockPace | None = None,
+        keeping: Keeping | None = None,
     ) -> None:
         self._bus = bus
         self._core = core
         self._works_ahead = core if isinstance(core, WorksAhead) else None
         self._pace = pace
-        self.stepper = Stepper(core, dataflow)
+        self._keeping = keeping
+        self.stepper = Stepper(core, dataflow) if keeping is None else keeping.stepper(core, dataflow)
         self.gate = self.stepper.gate
         self.name = self.stepper.spec.name
         reads = self.stepper.spec.reads
@@ -148,6 +152,12 @@ class Hosted:
             if isinstance(sent.message, Verdict):
                 self.gate.final_tick = sent.message.tick
         return outputs
+
+    def take_part_if_due(self) -> None:
+        """Write what is kept of the state, after what was sent before."""
+        if self._keeping is not None and self._keeping.is_due(self.stepper):
+            self.flush()
+            self._keeping.take_due([self.stepper])
 
     def work_ahead(self) -> bool:
         """Let the core do what it can without its inputs; return whether there was anything to do."""

@@ -17,6 +17,7 @@ from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus.host import Host, tell_fault
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
+from gslcosim.runtime.snapshots.taking import Keeping
 
 if TYPE_CHECKING:
     from gslcosim.runtime.clock_pace import ClockPace
@@ -79,7 +80,7 @@ def _serve(names: Sequence[str], join: Join | None) -> None:
     except Exception as error:
         _tell(join, at_fault, error)
         raise
-    take_part(join, cores, dataflow, setup.episode, clock_pace_of(setup))
+    take_part(join, cores, dataflow, setup.episode, clock_pace_of(setup), Keeping.of(setup))
 
 
 # The log says it too, but where a disk is full there is none.
@@ -91,13 +92,18 @@ def _tell(join: Join, name: str, error: Exception) -> None:
 
 
 def take_part(
-    join: Join, cores: Sequence[Core], dataflow: Dataflow, episode: Episode, pace: "ClockPace | None" = None
+    join: Join,
+    cores: Sequence[Core],
+    dataflow: Dataflow,
+    episode: Episode,
+    pace: "ClockPace | None" = None,
+    keeping: Keeping | None = None,
 ) -> None:
     """Host cores in the run that `join` leads to, until they are dismissed."""
     from gslcosim.bus.zenoh_bus import ZenohBus
 
     with ZenohBus.open_member(join) as bus:
-        host = Host(bus, cores, dataflow, episode, pace)
+        host = Host(bus, cores, dataflow, episode, pace, keeping)
         bus.on_disconnect(host.link_lost)
         host.join()
         host.run()

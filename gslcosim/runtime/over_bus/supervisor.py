@@ -3,11 +3,11 @@
 import queue
 import time
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
-from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import ExitCode
 from gslcosim.runtime.agents.bus_link import BusLink
 from gslcosim.runtime.agents.desk import desk_of
@@ -42,6 +42,7 @@ from gslcosim.runtime.over_bus.notices import (
     VerdictCame,
     WaitingTold,
 )
+from gslcosim.runtime.over_bus.past_telling import tell_past
 from gslcosim.runtime.over_bus.telling import Teller
 from gslcosim.runtime.over_bus.watchdog import LOST_CONTACT_GRACE_S, Watchdog
 from gslcosim.runtime.pauses import Pauses
@@ -153,6 +154,9 @@ class Supervisor:
             return
         self._started_at_s = time.perf_counter()
         self._watchdog.moved(time.monotonic())
+        for _ in takewhile(lambda _: not interruption.is_set(), tell_past(self._setup, self._doors, self._bus_links)):
+            self._handle_next()
+            self._check_time()
         self._bus.publish(control.START, b"", urgent=True)
         while not self._watchdog.are_done and not interruption.is_set():
             self._handle_next()
@@ -256,11 +260,7 @@ class Supervisor:
                 self._watchdog.lost_contact(name, time.monotonic())
 
     def _on_described(self, description: control.Description) -> None:
-        if description.contract_hash != contract_hash():
-            text = (
-                f"expected contract {contract_hash()}, was {description.contract_hash} "
-                f"(gslcosim {description.version} on {description.host}). Install the same version everywhere."
-            )
+        if text := description.difference:
             raise RunEndedError(self._watchdog.fault(description.name, text))
         self._described.add(description.name)
 

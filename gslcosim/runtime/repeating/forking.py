@@ -11,9 +11,10 @@ from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
 from gslcosim.runtime.flight import Repetition, fly
 from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.repeating.changes import changed_paths, check_changes
-from gslcosim.runtime.repeating.past_run import PastRun, environment_of
+from gslcosim.runtime.repeating.past_run import PastRun, environment_of, snapshot_before
 from gslcosim.runtime.repeating.replaying import RECORDED_PORTS
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.snapshots.shelf import Snapshot
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.scenario import LoadedScenario
 from gslcosim.scenario.dumping import plain_values
@@ -27,11 +28,16 @@ from gslcosim.ticks import seconds_from_ticks, ticks_from_seconds
 
 @dataclass(frozen=True, kw_only=True)
 class Fork:
-    """A run to fork, the tick from which agents' own answers count, and the scenario from there on."""
+    """A run to fork, the tick from which agents' own answers count, and the scenario from there on.
+
+    `snapshot` is where it is flown from, absent where from the start; `note` says why one that is there is not used.
+    """
 
     past: PastRun
     at_tick: int
     loaded: LoadedScenario
+    snapshot: Snapshot | None
+    note: str = ""
 
     @property
     def origin(self) -> dict[str, Any]:
@@ -42,6 +48,7 @@ class Fork:
             "digest": past.digest and past.digest.hex,
             "tick": self.at_tick,
             "at_s": seconds_from_ticks(self.at_tick, scenario.tick_ns),
+            **({} if self.snapshot is None else {"snapshot_tick": self.snapshot.tick}),
             "changed": list(changed_paths(plain_values(past.scenario), plain_values(scenario))),
         }
 
@@ -59,7 +66,14 @@ class Forked:
         return self.flight.exit_code if self.divergence is None else ExitCode.DIVERGENCE
 
 
-def prepare_fork(past: PastRun, *, at_s: float, overrides: Sequence[str] = (), checks: Sequence[Check] = ()) -> Fork:
+def prepare_fork(
+    past: PastRun,
+    *,
+    at_s: float,
+    overrides: Sequence[str] = (),
+    checks: Sequence[Check] = (),
+    uses_snapshots: bool = True,
+) -> Fork:
     """Return what a fork flies, checked.
 
     Args:
@@ -67,6 +81,7 @@ def prepare_fork(past: PastRun, *, at_s: float, overrides: Sequence[str] = (), c
         at_s: From when on agents' own answers count [s of simulated time].
         overrides: Values to replace in its scenario, such as `agents[0].parameters.step_m=2`.
         checks: Further rules of scenarios; see `load_scenario`.
+        uses_snapshots: Whether it may be flown from a snapshot of the run, where there is one at or before the time.
 
     Raises:
         UsageError: the time is none of the run's, its log is not whole, or what it would change is past by then.
@@ -81,7 +96,8 @@ def prepare_fork(past: PastRun, *, at_s: float, overrides: Sequence[str] = (), c
     past.check_inputs()
     loaded = _loaded(past, overrides, checks)
     check_changes(past.scenario, loaded.scenario, at_tick=at_tick)
-    fork = Fork(past=past, at_tick=at_tick, loaded=loaded)
+    snapshot, note = snapshot_before(past, at_tick) if uses_snapshots else (None, "")
+    fork = Fork(past=past, at_tick=at_tick, loaded=loaded, snapshot=snapshot, note=note)
     _check_agents(fork)
     return fork
 
@@ -111,6 +127,7 @@ def fly_fork(
         environment_dir=environment_of(past, report),
         past=Past(commands=past.commands, until_tick=fork.at_tick),
         origin={"fork_of": fork.origin},
+        snapshot=fork.snapshot,
     )
     flight = fly(
         fork.loaded,

@@ -12,8 +12,10 @@ from gslcosim.contract.schema import contract_hash
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ContractError, EnvironmentDataError, UsageError
 from gslcosim.generation import prepare_environment
+from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.snapshots.shelf import Snapshot, nearest_snapshot
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.scenario import Scenario
 
@@ -80,6 +82,13 @@ class PastRun:
                     f"that digest.json has a hash of, were others ({len(found.ticks)}). Bring back the files as the "
                     f"run has left them.\nFile: {self.run_dir.inputs}"
                 )
+
+
+def snapshot_before(past: PastRun, tick: int) -> tuple[Snapshot | None, str]:
+    """Return the last snapshot of a run at or before a tick, or why one that is there cannot be used, as a sentence."""
+    names = [spec.name for spec in dataflow_of(past.scenario).participants if spec.writes]
+    services = [name for name in service_names(past.scenario) if name in names]
+    return nearest_snapshot(past.run_dir, past.scenario, services, until_tick=tick)
 
 
 def read_inputs(path: Path) -> dict[str, dict[int, Command]]:

@@ -21,11 +21,12 @@ from gslcosim.runtime.flight import fly_into_folder
 from gslcosim.runtime.in_process import InProcessFlight
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.outcome import Outcome
-from gslcosim.runtime.repeating.past_run import PastRun, environment_of
+from gslcosim.runtime.repeating.past_run import PastRun, environment_of, snapshot_before
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.snapshots.shelf import Snapshot
 from gslcosim.runtime.status import FlightResult, FlightStatus
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.scenario import RecordingSpec
+from gslcosim.scenario.models.scenario import RecordingSpec, SnapshotsSpec
 from gslcosim.ticks import ticks_from_seconds
 
 # The port whose messages depend on how a run is recorded.
@@ -34,11 +35,16 @@ RECORDED_PORTS = frozenset({keys.FILAMENTS})
 
 @dataclass(frozen=True, kw_only=True)
 class Replayed:
-    """A run flown again: the flight, and where it differs from the past one; `n_ticks` of both were compared."""
+    """A run flown again: the flight, and where it differs from the past one; `n_ticks` of both were compared.
+
+    `snapshot` is where it was flown from, absent where from the start; `note` says why one that is there was not used.
+    """
 
     flight: FlightResult
     divergence: Divergence | None
     n_ticks: int
+    snapshot: Snapshot | None = None
+    note: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -92,6 +98,8 @@ def replay(
     runs_dir: Path,
     recording: Mapping[str, float | bool] | None = None,
     until_s: float | None = None,
+    snapshots_every_s: float | None = None,
+    uses_snapshots: bool = True,
     report: Callable[[FlightStatus], None] = lambda _: None,
 ) -> Replayed:
     """Fly a run again in this process, without its agents, and compare it with the past one to the bit.
@@ -103,6 +111,8 @@ def replay(
         runs_dir: Where the new run's folder is made.
         recording: Keys of the scenario's `recording` that are others now, such as `gas_every_s`.
         until_s: Where to end [s of simulated time]; absent: where the run ended.
+        snapshots_every_s: Take snapshots so often; absent: as the run did.
+        uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
         report: Is told how preparation and flight go.
 
     Raises:
@@ -110,7 +120,9 @@ def replay(
         EnvironmentDataError: the room is not the one that was flown in.
     """
     began = time.perf_counter()
-    scenario = _recorded_anew(past, recording or {})
+    scenario = _recorded_anew(past, recording or {}, snapshots_every_s)
+    from_tick = ticks_from_seconds(scenario.recording.from_s, scenario.tick_ns) if uses_snapshots else 0
+    snapshot, note = snapshot_before(past, from_tick) if from_tick else (None, "")
     until_tick = _last_tick(past, until_s)
     environment_dir = environment_of(past, report)
     outcome, flight = fly_into_folder(
@@ -123,15 +135,19 @@ def replay(
         report=report,
         directory=past.directory,
         origin={"replay_of": past.run_dir.run_id},
+        snapshot=snapshot,
     )
     divergence, n_ticks = _compare(past, scenario, outcome)
-    return Replayed(flight=flight, divergence=divergence, n_ticks=n_ticks)
+    return Replayed(flight=flight, divergence=divergence, n_ticks=n_ticks, snapshot=snapshot, note=note)
 
 
-def _recorded_anew(past: PastRun, changes: Mapping[str, float | bool]) -> Scenario:
+def _recorded_anew(past: PastRun, changes: Mapping[str, float | bool], snapshots_every_s: float | None) -> Scenario:
     plain = {**past.scenario.recording.model_dump(), **changes}
     try:
-        scenario = past.scenario.model_copy(update={"recording": RecordingSpec.model_validate(plain)})
+        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain)}
+        if snapshots_every_s is not None:
+            update["snapshots"] = SnapshotsSpec(every_s=snapshots_every_s)
+        scenario = past.scenario.model_copy(update=update)
         dataflow_of(scenario)
     except ValidationError as error:
         raise UsageError("\n".join(f"recording: {problem['msg']}" for problem in error.errors())) from error

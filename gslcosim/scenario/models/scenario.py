@@ -404,6 +404,12 @@ class RecordingSpec(Spec):
         return self
 
 
+class SnapshotsSpec(Spec):
+    """The state of a run, kept in its folder now and then, from which a fork or a replay begins."""
+
+    every_s: Positive = Field(default=60.0, description="simulated time between two snapshots")
+
+
 # Which services share a process; see `Scenario`.
 Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
@@ -439,6 +445,9 @@ class Scenario(Spec):
     pace: Annotated[float, Field(ge=0.05, le=1000)] | None = Field(
         default=None,
         description="simulated seconds in a second of the clock on the wall (absent: as fast as it goes)",
+    )
+    snapshots: SnapshotsSpec | None = Field(
+        default=None, description="when the run's state is kept (absent: never), without influence on results"
     )
     processes: Processes = Field(
         default="separate", description="which services share a process, without influence on results"
