@@ -8,6 +8,7 @@ from gslcosim.errors import UsageError
 RUNS_DIR = "runs"
 RECORDING = "recording.rrd"
 DIGEST = "digest.json"
+MANIFEST = "manifest.json"
 
 
 def add_runs_dir_option(parser: argparse.ArgumentParser) -> None:

@@ -10,18 +10,9 @@ import numpy as np
 from gslcosim.benchmark.report.analysis import Analysis
 from gslcosim.benchmark.report.curves import Line
 from gslcosim.benchmark.report.page import Look, looks_of
-from gslcosim.errors import UsageError
+from gslcosim.plotting.style import DASHES, FAINT, INK, OKABE_ITO, STYLE, matplotlib_for, safe_text
 
-OKABE_ITO = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800")
-"""Colours that nearly everybody tells apart (Okabe and Ito 2008), in the page's order; yellow is darker."""
-
-_DASHES = ("-", (0, (5, 2)), (0, (1, 2)), (0, (6, 2, 1, 2)))
 _MOST_DRAWN = 12
-_STYLE = {
-    "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6, "lines.linewidth": 1.2,
-    "legend.frameon": False, "svg.hashsalt": "gslcosim", "svg.fonttype": "none", "pdf.fonttype": 42,
-    "figure.constrained_layout.use": True,
-}  # fmt: skip
 
 
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
@@ -34,7 +25,8 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     Raises:
         UsageError: matplotlib is not installed.
     """
-    matplotlib = _matplotlib()
+    otherwise = ", or leave figures out: the page has them too"
+    matplotlib = matplotlib_for("figures", extra="report", otherwise=otherwise)
     folder.mkdir(exist_ok=True)
     view, written = analysis.everything, list[Path]()
     drawings: dict[str, tuple[bool, Callable[[Any], None]]] = {
@@ -59,21 +51,11 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
         "roc": (any(d.curve for d in view.declarations), lambda axes: _roc(analysis, axes)),
         "pairs": (bool(view.pairs), lambda axes: _pairs(analysis, axes)),
     }  # fmt: skip
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         for name, (has_data, draw) in drawings.items():
             if has_data:
                 written += _written(folder / name, draw)
     return written
-
-
-def _matplotlib() -> Any:
-    try:
-        return importlib.import_module("matplotlib")
-    except ImportError as error:
-        raise UsageError(
-            "figures: expected matplotlib, which draws them, found none. Install it with pip install "
-            "'gslcosim[report]', or leave figures out: the page has them too."
-        ) from error
 
 
 def _written(stem: Path, draw: Callable[[Any], None]) -> list[Path]:
@@ -88,7 +70,7 @@ def _written(stem: Path, draw: Callable[[Any], None]) -> list[Path]:
 
 
 def _color(look: Look) -> str:
-    return {-1: "#1c1d20", -2: "#85878c"}.get(look.color) or OKABE_ITO[look.color]
+    return {-1: INK, -2: FAINT}.get(look.color) or OKABE_ITO[look.color]
 
 
 # Entries are drawn in the order of the leaderboard.
@@ -106,7 +88,7 @@ def _lines(
         look, kind = looks[entry], "post" if step else None
         style = {"drawstyle": "steps-post"} if step else {}
         name = analysis.material.entries[entry].name
-        axes.plot(line.x, 100 * line.value, color=_color(look), ls=_DASHES[look.dashes], label=_safe(name), **style)
+        axes.plot(line.x, 100 * line.value, color=_color(look), ls=DASHES[look.dashes], label=safe_text(name), **style)
         axes.fill_between(
             line.x, 100 * line.low, 100 * line.high, step=kind, color=_color(look), alpha=0.12, linewidth=0
         )
@@ -125,7 +107,7 @@ def _leaderboard(analysis: Analysis, axes: Any) -> None:
         color, e = _color(looks[row.entry]), row.score
         axes.plot([e.low, e.high], [place, place], color=color, lw=2)
         axes.plot([e.value], [place], "o", color=color, ms=4)
-    names = [f"{row.rank}  {_safe(analysis.material.entries[row.entry].name)}" for row in rows]
+    names = [f"{row.rank}  {safe_text(analysis.material.entries[row.entry].name)}" for row in rows]
     axes.set(xlim=(0, 1), xlabel="score: interquartile mean of q, with 95 % interval")
     axes.set_yticks(range(len(rows)), names)
     axes.invert_yaxis()
@@ -136,9 +118,9 @@ def _roc(analysis: Analysis, axes: Any) -> None:
     looks = looks_of(analysis)
     for d in analysis.everything.declarations:
         if d.curve is not None and d.entry in _drawn(analysis):
-            look, name = looks[d.entry], _safe(analysis.material.entries[d.entry].name)
+            look, name = looks[d.entry], safe_text(analysis.material.entries[d.entry].name)
             label = f"{name}, area {d.curve.area.value:.2f} ({d.curve.area.low:.2f} to {d.curve.area.high:.2f})"
-            axes.plot(d.curve.false_positive, d.curve.true_positive, color=_color(look), ls=_DASHES[look.dashes],
+            axes.plot(d.curve.false_positive, d.curve.true_positive, color=_color(look), ls=DASHES[look.dashes],
                       label=label)  # fmt: skip
     axes.plot([0, 1], [0, 1], color="#999999", lw=0.6, ls=":")
     axes.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="declared without gas", ylabel="declared with gas")
@@ -159,14 +141,9 @@ def _pairs(analysis: Analysis, axes: Any) -> None:
         for i, j, sign in ((a, b, 1), (b, a, -1)):
             white = {"color": "white"} if shade[i, j] > 0.5 else {}
             axes.text(j, i, f"{sign * 100 * p.success.value:+.0f}", ha="center", va="center", fontsize=7, **white)
-    names = [_safe(analysis.material.entries[entry].name) for entry in drawn]
+    names = [safe_text(analysis.material.entries[entry].name) for entry in drawn]
     axes.imshow(shade, cmap="Purples", vmin=0, vmax=1)
     axes.set_xticks(range(len(drawn)), names, rotation=40, ha="right")
     axes.set_yticks(range(len(drawn)), names)
     axes.spines[:].set_visible(False)
     axes.set_title("shaded: row is better; difference in success, points", fontsize=8)
-
-
-# A dollar sign would begin a formula.
-def _safe(name: str) -> str:
-    return name.replace("$", r"\$")

@@ -190,7 +190,7 @@ def _tracks(path: Path) -> pa.Table | None:
     if not path.is_file():
         return None
     try:
-        return pq.read_table(path, columns=["trial", "agent", "t_s", "x_m", "y_m", "belief_distance_m",
+        return pq.read_table(path, columns=["trial", "agent", "t_s", "distance_m", "x_m", "y_m", "belief_distance_m",
                                             "belief_mass_near"])  # fmt: skip
     except (OSError, pa.ArrowException) as error:
         raise UsageError(f"{path}: expected a table of tracks, was a damaged file. Take it from a copy.") from error
