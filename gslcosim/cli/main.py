@@ -18,6 +18,7 @@ from gslcosim.cli.commands import (
     extract,
     film,
     flights,
+    fly,
     fork,
     generate,
     import_,
@@ -46,6 +47,7 @@ _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
 COMMANDS = (
     up.COMMAND,
+    fly.COMMAND,
     bench.COMMAND,
     sweep.COMMAND,
     tune.COMMAND,

@@ -107,6 +107,8 @@ def _names_of(letter: str, scenario: Scenario) -> dict[str, str]:
     agents = scenario.agents
     if len(agents) == 1 and agents[0].start.python:
         return {agents[0].name: f"{letter}_{Path(agents[0].start.python).stem}"}
+    if len(agents) == 1 and agents[0].start.method:
+        return {agents[0].name: f"{letter}_{agents[0].start.method}"}
     return {agent.name: f"{letter}_{agent.name}" for agent in agents}
 
 

@@ -234,7 +234,7 @@ def _method_of(agent: AgentSpec, agents: Sequence[AgentSpec]) -> str:
     if start.python is not None:
         return Path(start.python).stem
     if start.command is None:
-        return "attached"
+        return start.method or "attached"
     return program_name(start.command)
 
 

@@ -20,7 +20,7 @@ _NAME = re.compile(r"^name: (.+)$", re.MULTILINE)
 _SEED = re.compile(r"^seed: (\d+)$", re.MULTILINE)
 # The blocks of `agents`, each from its name to its start.
 _AGENT = re.compile(r"^- name: (.+)\n  start:\n((?:    .*\n)+)", re.MULTILINE)
-_START = re.compile(r"^    (python|attach|process_of): (.+)$", re.MULTILINE)
+_START = re.compile(r"^    (python|attach|process_of|method): (.+)$", re.MULTILINE)
 _COMMAND = re.compile(r"^    command:\n((?:    - .*\n)+)", re.MULTILINE)
 _MANIFEST, _RESULT, _SCENARIO = "manifest.json", "result.json", "scenario.yaml"
 _S_PER_H = 3600.0
@@ -129,7 +129,7 @@ def methods_in(scenario_text: str) -> str:
             words = [_bare(line.removeprefix("    - ")) for line in command[1].splitlines()]
             starts[name] = program_name(words)
         elif found.get("attach") == "true":
-            starts[name] = "attached"
+            starts[name] = _bare(found.get("method", "attached"))
     return "+".join(dict.fromkeys(method for method in starts.values() if method))
 
 

@@ -79,6 +79,7 @@ class StartSpec(Spec):
     `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh,
     or with `door: stdio` by frames of msgpack: then it has a process of its own where everything else is in one.
     `process_of` names another agent whose process flies this one too, through that agent's door.
+    `method` is what lists and tables call the method of one that attaches itself.
     """
 
     python: str | None = Field(
@@ -97,6 +98,9 @@ class StartSpec(Spec):
     )
     observations: Literal["all", "asked"] = Field(
         default="all", description="which observations go through the gateway; asked: only those that await a command"
+    )
+    method: Name | None = Field(
+        default=None, description="what the method of an agent that attaches itself is called (absent: attached)"
     )
     process_of: Name | None = Field(default=None, description="name of the agent whose process flies this one too")
 
@@ -138,6 +142,17 @@ class StartSpec(Spec):
                 expected="zenoh, tcp or unix for an agent that attaches itself",
                 found=self.door,
                 remedy="Standard input and output belong to a program that is started here, with command.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_method(self) -> Self:
+        if self.method is not None and not self.attach:
+            raise broken_rule(
+                key="method",
+                expected="none but for an agent that attaches itself: others have the name of their program",
+                found=self.method,
+                remedy="Leave it out, or add attach: true.",
             )
         return self
 

@@ -1,0 +1,150 @@
+"""`gslcosim fly`: a person searches, with the keyboard, seeing what an agent sees."""
+
+import argparse
+import contextlib
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.cli.scenarios import add_pace_option, add_scenario_arguments, load_checked
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.cockpit.seat import Seat
+    from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.status import FlightStatus
+    from gslcosim.scenario import LoadedScenario
+
+EXAMPLES = """  gslcosim fly tiny_room
+  gslcosim fly warehouse_empty --pace 4 --name alice
+  gslcosim fly swarm_tiny --agent beetle_3
+  gslcosim fly warehouse_racks --asked --step 2"""
+
+USUAL_PACE = "1"
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+# A person may think for a day.
+_ANSWER_WITHIN_S = 86_400
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument("--agent", metavar="NAME", help="in whose place you fly (default: the scenario's first)")
+    parser.add_argument("--name", default="human", help="what your method is called in lists and tables")
+    add_pace_option(parser, default=f"{USUAL_PACE}; with --asked as fast as it goes")
+    parser.add_argument(
+        "--asked", action="store_true", help="time waits for you wherever an agent is asked: play turn by turn"
+    )
+    parser.add_argument("--step", type=float, default=1.0, metavar="M", help="how far a key goes (default: 1)")
+    parser.add_argument(
+        "--processes", choices=("separate", "grouped", "one"), help="as for up (default: what the scenario says)"
+    )
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+@dataclass
+class _Progress:
+    """What the run says of itself before it flies, for the person who waits; it tells the seat where to attach."""
+
+    agent: str
+    text: str = "The run is prepared."
+    seat: "Seat | None" = None
+
+    def __call__(self, status: "FlightStatus") -> None:
+        from gslcosim.cli.flight_report import status_text
+
+        self.text = status_text(status)
+        if status.run_dir is not None and self.seat is not None:
+            self.seat.attach(status.run_dir / "join" / "agents" / f"{self.agent}.json")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.cockpit.dashboard import MIN_COLUMNS, MIN_ROWS
+    from gslcosim.cockpit.keyboard import check_terminal
+
+    check_terminal(MIN_COLUMNS, MIN_ROWS)
+    if _NAME.fullmatch(arguments.name) is None:
+        raise UsageError(f"--name: expected letters, digits and underscores, was {arguments.name!r}.")
+    if not 0.125 <= arguments.step <= 8:
+        raise UsageError(f"--step: expected metres from 0.125 to 8, was {arguments.step:g}.")
+    from gslcosim.runtime.over_bus.forks import ForkServer
+
+    is_forking = arguments.processes != "one" and ForkServer.is_possible()
+    with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
+        return _fly(arguments, fork_server)
+
+
+def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
+    loaded, agent = _with_a_person(arguments)
+
+    from gslcosim.cli.flight_report import summary
+    from gslcosim.cockpit.keyboard import Keyboard
+    from gslcosim.cockpit.seat import Seat
+    from gslcosim.runtime.flight import fly
+
+    progress = _Progress(agent)
+    with Keyboard() as keyboard:
+        seat = progress.seat = Seat(
+            keyboard, waits_for_questions=arguments.asked, step_m=arguments.step, progress=lambda: progress.text
+        )
+        seat.start()
+        try:
+            flight = fly(
+                loaded,
+                runs_dir=arguments.runs_dir,
+                processes=arguments.processes,
+                fork_server=fork_server,
+                report=progress,
+            )
+        finally:
+            seat.leave()
+    if arguments.json:
+        write_json(flight.result)
+    else:
+        write(summary(flight))
+    if seat.failure is not None:
+        write_note(f"The terminal failed: {seat.failure!r}")
+    if not flight.result.get("valid"):
+        for fault in flight.result.get("faults", []):
+            write_note(f"{fault['participant']}: {fault['text']}")
+    return flight.exit_code
+
+
+# The agent is one that attaches itself; everything else is as the scenario says.
+def _with_a_person(arguments: argparse.Namespace) -> "tuple[LoadedScenario, str]":
+    from gslcosim.scenario import load_scenario
+
+    plain = load_scenario(arguments.scenario, overrides=arguments.set, seed=arguments.seed).scenario
+    names = [agent.name for agent in plain.agents]
+    name = arguments.agent or names[0]
+    if name not in names:
+        raise UsageError(f"--agent: expected one of {', '.join(names)}, which take part, was {name!r}.")
+    crew = plain.agents_by_process().get(name, ())
+    if len(crew) > 1:
+        raise UsageError(
+            f"--agent {name}: expected an agent whose process flies no other, but it flies {', '.join(crew[1:])} too. "
+            "Take another, or give those a start of their own."
+        )
+    at = f"agents[{names.index(name)}]"
+    arguments.set = [
+        *arguments.set,
+        f"{at}.start={{attach: true, door: unix, method: {arguments.name}}}",
+        f"{at}.parameters={{}}",
+        f"{at}.mode={'on_request' if arguments.asked else 'free'}",
+        *([f"{at}.answer_within_s={_ANSWER_WITHIN_S}"] if arguments.asked else []),
+    ]
+    if arguments.pace is None and not arguments.asked and plain.pace is None:
+        arguments.pace = USUAL_PACE
+    return load_checked(arguments), name
+
+
+COMMAND = Command(
+    name="fly",
+    summary="search yourself: with the keyboard, in a terminal, seeing what an agent sees and nothing else",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)
