@@ -31,7 +31,7 @@ def options_of(name):
          "Did you mean up?"),
         (["vladiate", "x"], f"gslcosim: expected one of the commands {ALL}, was "
          "'vladiate'. Did you mean validate?"),
-        (["orbit"], f"gslcosim: expected one of the commands {ALL}, was 'orbit'."),
+        (["zzz"], f"gslcosim: expected one of the commands {ALL}, was 'zzz'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
          "--insecure, --join-dir, --json, --lease-s, "
          "--listen, --live, --no-services, --pace, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
