@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterable
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, cast, get_args
+from typing import Any, TypeVar, cast, get_args
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 import msgspec
@@ -128,17 +128,19 @@ def check_levels(name: str, value: object) -> None:
     Raises:
         ContractError: deeper than `MAX_LEVELS`.
     """
-    level = [value]
+    holders = [value] if type(value) in _HOLDERS else []
     for _ in range(MAX_LEVELS):
-        level = [item for outer in level if isinstance(outer, dict | list | tuple) for item in _items(outer)]
-        if not level:
+        holders = [item for holder in holders for item in _items(holder) if type(item) in _HOLDERS]
+        if not holders:
             return
-    if any(isinstance(item, dict | list | tuple) for item in level):
-        raise ContractError(f"{name}: expected lists and maps at most {MAX_LEVELS} deep, were deeper.")
+    raise ContractError(f"{name}: expected lists and maps at most {MAX_LEVELS} deep, were deeper.")
 
 
-def _items(outer: Any) -> Iterable[object]:
-    return outer.values() if isinstance(outer, dict) else outer  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
+_HOLDERS = frozenset({dict, list, tuple})
+
+
+def _items(holder: Any) -> Iterable[object]:
+    return holder.values() if isinstance(holder, dict) else holder  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
 
 
 class _KeyTwiceError(ValueError):
@@ -232,23 +234,14 @@ def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int =
         raise ContractError(f"{name}: {_problems_text(error)}") from error
 
 
-def peek_tick(payload: bytes) -> int:
-    """Return the tick of a foreign message without judging the rest of it.
-
-    Raises:
-        ContractError: not a msgpack map that `unpack_foreign` takes, with an integer `tick`.
-    """
-    tick = unpack_foreign("message", payload).get("tick")
-    if type(tick) is not int:
-        raise ContractError(f"message: tick: expected an integer, was {_short(tick)}.")
-    return tick
-
-
-class ObservationHead(NamedTuple):
+class ObservationHead(msgspec.Struct, frozen=True, kw_only=True):
     """What a run itself needs to know of an observation: its tick, and whether it awaits a command."""
 
     tick: int
     awaiting_command: bool
+
+
+_HEADS = msgspec.msgpack.Decoder(ObservationHead)
 
 
 def peek_observation(payload: bytes) -> ObservationHead:
@@ -257,20 +250,12 @@ def peek_observation(payload: bytes) -> ObservationHead:
     Raises:
         ContractError: not a msgpack map with both.
     """
-    fields = _unpack_map("Observation", payload)
     try:
-        return ObservationHead(fields["tick"], fields["awaiting_command"])
-    except KeyError as error:
-        raise ContractError(f"Observation: {error.args[0]}: expected a value, found none.") from error
-
-
-def peek_contract(payload: bytes) -> str | None:
-    """Return what an agent's command says about its contract, without judging the rest; None when it says nothing."""
-    try:
-        told = unpack_foreign("message", payload).get("contract")
-    except ContractError:
-        return None
-    return told if isinstance(told, str) else None
+        return _HEADS.decode(payload)
+    except msgspec.DecodeError as error:
+        raise ContractError(
+            f"Observation: expected a tick and awaiting_command, was {_short(payload)} ({error})."
+        ) from error
 
 
 def from_fields(message_type: type[AnyMessage], fields: dict[str, object]) -> AnyMessage:

@@ -1,14 +1,14 @@
 """What all messages are made of: numbers and names, frozen records, and the base of messages."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, Self, TypeVar, cast, dataclass_transform
 
 import msgspec
 from pydantic import Field, GetCoreSchemaHandler, JsonValue, StringConstraints
 from pydantic_core import CoreSchema
 
-from gslcosim.contract.description import checked, schema_within
+from gslcosim.contract.description import checked, description_of, schema_within
 
 Quaternion = tuple[float, float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
@@ -67,12 +67,16 @@ class Record(msgspec.Struct, metaclass=RecordType):
 
     def model_dump(self, *, exclude_none: bool = False, exclude_defaults: bool = False) -> dict[str, Any]:
         """Return the fields as a map, as the wire has them; without those that are None or have their default."""
+        defaults = _defaults_of(type(self)) if exclude_defaults else {}
         kept: dict[str, Any] = {}
-        for field in msgspec.structs.fields(self):
-            value = getattr(self, field.name)
-            is_default = exclude_defaults and value == _default_of(field)
-            if not (is_default or (exclude_none and value is None)):
-                kept[field.name] = _plain(value, exclude_none=exclude_none, exclude_defaults=exclude_defaults)
+        for name in self.__struct_fields__:
+            value = getattr(self, name)
+            is_default = name in defaults and value == defaults[name]
+            if is_default or (exclude_none and value is None):
+                continue
+            if isinstance(value, Record | tuple):
+                value = _plain(value, exclude_none=exclude_none, exclude_defaults=exclude_defaults)
+            kept[name] = value
         return kept
 
     @classmethod
@@ -101,9 +105,10 @@ class Message(Record):
         return frozenset()
 
 
-def _default_of(field: msgspec.structs.FieldInfo) -> Any:
-    factory = field.default_factory
-    return field.default if factory is msgspec.NODEFAULT else factory()
+@cache
+def _defaults_of(record: type[Record]) -> dict[str, Any]:
+    fields = description_of(record).model_fields
+    return {name: field.default for name, field in fields.items() if not field.is_required()}
 
 
 def _plain(value: Any, **excluded: bool) -> Any:

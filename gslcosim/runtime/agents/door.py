@@ -23,6 +23,18 @@ GONE = "the agent is gone"
 FAILED_BY_AGENT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
 
 
+Said = dict[str, object] | ContractError
+"""What an agent has sent: a map that is not judged yet, or why it is none."""
+
+
+def unpacked(payload: bytes) -> Said:
+    """Return what is in an agent's bytes, which may be at most `MAX_COMMAND_BYTES`."""
+    try:
+        return codec.unpack_foreign("Command", payload)
+    except ContractError as error:
+        return error
+
+
 def door_of(agent: AgentSpec, scenario: Scenario) -> "Door":
     """Return the door of an agent of a scenario."""
     return Door(
@@ -92,7 +104,7 @@ class Door:
         if observation.awaiting_command and (refused := self._take_refused_early(observation.tick)):
             return refused
         early, self._early = self._early, []
-        return [command for tick, payload in early for command in self._judge(tick, payload)]
+        return [command for tick, payload in early for command in self._judge_early(tick, payload)]
 
     def received(self, payload: bytes) -> list[Command]:
         """Take what the agent sent; return the commands that can pass now."""
@@ -100,10 +112,11 @@ class Door:
             return []
         if len(payload) > MAX_COMMAND_BYTES:
             return self._refuse(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
-        tick = _tick_of(payload)
+        said = unpacked(payload)
+        tick = _tick_in(said)
         if tick is not None and tick > self.latest_tick:
             return self._keep_early(tick, payload)
-        return self._judge(tick, payload)
+        return self._judge(tick, said)
 
     def refused(self, text: str) -> list[Command]:
         """Take note that what the agent sent could not even be read; return the commands that can pass now."""
@@ -123,17 +136,18 @@ class Door:
         self.latest_tick = tick
         return True
 
-    def _judge(self, tick: int | None, payload: bytes) -> list[Command]:
-        if tick is not None and tick > self.latest_tick:
-            return self._keep_early(tick, payload)
+    def _judge_early(self, tick: int, payload: bytes) -> list[Command]:
+        return self._keep_early(tick, payload) if tick > self.latest_tick else self._judge(tick, unpacked(payload))
+
+    def _judge(self, tick: int | None, said: Said) -> list[Command]:
         if not self._pending:
             if tick is None:
-                return self._refuse(_unreadable_text(payload))
+                return self._refuse(_unreadable_text(said))
             if not self._is_repeat(tick):
                 self._note("expected no command now (no observation awaits one), one came.")
             return []
         try:
-            command = self._read(payload)
+            command = self._read(said)
         except OtherContractError as error:
             return self.lost(str(error))
         except ContractError as error:
@@ -148,9 +162,14 @@ class Door:
         # Who answers the same must leave the same trail, whether it says what it speaks or not.
         return [command.model_copy(update={"contract": None, "belief": self._timely_belief(command)})]
 
-    def _read(self, payload: bytes) -> Command:
-        self._check_contract(codec.peek_contract(payload))
-        return codec.decode_foreign(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+    # Its contract before the rest: what is wrong with the rest may well be that it is of another contract.
+    def _read(self, said: Said) -> Command:
+        if isinstance(said, ContractError):
+            raise said
+        told = said.get("contract")
+        if isinstance(told, str):
+            self._check_contract(told)
+        return codec.from_fields(Command, said)
 
     # By ticks and not by a clock, so that the same commands always leave the same trail.
     def _timely_belief(self, command: Command) -> Belief | None:
@@ -173,9 +192,8 @@ class Door:
         del self._pending[tick]
         return [Command(tick=tick, kind="hold", reason=f"refused: {refused[1]}"[:500])]
 
-    # Before the rest is judged: what is wrong with it may well be that it is of another contract.
-    def _check_contract(self, told: str | None) -> None:
-        if told is None or told == self._told_contract:
+    def _check_contract(self, told: str) -> None:
+        if told == self._told_contract:
             return
         self._told_contract = told
         try:
@@ -230,16 +248,16 @@ class Door:
 
 
 # Only the tick, so that an answer can be put in its place before it is judged.
-def _tick_of(payload: bytes) -> int | None:
-    try:
-        return codec.peek_tick(payload)
-    except ContractError:
-        return None
+def _tick_in(said: Said) -> int | None:
+    tick = None if isinstance(said, ContractError) else said.get("tick")
+    return tick if type(tick) is int else None
 
 
-def _unreadable_text(payload: bytes) -> str:
+def _unreadable_text(said: Said) -> str:
+    if isinstance(said, ContractError):
+        return str(said)
     try:
-        codec.decode_foreign(Command, payload, max_bytes=MAX_COMMAND_BYTES)
+        codec.from_fields(Command, said)
     except ContractError as error:
         return str(error)
     return "expected no command now (no observation awaits one), one came."

@@ -7,7 +7,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.compatibility import OtherContractError
 from gslcosim.contract.messages import Command, Observation
 from gslcosim.errors import ContractError
-from gslcosim.runtime.agents.door import FAILED_BY_AGENT, GONE, MAX_COMMAND_BYTES, Door
+from gslcosim.runtime.agents.door import FAILED_BY_AGENT, GONE, MAX_COMMAND_BYTES, Door, unpacked
 from gslcosim.runtime.agents.past import past_command
 
 _MAX_TEXTS = 16
@@ -56,7 +56,7 @@ class FreeDoor(Door):
         if len(payload) > MAX_COMMAND_BYTES:
             return self.refused(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
         try:
-            command = self._read(payload)
+            command = self._read(unpacked(payload))
         except OtherContractError as error:
             return self.lost(str(error))
         except ContractError as error:

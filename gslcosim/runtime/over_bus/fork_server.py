@@ -65,6 +65,8 @@ def import_what_services_share() -> None:
                 importlib.import_module(module)
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
     importlib.import_module("gslcosim.environment.sight_kernels").to_next_border(0.5, 0, 1.0)
+    # Each service tells it; it is made from the descriptions of all messages.
+    importlib.import_module("gslcosim.contract.schema").contract_hash()
 
 
 @contextlib.contextmanager

@@ -94,8 +94,6 @@ def test_a_foreign_message_has_each_key_once_and_is_not_deep(name):
     with pytest.raises(ContractError) as caught:
         codec.decode_foreign(Command, payload)
     assert str(caught.value) == f"Command: {expected_text}."
-    with pytest.raises(ContractError):
-        codec.peek_tick(payload)
     (hold,) = _asked_door().received(payload)
     assert (hold.kind, hold.reason) == ("hold", f"refused: Command: {expected_text}.")
 
@@ -168,16 +166,25 @@ def test_reals_travel_as_float64():
     assert codec.encode(command).count(b"\xcb") == 3
 
 
-def test_peek_tick_reads_the_tick_of_anything():
-    assert codec.peek_tick(packed(tick=41, nonsense=[])) == 41
+def test_the_door_sees_the_tick_of_anything_and_keeps_what_comes_early():
+    door = Door("agent")
+    assert door.received(packed(tick=41, nonsense=[])) == []
+    (hold,) = door.observed(codec.ObservationHead(tick=41, awaiting_command=True))
+    assert hold.reason == "refused: Command: kind: field required."
 
 
 @pytest.mark.parametrize(
     "payload", [packed(tick=1.0), packed(tick=True), packed(), b"", b"\x00", msgpack.packb("tick")]
 )
-def test_peek_tick_refuses_what_has_no_whole_tick(payload):
-    with pytest.raises(ContractError):
-        codec.peek_tick(payload)
+def test_what_has_no_whole_tick_answers_the_question_and_is_refused(payload):
+    (hold,) = _asked_door().received(payload)
+    assert (hold.kind, hold.tick, hold.reason[:17]) == ("hold", 3, "refused: Command:")
+
+
+@pytest.mark.parametrize("payload", [b"", packed(tick=1), packed(tick=1.5, awaiting_command=True), msgpack.packb(7)])
+def test_an_observation_without_its_head_is_refused(payload):
+    with pytest.raises(ContractError, match="Observation: expected a tick and awaiting_command, was "):
+        codec.peek_observation(payload)
 
 
 def test_the_encoding_names_message_and_major_version():
