@@ -74,7 +74,7 @@ def build_parser(commands: Sequence[Command], *, version: str) -> Parser:
 
 
 def parse(parser: Parser, commands: Sequence[Command], words: Sequence[str]) -> argparse.Namespace:
-    """Return the parsed words of a command line, and these as `words`.
+    """Return the parsed words of a command line, and these as `command_line`.
 
     Raises:
         UsageError: an unknown command or option, or a wrong value; names the nearest known one.
@@ -88,7 +88,7 @@ def parse(parser: Parser, commands: Sequence[Command], words: Sequence[str]) -> 
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, arguments.command, unknown))
-    arguments.words = tuple(words)
+    arguments.command_line = tuple(words)
     return arguments
 
 

@@ -52,7 +52,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    words: list[str] = arguments.words
+    words = list(arguments.words)
     action = words.pop(0) if words and words[0] in _ACTIONS else "list"
     if arguments.yes and action != "remove":
         raise UsageError("gslcosim runs: expected --yes with remove only. See gslcosim runs --help.")

@@ -111,7 +111,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.warm:
         from gslcosim.runtime.over_bus.warm_client import fly_warm
 
-        return fly_warm(arguments.words)
+        return fly_warm(arguments.command_line)
 
     from gslcosim.runtime.over_bus.forks import ForkServer
 
