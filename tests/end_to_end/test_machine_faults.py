@@ -197,9 +197,20 @@ def test_what_a_killed_supervisor_has_left_is_removed_by_the_next_run(tmp_path, 
     flight.process.communicate()
     left = list(scratch.glob("gslcosim-*"))
     assert left
+    windows = list(scratch.glob(".gslcosim-flights-*/*"))
     fly(TINY_ROOM, tmp_path / "next", *SHORT)
-    assert not any(path.exists() for path in left)
+    assert not any(path.exists() for path in [*left, *windows])
     shutil.rmtree(scratch)
+
+
+def test_a_suite_whose_recordings_find_no_room_says_so(tmp_path):
+    """It was told as another digest."""
+    with mounted(tmp_path / "small", "size=700k") as place:
+        call = [*COMMAND, "bench", "run", "smoke", "--jobs", "1", "--results", str(place / "results")]
+        ended = subprocess.run(call, capture_output=True, text=True, timeout=100, check=False)
+    assert ended.returncode == 3
+    assert "expected to be made, was ended by recorder: recording.rrd: expected to write" in ended.stderr
+    assert "was no space left on device. Free room there" in ended.stderr
 
 
 @pytest.mark.parametrize(

@@ -286,7 +286,10 @@ def _leftovers(trial: Trial, *, is_supervisor_gone: bool) -> Iterator[str]:
     if is_supervisor_gone:
         # It cannot tidy up; the next run does.
         ScratchFolder(parent=trial.temp_dir).close()
-    folders = [path.name for path in trial.temp_dir.iterdir()]
+    # The folder of the user's flights stays, with nothing in it where the supervisor could tidy up.
+    windows = list(trial.temp_dir.glob(".gslcosim-flights-*/*"))
+    folders = [path.name for path in trial.temp_dir.iterdir() if not path.name.startswith(".gslcosim-flights-")]
+    folders += [] if is_supervisor_gone else [path.name for path in windows]
     if folders:
         yield f"left over: {folders}"
 

@@ -330,6 +330,11 @@ class Run:
             for trial in missing
         ]  # fmt: skip
         for ended in self._all_done(pool, jobs, "recordings"):
+            if faults := [] if ended.result.result["valid"] else ended.result.result["faults"]:
+                raise SimulationFault(
+                    f"recording of {ended.job.trial.case}, {ended.job.trial.entry}: expected to be made, was ended by "
+                    f"{faults[0].get('participant')}: {faults[0]['text']}"
+                )
             digest = ended.result.result.get("digest")
             expected = self._entries[ended.job.trial.id].row["digest"]
             if digest != expected:

@@ -110,6 +110,7 @@ class FlightWindow:
         folder.mkdir(mode=0o700, exist_ok=True)
         if folder.is_symlink() or folder.stat().st_uid != user_id() or folder.stat().st_mode & 0o077:
             return
+        _remove_left(folder)
         path = folder / f"{os.getpid()}-{secrets.token_hex(3)}{SUFFIX}"
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -131,3 +132,12 @@ class FlightWindow:
             with connection, contextlib.suppress(OSError):
                 connection.settimeout(_SEND_WITHIN_S)
                 connection.sendall(json.dumps(self.look()).encode())
+
+
+# Of flights that were killed: they begin with the number of a process, which is no more.
+def _remove_left(folder: Path) -> None:
+    for window in folder.glob(f"*{SUFFIX}"):
+        pid = window.name.partition("-")[0]
+        with contextlib.suppress(OSError):
+            if pid.isdigit() and not Path(f"/proc/{pid}").exists() and Path("/proc/self").exists():
+                window.unlink()
