@@ -91,11 +91,8 @@ def fly(
     if repetition is not None:
         environment_dir = repetition.environment_dir
     else:
-        environment_dir = prepare_environment(
-            scenario,
-            scenario_dir=loaded.directory,
-            progress=lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction)),
-        )
+        ahead = None if processes == "one" else fork_server
+        environment_dir = _prepared_environment(loaded, report, ahead)
 
     def fly_it(setup: Setup, report: Report) -> Outcome:
         setup = replace(setup, past=repetition and repetition.past)
@@ -117,6 +114,20 @@ def fly(
         snapshot=repetition and repetition.snapshot,
     )
     return result
+
+
+# Where nothing was made before, kernels are compiled for longer than a wind is solved: the other core has time.
+def _prepared_environment(loaded: LoadedScenario, report: Report, fork_server: ForkServer | None) -> Path:
+    rehearsing = fork_server
+
+    def progress(text: str, fraction: float) -> None:
+        nonlocal rehearsing
+        if rehearsing is not None:
+            rehearsing.rehearse(loaded.scenario, loaded.directory)
+            rehearsing = None
+        report(FlightStatus(state="preparing", text=text, fraction=fraction))
+
+    return prepare_environment(loaded.scenario, scenario_dir=loaded.directory, progress=progress)
 
 
 def fly_into_folder(

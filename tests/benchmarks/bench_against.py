@@ -1,6 +1,7 @@
 """Print today's speed beside that of another commit, as ratios within one run, interleaved.
 
 Run with `make bench-against`, or `python tests/benchmarks/bench_against.py --base COMMIT [--n 5] [--json]`.
+Rows that take minutes each come last and once: `--skip suite cold peers` leaves them out.
 The other commit is checked out into a temporary folder and flies with the same packages, so that both meet the same
 machine at the same time. The processor's time counts all processes of a run; what starting costs is left out of figures
 "a tick", which come from the difference of a long and a short flight.
@@ -28,10 +29,12 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = "warehouse_empty"
 SHORT_S, LONG_S = 20, 200
 # An agent that never finds the source, so that flights last as long as they are told.
+SUITE, N_REPETITIONS = "gsl_bench_2023", 10
 BLIND = ["--set", "referee.success.within_m=0.001"]
 LOCKSTEP = [*BLIND, "--set", "agents[0].mode=lockstep"]
 ONE = ["--in-process"]
 QUIET = ["--set", "recording.enabled=false"]
+ONE_TICK = ["--set", "referee.stop.time_limit_s=0.1"]
 GROUPED = ["--processes", "grouped"]
 
 
@@ -140,8 +143,63 @@ def footprint(code: Code, runs_dir: str) -> Footprint:
 def command_s(code: Code, runs_dir: str) -> float:
     """Return how long a run of one tick takes, from the command to its end."""
     started = time.perf_counter()
-    fly(code, runs_dir, ["--set", "referee.stop.time_limit_s=0.1"])
+    fly(code, runs_dir, ONE_TICK)
     return time.perf_counter() - started
+
+
+def first_tick_s(code: Code, runs_dir: str, arguments: list[str]) -> float:
+    """Return when the command says that it flies, counted from the command."""
+    call = [code.python, "-m", "gslcosim", "up", SCENARIO, "--runs-dir", runs_dir, *ONE_TICK, *arguments]
+    began, found_s = time.perf_counter(), math.nan
+    process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=runs_dir)
+    for line in process.stderr:
+        if "flying" in line:
+            found_s = time.perf_counter() - began
+    process.stderr.close()
+    process.wait()
+    return found_s
+
+
+@contextlib.contextmanager
+def warm_server(code: Code) -> Iterator[None]:
+    """Keep a warm server."""
+    server = subprocess.Popen([code.python, "-m", "gslcosim", "serve"], stdout=subprocess.PIPE, text=True)
+    try:
+        server.stdout.readline()
+        yield
+    finally:
+        server.terminate()
+        server.wait()
+        server.stdout.close()
+
+
+def cold_s(code: Code) -> float:
+    """Return how long the quickstart takes where nothing is cached: kernels compiled, wind solved, flight."""
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "GSLCOSIM_CACHE": f"{folder}/cache", "XDG_CACHE_HOME": f"{folder}/cache"}
+        environment.pop("NUMBA_CACHE_DIR", None)
+        call = [code.python, "-m", "gslcosim", "up", SCENARIO, "--quiet", "--runs-dir", folder]
+        began = time.perf_counter()
+        subprocess.run(call, check=True, cwd=folder, env=environment)
+        return time.perf_counter() - began
+
+
+def suite_min(code: Code) -> float:
+    """Return how long all of the suite would take [min], from the first of its repetitions; preparation is left out."""
+    with tempfile.TemporaryDirectory() as folder:
+        call = [code.python, "-m", "gslcosim", "bench", "run", SUITE, "--only", "repetition=0", "--no-report", "--json"]
+        done = subprocess.run([*call, "--results", f"{folder}/results"], check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)["wall"]["flying_s"] * N_REPETITIONS / 60
+
+
+def peers_ratios() -> dict[str, float]:
+    """Return by shape the ticks a second over those of HELICS's best core; nothing without the peers."""
+    script = ROOT / "tests" / "benchmarks" / "bench_peers.py"
+    if not (ROOT / ".venv-peers" / "bin" / "python").exists():
+        return {}
+    done = subprocess.run([sys.executable, script, "--n", "3", "--json"], check=True, capture_output=True, text=True)
+    ratios = json.loads(done.stdout)["ratios"]
+    return {told["shape"]: told["median"] for told in ratios if told["peer"] == "HELICS"}
 
 
 def until(limit_s: int) -> list[str]:
@@ -165,11 +223,12 @@ def loop_s() -> float:
     return time.process_time() - started
 
 
-def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool) -> dict[str, float]:
+def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool, has_server: bool) -> dict[str, float]:
     """Return one round of figures of a version."""
     separate_us, separate = cpu_us_a_tick(code, runs_dir, BLIND)
     one_us, one = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE])
-    live_us, _ = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE, *QUIET])
+    live_us, unrecorded_one = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE, *QUIET])
+    unrecorded = fly(code, runs_dir, [*BLIND, *QUIET, *until(LONG_S)])
     tape = [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true"]
     lockstep = fly(code, runs_dir, [*LOCKSTEP, *until(SHORT_S)])
     taken = footprint(code, runs_dir)
@@ -183,7 +242,11 @@ def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool) -> d
         "memory_mb": taken.memory_mb,
         "n_threads": taken.n_threads,
         "n_descriptors": taken.n_descriptors,
+        "speed_unrecorded": unrecorded.speed,
+        "speed_one_unrecorded": unrecorded_one.speed,
         "command_s": command_s(code, runs_dir),
+        "first_tick_cold_s": first_tick_s(code, runs_dir, []),
+        "first_tick_warm_s": first_tick_s(code, runs_dir, ["--warm"]) if has_server else math.nan,
         "speed_separate": separate.speed,
         "speed_one": one.speed,
         "cpu_separate_us": separate_us,
@@ -196,6 +259,12 @@ def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool) -> d
     }
 
 
+def share_of_recorder(figures: dict[str, float], way: str) -> float:
+    """Return what recording costs of a run's speed, as a share."""
+    with_it = figures["speed_one" if way else "speed_separate"]
+    return 1 - with_it / figures["speed_one_unrecorded" if way else "speed_unrecorded"]
+
+
 ROWS = (
     ("separate / one process, speed", lambda own, base: own["speed_separate"] / own["speed_one"]),
     ("separate / one process, CPU a tick", lambda own, base: own["cpu_separate_us"] / own["cpu_one_us"]),
@@ -204,6 +273,13 @@ ROWS = (
     ("  the same, recorder off, gas from tape", lambda own, base: own["cpu_one_tape_us"] / base["cpu_one_us"]),
     ("separate, speed / the base's", lambda own, base: own["speed_separate"] / base["speed_separate"]),
     ("one process, speed / the base's", lambda own, base: own["speed_one"] / base["speed_one"]),
+    ("recorder's cost, separate, 1 - speed with / without", lambda own, base: share_of_recorder(own, "")),
+    ("recorder's cost, one process", lambda own, base: share_of_recorder(own, "_one")),
+    (
+        "first tick / the base's, from the command",
+        lambda own, base: own["first_tick_cold_s"] / base["first_tick_cold_s"],
+    ),
+    ("  from a warm server", lambda own, base: own["first_tick_warm_s"] / base["first_tick_cold_s"]),
     ("lockstep agent, separate, x real time", lambda own, base: own["speed_lockstep"]),
     ("  all services in one process", lambda own, base: own["speed_lockstep_grouped"]),
     ("grouped / one process, speed", lambda own, base: own["speed_grouped"] / own["speed_one"]),
@@ -211,12 +287,31 @@ ROWS = (
     ("  threads of the process with most", lambda own, base: own["n_threads"]),
     ("  descriptors of the process with most", lambda own, base: own["n_descriptors"]),
     ("command to end, a run of one tick [s]", lambda own, base: own["command_s"]),
+    ("first tick after the command [s]", lambda own, base: own["first_tick_cold_s"]),
+    ("  from a warm server", lambda own, base: own["first_tick_warm_s"]),
     ("first tick after the scenario is read [s]", lambda own, base: own["first_tick_s"]),
     ("separate, x real time", lambda own, base: own["speed_separate"]),
     ("one process, x real time", lambda own, base: own["speed_one"]),
     ("one process, CPU a tick [us]", lambda own, base: own["cpu_one_us"]),
     ("a plain loop [s]", lambda own, base: own["loop_s"]),
 )
+
+
+def measured_once(today: Code, other: Code, skipped: list[str]) -> dict[str, tuple[float, float]]:
+    """Return by title the rows that take minutes each, for the base and for today's code."""
+    rows: dict[str, tuple[float, float]] = {}
+    if "cold" not in skipped:
+        before, now = cold_s(other), cold_s(today)
+        rows["quickstart with nothing cached / the base's"] = (1.0, now / before)
+        rows["  quickstart with nothing cached [s]"] = (before, now)
+    if "suite" not in skipped:
+        has_suites = (other.folder / "gslcosim" / "benchmark").exists()
+        title = f"{SUITE}, all trials [min], {N_REPETITIONS} times the first repetition's"
+        rows[title] = (suite_min(other) if has_suites else math.nan, suite_min(today))
+    if "peers" not in skipped:
+        for shape, ratio in peers_ratios().items():
+            rows[f"{shape} loop, ours / HELICS's best core"] = (math.nan, ratio)
+    return rows
 
 
 def medians(rounds: list[dict[str, float]]) -> dict[str, float]:
@@ -229,6 +324,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--base", required=True, help="the commit to compare with")
     parser.add_argument("--n", type=int, default=5, help="how many rounds")
+    parser.add_argument("--skip", nargs="+", default=[], choices=("suite", "cold", "peers"), help="rows to leave out")
     parser.add_argument("--json", action="store_true", help="print all figures as JSON")
     options = parser.parse_args()
     today = Code(name="today", python=Path(sys.executable), folder=ROOT)
@@ -241,18 +337,29 @@ def main() -> None:
             for arguments in ([], ONE):
                 fly(code, runs_dir, [*arguments, *until(SHORT_S)])  # fills the caches
         fly(today, runs_dir, [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true", *until(LONG_S)])
+        has_server = (other.folder / "gslcosim" / "runtime" / "over_bus" / "warm_server.py").exists()
+        os.environ["TMPDIR"] = runs_dir
         for _ in range(options.n):
-            own.append(measure(today, runs_dir, has_tape=True, has_groups=True))
-            base.append(measure(other, runs_dir, has_tape=has_tape, has_groups=has_groups))
+            for code, rounds, has in (
+                (today, own, (True, True, True)),
+                (other, base, (has_tape, has_groups, has_server)),
+            ):
+                with warm_server(code) if has[2] else contextlib.nullcontext():
+                    rounds.append(measure(code, runs_dir, has_tape=has[0], has_groups=has[1], has_server=has[2]))
+        once = measured_once(today, other, options.skip)
     if options.json:
-        print(json.dumps({"today": own, options.base: base}, indent=2))  # noqa: T201
+        print(json.dumps({"today": own, options.base: base, "once": once}, indent=2))  # noqa: T201
         return
     print(f"{SCENARIO}, {os.cpu_count()} cores, medians of {options.n} rounds in turns")  # noqa: T201
-    print(f"{'':44}{options.base[:10]:>12}{'today':>12}")  # noqa: T201
+    print(f"{'':52}{options.base[:10]:>12}{'today':>12}")  # noqa: T201
     own_medians, base_medians = medians(own), medians(base)
     for title, figure in ROWS:
         before, now = figure(base_medians, base_medians), figure(own_medians, base_medians)
-        print(f"{title:44}{before:12.2f}{now:12.2f}")  # noqa: T201
+        print(f"{title:52}{before:12.2f}{now:12.2f}")  # noqa: T201
+    for title, (before, now) in once.items():
+        print(f"{title:52}{before:12.2f}{now:12.2f}")  # noqa: T201
+    if "peers" not in options.skip and not any("HELICS" in title for title in once):
+        print("ours / HELICS's best core: make .venv-peers/ready, then again")  # noqa: T201
 
 
 if __name__ == "__main__":

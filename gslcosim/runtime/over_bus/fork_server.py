@@ -150,6 +150,11 @@ class _Server:
             self._requests.close()
             _write_to(request["log"])
             gc.enable()
+            if "rehearse" in request:
+                from gslcosim.runtime.over_bus.still_air import rehearse_requested
+
+                rehearse_requested(request["rehearse"])
+                os._exit(0)
             names = [str(name) for name in request["services"]]
             set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
             from gslcosim.runtime.over_bus.service import serve

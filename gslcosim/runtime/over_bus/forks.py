@@ -14,7 +14,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, NoReturn, Self
+from typing import IO, TYPE_CHECKING, Any, NoReturn, Self
 
 from gslcosim.errors import SimulationFault
 from gslcosim.runtime.command_lines import ending_with_parent, exit_text, python_command
@@ -24,8 +24,10 @@ from gslcosim.scratch import no_temporary_directory
 if TYPE_CHECKING:
     from gslcosim.bus.port import Join
     from gslcosim.runtime.processes import Process
+    from gslcosim.scenario import Scenario
 
 FORK_SERVER = "fork_server"
+REHEARSAL = "rehearsal"
 CLOSE_LIMIT_S = 2.0
 # A service needs no threads for linear algebra, and a process that forks must have none.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1") | {
@@ -214,13 +216,28 @@ class ForkServer:
         Raises:
             SimulationFault: the fork server has ended.
         """
+        request = {"services": list(services), "join": join.model_dump(exclude_none=True)}
+        return self._ask(name, request, log)
+
+    def rehearse(self, scenario: "Scenario", directory: Path) -> ForkedProcess | None:
+        """Let a fork compile the kernels of a scenario's services while its environment is made, as far as it comes.
+
+        Args:
+            scenario: What will be flown; its environment is any but one with a `path`.
+            directory: Where its relative paths start.
+
+        Returns:
+            The fork; None where the server has ended, which whoever asks for a service is told.
+        """
+        from gslcosim.runtime.over_bus.still_air import request_to_rehearse
+
+        with contextlib.suppress(SimulationFault):
+            return self._ask(REHEARSAL, {"rehearse": request_to_rehearse(scenario, directory)}, Path(os.devnull))
+        return None
+
+    def _ask(self, name: str, request: dict[str, Any], log: Path) -> ForkedProcess:
         process = ForkedProcess(name)
-        request = {
-            "name": name,
-            "services": list(services),
-            "join": join.model_dump(exclude_none=True),
-            "log": str(log.resolve()),
-        }
+        request = {"name": name, "log": str(log.resolve()), **request}
         with self._lock:
             if self._is_gone:
                 raise SimulationFault(self._end_text())

@@ -98,35 +98,12 @@ def _warm_up() -> None:
     import_what_services_share()
     for module in _OF_SUPERVISORS:
         importlib.import_module(module)
-    _rehearse_services()
 
-
-# In still air, so that no wind has to be there: what is loaded are the kernels.
-def _rehearse_services() -> None:
-    import numpy as np
-
-    from gslcosim.environment.model import WindFrames
-    from gslcosim.environment.of_scenario.room_origin import room_of
-    from gslcosim.environment.room import with_wind
-    from gslcosim.runtime.assembly import build_core
-    from gslcosim.runtime.participants import services_of
-    from gslcosim.runtime.run_dir import RunDir
-    from gslcosim.runtime.setup import Setup
+    from gslcosim.runtime.over_bus.still_air import rehearse_in_still_air
     from gslcosim.scenario import load_scenario
 
     loaded = load_scenario(_REHEARSED)
-    scenario = loaded.scenario
-    room = room_of(scenario.environment, scenario.wind, scenario_dir=loaded.directory)
-    still = WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32))
-    setup = Setup(
-        run_dir=RunDir(loaded.directory),
-        scenario=scenario,
-        environment_dir=loaded.directory,
-        environment=with_wind(room, still),
-    )
-    for kind in services_of(scenario):
-        if kind.is_rehearsed:
-            build_core(kind.name, setup)
+    rehearse_in_still_air(loaded.scenario, loaded.directory)
 
 
 @contextlib.contextmanager

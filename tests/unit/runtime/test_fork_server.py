@@ -12,6 +12,7 @@ from gslcosim.bus.port import Join
 from gslcosim.errors import SimulationFault
 from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.processes import Children
+from gslcosim.scenario import load_scenario
 
 pytestmark = [
     pytest.mark.skipif(not ForkServer.is_possible(), reason="forks are safe on Linux only"),
@@ -54,6 +55,12 @@ def test_the_server_has_one_thread(server, tmp_path):
     """A fork has the thread that forks and no other; whatever a lost one held would be held for ever."""
     server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
     assert len(list(Path(f"/proc/{server.pid}/task").iterdir())) == 1
+
+
+def test_a_fork_compiles_the_kernels_of_a_scenario(server):
+    """While the supervisor makes the environment; what it loads is in the cache afterwards, and it ends by itself."""
+    loaded = load_scenario("tiny_room")
+    assert server.rehearse(loaded.scenario, loaded.directory).wait(110) == 0
 
 
 def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
