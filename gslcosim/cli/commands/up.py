@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
     from gslcosim.bus.port import Certificate
     from gslcosim.runtime.joining import Network
     from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.status import FlightStatus
 
+Report = Callable[["FlightStatus"], None]
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
@@ -137,6 +140,7 @@ def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") ->
     from gslcosim.runtime.flight import fly
 
     network = _network(arguments)
+    is_told = not arguments.quiet and not arguments.json
     title = f"{loaded.name}, seed {loaded.scenario.seed}"
     with live_flight(arguments.live, loaded.scenario) as live:
         with watched_flight(title, is_quiet=arguments.quiet or arguments.json) as report:
@@ -146,7 +150,7 @@ def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") ->
                 processes=arguments.processes,
                 network=network,
                 fork_server=fork_server,
-                report=live.passing_on(report),
+                report=live.passing_on(_telling_where(report, network) if network.elsewhere and is_told else report),
             )
         live.end()
         if arguments.json:
@@ -158,6 +162,17 @@ def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") ->
                 write_note(f"{fault['participant']}: {fault['text']}")
         live.stay_open(flight.exit_code)
     return flight.exit_code
+
+
+# Who starts the services needs to know where their join files are.
+def _telling_where(report: Report, network: "Network") -> Report:
+    def told(status: "FlightStatus") -> None:
+        if status.run_dir is not None:
+            folder = (network.join_dir or status.run_dir / "join") / "services"
+            write_note(f"Elsewhere: gslcosim join {folder / 'NAME.json'}, for {', '.join(network.elsewhere)}")
+        report(status)
+
+    return told
 
 
 def _network(arguments: argparse.Namespace) -> "Network":

@@ -22,6 +22,7 @@ class RunOffer(control.Control):
 
     `scenario` is the YAML text as resolved; `room_files` are the files of the environment's folder with their sizes
     [bytes]; `expected` are the services that are started elsewhere, `present` those of them that have come.
+    `paced_from_tick` is as in `Setup`.
     """
 
     run_id: str
@@ -32,6 +33,7 @@ class RunOffer(control.Control):
     expected: list[str]
     present: list[str]
     software: Software
+    paced_from_tick: int | None = None
 
 
 class PieceRequest(control.Control):
@@ -86,6 +88,7 @@ class Offering:
             expected=list(self._expected),
             present=[name for name in self._expected if name in present],
             software=self._software,
+            paced_from_tick=self._setup.paced_from_tick,
         ).to_bytes()
 
     def _piece(self, question: bytes) -> list[bytes]:

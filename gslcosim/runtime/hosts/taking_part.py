@@ -55,8 +55,14 @@ def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Sa
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ZenohBus.open_member(join) as bus:
         offer = fetch_offer(bus)
-        check_offer(offer, names)
+        here = Software.here()
+        check_offer(offer, names, here)
         say(f"{offer.run_id}: joined as {', '.join(names)}")
+        if here.processor != offer.software.processor:
+            say(
+                f"this processor is a {here.processor}, that of the run's host a {offer.software.processor}: "
+                "the last bits of results, and with them the digest, may differ"
+            )
         setup = _setup_of(join, offer, bus, runs_dir, say)
         at_fault = names[0]
         try:
@@ -78,8 +84,13 @@ def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Sa
             raise
 
 
-def check_offer(offer: RunOffer, names: Sequence[str]) -> None:
+def check_offer(offer: RunOffer, names: Sequence[str], here: Software) -> None:
     """Refuse to take part where the run does not want it, or its digest would not be what it is on one host.
+
+    Args:
+        offer: What the run tells of itself.
+        names: The services that would be served.
+        here: What this host has.
 
     Raises:
         UsageError: with the one sentence that says why.
@@ -91,7 +102,7 @@ def check_offer(offer: RunOffer, names: Sequence[str]) -> None:
             )
         if name in offer.present:
             raise UsageError(f"expected a service that the run still awaits, but {name} has joined it already.")
-    refusal = offer.software.refusal_of(Software.here())
+    refusal = offer.software.refusal_of(here)
     if refusal:
         raise UsageError(f"this host: {refusal} Install the same on both.")
 
@@ -112,6 +123,8 @@ def _setup_of(join: Join, offer: RunOffer, bus: ZenohBus, runs_dir: Path, say: S
         scenario=run_dir.load_scenario(),
         environment_dir=room.resolve(),
         environment=load_environment(room),
+        directory=Path.cwd(),
+        paced_from_tick=offer.paced_from_tick,
     )
 
 
