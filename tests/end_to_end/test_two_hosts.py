@@ -74,7 +74,7 @@ def with_paths(options, folder):
 
 @pytest.mark.tour
 def test_services_on_another_host_need_the_join_file_and_a_certificate_only(hosts, there, tmp_path, digest_here):
-    """The room is fetched, the digest is that of one host; who has no certificate is not let in."""
+    """The room is fetched, the digest is that of one host; who has no certificate, or one of another, is not let in."""
     certificates(tmp_path)
     flight = fly(
         hosts, tmp_path, "--elsewhere=fields,sensing", f"--listen=tls/{HERE}:7447", *with_paths(MUTUAL_TLS, tmp_path)
@@ -84,6 +84,12 @@ def test_services_on_another_host_need_the_join_file_and_a_certificate_only(host
     stranger = there(file, "fields")
     assert "--tls-certificate and --tls-key" in stranger.communicate(timeout=60)[1]
     assert stranger.returncode == 2
+    forger_dir = tmp_path / "forger"
+    forger_dir.mkdir()
+    make_certificates(forger_dir)
+    forger = there(file, "fields", f"--tls-certificate={forger_dir}/client.pem", f"--tls-key={forger_dir}/client.key")
+    assert "or the client certificate, were refused" in forger.communicate(timeout=60)[1]
+    assert forger.returncode == 3
     client = (f"--tls-certificate={tmp_path}/client.pem", f"--tls-key={tmp_path}/client.key")
     joined = there(file, "fields", "sensing", "--json", *client)
     ended = flight.end()

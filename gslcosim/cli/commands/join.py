@@ -79,7 +79,7 @@ def _fly_agent(joined: "JoinFile", words: list[str], arguments: argparse.Namespa
 
     if not joined.is_of_agent:
         raise UsageError(f"{joined.path}: expected the join file of an agent, was that of service {joined.name}.")
-    fly_agent_from_here(joined, agent_command(words), say=say)
+    fly_agent_from_here(joined, agent_command(words, is_behind_gateway=joined.join is None), say=say)
     if arguments.json:
         write_json({"agent": joined.name, "exit_code": 0})
     return ExitCode.SUCCESS

@@ -17,8 +17,12 @@ from gslcosim.runtime.processes import OUR_VARIABLES, check_program
 from gslcosim.runtime.sandbox.launching import file_of
 
 
-def agent_command(words: Sequence[str]) -> list[str]:
+def agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> list[str]:
     """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is.
+
+    Args:
+        words: What stands for the agent.
+        is_behind_gateway: Whether it has to connect to the gateway by TCP itself.
 
     Raises:
         UsageError: there are no words, or it cannot be started.
@@ -28,10 +32,17 @@ def agent_command(words: Sequence[str]) -> list[str]:
     is_python = len(words) == 1 and (words[0].endswith(".py") or "/" not in words[0])
     if is_python:
         try:
-            return python_command(str(find_python_agent(words[0], Path.cwd())))
+            found = find_python_agent(words[0], Path.cwd())
         except UsageError:
             if words[0].endswith(".py"):
                 raise
+        else:
+            if is_behind_gateway:
+                raise UsageError(
+                    f"agent: expected a command that connects to the gateway, was {words[0]!r}: Python agents attach "
+                    "with start: {attach: true}, without door: tcp."
+                )
+            return python_command(str(found))
     check_program("agent", words, None)
     return list(words)
 

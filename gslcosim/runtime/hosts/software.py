@@ -1,6 +1,7 @@
 """What a host computes with, and how that of two hosts differs."""
 
 import sys
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from pydantic import BaseModel, ConfigDict
@@ -29,6 +30,7 @@ class Software(BaseModel):
     processor: str
 
     @classmethod
+    @cache
     def here(cls) -> "Software":
         """Return what this process computes with; the first time after a change of code takes seconds."""
         # Slow to import, and needed by nobody else here.

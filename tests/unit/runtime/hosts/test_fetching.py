@@ -40,6 +40,8 @@ def run(tmp_path, monkeypatch):
         monkeypatch.setattr(module, "PIECE_BYTES", 1000)
     monkeypatch.setattr(fetching, "ANSWER_WITHIN_S", 0.2)
     monkeypatch.setattr(fetching, "ASK_AGAIN_AFTER_S", 0.05)
+    # With the cache that knows the code already.
+    Software.here()
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
     folder = tmp_path / "host" / "room"
     save_environment(small_room(), folder)
