@@ -19,13 +19,17 @@ from gslcosim.runtime.snapshots.shelf import Snapshot, nearest_snapshot
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.scenario import Scenario
 
+# The key of a manifest that says which log a run was made of.
+IMPORTED_FROM = "imported_from"
+
 
 @dataclass(frozen=True, kw_only=True)
 class PastRun:
     """What a run has left, as far as it is needed to fly it again.
 
     `commands` are those that took effect, by agent and tick; `digest` is absent where the run came to no verdict.
-    `directory` is where relative paths of its agents start; `flown_by` says which version flew it.
+    `directory` is where relative paths of its agents start; `flown_by` says which version flew it; `is_imported` that
+    none did: it was made of a log from elsewhere.
     """
 
     run_dir: RunDir
@@ -36,6 +40,7 @@ class PastRun:
     environment_hash: str
     directory: Path
     flown_by: str
+    is_imported: bool = False
 
     @classmethod
     def load(cls, folder: Path, *, needs_result: bool = True) -> "PastRun":
@@ -61,15 +66,30 @@ class PastRun:
             last_tick=int(result.get("ticks", 0)),
             environment_hash=str(manifest.get("environment_hash")),
             directory=Path(_json_of(run_dir.setup).get("directory") or folder).absolute(),
+            is_imported=IMPORTED_FROM in manifest,
             flown_by=f"gslcosim {manifest.get('gslcosim')} ({manifest.get('git') or 'no git'})",
         )
+
+    def check_flown_here(self) -> None:
+        """Refuse a run that was made of a log from elsewhere.
+
+        Raises:
+            UsageError: it was.
+        """
+        if self.is_imported:
+            raise UsageError(
+                f"{self.run_dir.run_id}: expected a run of gslcosim, was a flight from elsewhere that was imported: "
+                "there is nothing that could be repeated. Fly its scenario with gslcosim up."
+            )
 
     def check_inputs(self) -> None:
         """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one.
 
         Raises:
-            UsageError: a command is missing, is one too many, or is another than the one that took effect.
+            UsageError: the run was flown elsewhere and imported, or a command is missing, is one too many, or is
+                another than the one that took effect.
         """
+        self.check_flown_here()
         for agent in self.scenario.agents if self.digest else ():
             trail = cast(RunDigest, self.digest).trails.get(keys.command(agent.name), Trail())
             found = Trail()

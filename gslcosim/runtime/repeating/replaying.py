@@ -116,9 +116,10 @@ def replay(
         report: Is told how preparation and flight go.
 
     Raises:
-        UsageError: it cannot be recorded like that, or the end is none of the run's.
+        UsageError: it was flown elsewhere, it cannot be recorded like that, or the end is none of the run's.
         EnvironmentDataError: the room is not the one that was flown in.
     """
+    past.check_flown_here()
     began = time.perf_counter()
     scenario = _recorded_anew(past, recording or {}, snapshots_every_s)
     from_tick = ticks_from_seconds(scenario.recording.from_s, scenario.tick_ns) if uses_snapshots else 0

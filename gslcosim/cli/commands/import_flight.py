@@ -1,0 +1,78 @@
+"""`gslcosim import-flight`: the log of a real robot as a run."""
+
+import argparse
+from pathlib import Path
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.errors import ExitCode, UsageError
+
+EXAMPLES = """  gslcosim import-flight hall.csv --scenario hall.yaml
+  gslcosim import-flight bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
+
+_BAG_ENDINGS = (".bag", ".mcap")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("log", type=Path, metavar="LOG", help="a .csv, a folder of rosbag2, a .bag or an .mcap")
+    parser.add_argument(
+        "--scenario",
+        required=True,
+        metavar="SCENARIO",
+        help="room, source, vehicle and sensors: a scenario file or the name of a bundled one, with one agent",
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="replace one value of the scenario"
+    )
+    parser.add_argument("--pose", metavar="TOPIC", help="of a bag: the topic that has the pose")
+    parser.add_argument(
+        "--topic", action="append", default=[], metavar="SENSOR=TOPIC", help="of a bag: the topic of a sensor"
+    )
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.cli.scenarios import load_checked
+    from gslcosim.real_flights.bag_logs import read_bag_log
+    from gslcosim.real_flights.csv_logs import read_csv_log
+    from gslcosim.real_flights.importing import import_flight, sensors_of
+
+    log = arguments.log
+    if not log.exists():
+        raise UsageError(f"{log}: expected a log, found none.")
+    arguments.seed = None
+    loaded = load_checked(arguments)
+    sensors = sensors_of(loaded.scenario)
+    is_bag = log.is_dir() or log.suffix in _BAG_ENDINGS
+    if not is_bag and (arguments.pose or arguments.topic):
+        raise UsageError(f"--pose, --topic: expected a bag of ROS, was {log.name}. Leave them out.")
+    if is_bag:
+        flight = read_bag_log(log, sensors, pose_topic=arguments.pose, topics=dict(map(_topic, arguments.topic)))
+    else:
+        flight = read_csv_log(log, sensors)
+    imported = import_flight(flight, log, loaded, arguments.runs_dir)
+    if arguments.json:
+        write_json(imported.result)
+    else:
+        for agent in imported.result["agents"]:
+            write(f"{agent['name']}: {agent['outcome']}, path {agent['path_length_m']:.1f} m")
+        write(str(imported.run_dir))
+    return ExitCode.SUCCESS if imported.result["valid"] else ExitCode.FAULT
+
+
+def _topic(text: str) -> tuple[str, str]:
+    sensor, equals, topic = text.partition("=")
+    if not (sensor and equals and topic):
+        raise UsageError(f"--topic {text}: expected SENSOR=TOPIC, for example nose=/pid/reading.")
+    return sensor, topic
+
+
+COMMAND = Command(
+    name="import-flight",
+    summary="make a run of the log of a real robot: judged by the referee, recorded with our views",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,154 @@
+"""Logs as messages of ROS: bags of ROS 2 and 1, and MCAP files."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Set
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gslcosim.errors import UsageError
+from gslcosim.extraction.ros_types import REMEDY, RosTypes, ros_types
+from gslcosim.real_flights.flight_log import FlightLog, LoggedValues, n_values_of
+
+_NS = 1e-9
+# What has a pose, in the order in which it is chosen where nobody says which.
+_POSES: dict[str, Callable[[Any], Any]] = {
+    "nav_msgs/msg/Odometry": lambda message: message.pose.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+}
+_MICROTESLA = 1e6
+_VALUES: dict[str, Callable[[Any], tuple[float, ...]]] = {
+    "olfaction_msgs/msg/GasSensor": lambda m: (m.raw,),
+    "olfaction_msgs/msg/Anemometer": lambda m: (m.wind_speed, m.wind_direction),
+    "std_msgs/msg/Float32": lambda m: (m.data,),
+    "std_msgs/msg/Float64": lambda m: (m.data,),
+    "sensor_msgs/msg/FluidPressure": lambda m: (m.fluid_pressure,),
+    "sensor_msgs/msg/Range": lambda m: (m.range,),
+    "sensor_msgs/msg/MagneticField": lambda m: tuple(
+        _MICROTESLA * part for part in (m.magnetic_field.x, m.magnetic_field.y, m.magnetic_field.z)
+    ),
+    "sensor_msgs/msg/Imu": lambda m: (
+        m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z,
+        m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z,
+    ),
+}  # fmt: skip
+
+
+def read_bag_log(
+    path: Path, sensors: Mapping[str, str], *, pose_topic: str | None = None, topics: Mapping[str, str] | None = None
+) -> FlightLog:
+    """Read a log.
+
+    Args:
+        path: A folder of rosbag2, a `.bag` of ROS 1, or an `.mcap` with messages of ROS 2.
+        sensors: By the sensors' names the units of their readings.
+        pose_topic: Which topic has the pose; absent: the only one with poses, Odometry first.
+        topics: By the sensors' names their topics; absent ones have the topic whose last part is their name.
+
+    Raises:
+        UsageError: the extra `ros` is not installed, it cannot be read, or a topic is missing or of a type that
+            cannot be used.
+    """
+    types = ros_types()
+    kinds: dict[str, str] = {}
+    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+    for topic, kind, time_ns, message in _messages(path, types):
+        kinds[topic] = kind
+        found[topic].append((time_ns * _NS, message))
+    pose_topic = _pose_topic(kinds, pose_topic, path)
+    poses = [(time_s, _POSES[kinds[pose_topic]](message)) for time_s, message in found[pose_topic]]
+    places = [(pose.position.x, pose.position.y, pose.position.z) for _, pose in poses]
+    turns = np.array([(q.w, q.x, q.y, q.z) for q in (pose.orientation for _, pose in poses)], dtype=np.float64)
+    # Nodes that know no attitude leave it empty.
+    turns[np.linalg.norm(turns, axis=1) == 0] = (1, 0, 0, 0)
+    by_sensor = _topics_of(sensors, kinds, topics or {}, path)
+    return FlightLog(
+        time_s=np.array([time_s for time_s, _ in poses]),
+        position_world_m=np.array(places, dtype=np.float64),
+        quaternion_wxyz=turns / np.linalg.norm(turns, axis=1, keepdims=True),
+        instruments={
+            sensor: _logged(found[topic], kinds[topic], sensors[sensor], sensor, topic)
+            for sensor, topic in by_sensor.items()
+        },
+    )
+
+
+def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
+    if path.suffix == ".mcap":
+        yield from _of_mcap(path, types)
+        return
+    from rosbags.highlevel import AnyReader, AnyReaderError
+
+    try:
+        with AnyReader([path], default_typestore=types.store) as bag:
+            wanted = [c for c in bag.connections if c.msgtype in _POSES or c.msgtype in _VALUES]
+            for connection, time_ns, data in bag.messages(connections=wanted):
+                yield connection.topic, connection.msgtype, time_ns, bag.deserialize(data, connection.msgtype)
+    except AnyReaderError as error:
+        raise UsageError(f"{path}: expected a bag of ROS, {error}") from error
+
+
+def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
+    try:
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+    except ImportError as error:
+        raise UsageError(f"mcap: expected the package, found none. Install it with: {REMEDY}") from error
+    try:
+        with path.open("rb") as file:
+            for schema, channel, message in make_reader(file).iter_messages():
+                if schema is not None and (schema.name in _POSES or schema.name in _VALUES):
+                    told = types.store.deserialize_cdr(message.data, schema.name)
+                    yield channel.topic, schema.name, message.log_time, told
+    except (OSError, McapError) as error:
+        raise UsageError(f"{path}: expected an MCAP file, {error}") from error
+
+
+def _pose_topic(kinds: Mapping[str, str], wanted: str | None, path: Path) -> str:
+    posed = {topic: kind for topic, kind in kinds.items() if kind in _POSES}
+    if wanted is not None:
+        if wanted not in posed:
+            raise UsageError(f"--pose {wanted}: expected one of {', '.join(sorted(posed)) or 'none'} in {path}.")
+        return wanted
+    for kind in _POSES:
+        some = sorted(topic for topic, its_kind in posed.items() if its_kind == kind)
+        if len(some) == 1:
+            return some[0]
+        if some:
+            raise UsageError(f"{path}: expected one topic with {kind}, found {', '.join(some)}. Say which with --pose.")
+    raise UsageError(f"{path}: expected a topic with poses ({', '.join(_POSES)}), found none.")
+
+
+def _topics_of(
+    sensors: Mapping[str, str], kinds: Mapping[str, str], given: Mapping[str, str], path: Path
+) -> dict[str, str]:
+    unknown = [name for name in given if name not in sensors]
+    if unknown:
+        raise UsageError(f"--topic {unknown[0]}: expected one of the sensors {', '.join(sensors)}.")
+    usable = {topic for topic, kind in kinds.items() if kind in _VALUES}
+    for sensor, topic in given.items():
+        if topic not in usable:
+            raise UsageError(
+                f"--topic {sensor}={topic}: expected one of {', '.join(sorted(usable)) or 'none'} in {path}."
+            )
+    return {**_guessed(sensors, usable), **given}
+
+
+# By their names; true values of our own bags are no readings.
+def _guessed(sensors: Mapping[str, str], usable: Set[str]) -> dict[str, str]:
+    fitting = {
+        sensor: [topic for topic in usable if topic.endswith(f"/{sensor}") and not topic.startswith("/truth/")]
+        for sensor in sensors
+    }
+    return {sensor: topics[0] for sensor, topics in fitting.items() if len(topics) == 1}
+
+
+def _logged(messages: list[tuple[float, Any]], kind: str, unit: str, sensor: str, topic: str) -> LoggedValues:
+    values = np.array([_VALUES[kind](message) for _, message in messages], dtype=np.float64)
+    if values.shape[1] != n_values_of(unit):
+        raise UsageError(
+            f"--topic {sensor}={topic}: expected {n_values_of(unit)} numbers in {unit}, {kind} has {values.shape[1]}."
+        )
+    return LoggedValues(time_s=np.array([time_s for time_s, _ in messages]), values=values)
