@@ -26,6 +26,7 @@ from gslcosim.cli.commands import (
     join,
     listing,
     paper_figures,
+    participant,
     replay,
     runs,
     sample,
@@ -73,6 +74,7 @@ COMMANDS = (
     serve.COMMAND,
     sample.COMMAND,
     agent.COMMAND,
+    participant.COMMAND,
     schema.COMMAND,
     doctor.COMMAND,
 )

@@ -111,6 +111,8 @@ def findings_of(
     unjudged: Mapping[str, str],
     notes: Mapping[str, str],
     beyond: Mapping[str, str] = MappingProxyType({}),
+    *,
+    rules: Mapping[str, Rule] = RULES,
 ) -> tuple[Finding, ...]:
     """Return one finding for each rule.
 
@@ -120,12 +122,13 @@ def findings_of(
         unjudged: Why a rule was not judged, by rule; a break goes first.
         notes: Worth knowing about a rule that was kept.
         beyond: Why a rule cannot be judged on this machine at all, by rule.
+        rules: All rules, by id; those of agents by default.
     """
     return tuple(
         Finding(rule=rule, status="not_applicable", note=beyond[rule.id])
         if rule.id in beyond
         else _finding(rule, door, failures, unjudged, notes)
-        for rule in RULES.values()
+        for rule in rules.values()
     )
 
 

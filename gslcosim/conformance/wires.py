@@ -43,8 +43,8 @@ def open_wire(wiring: Wiring) -> Wire:
     return ZenohWire(wiring) if wiring.door == "zenoh" else GatewayWire(wiring)
 
 
-class _Started:
-    """What both wires share: a private folder, the process, its end as an event, and what it leaves behind."""
+class StartedProcess:
+    """What all wires share: a private folder, the process, its end as an event, and what it leaves behind."""
 
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
@@ -57,11 +57,13 @@ class _Started:
         self.left_over: tuple[str, ...] = ()
 
     def command(self) -> list[str]:
+        """Return the command line, its program looked for in the folder of the check."""
         program, *arguments = self.wiring.command
         beside = self.wiring.directory / program
         return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]
 
     def end_process(self) -> str:
+        """End the process with all that it leaves behind; return the end of its log."""
         self.children.end()
         self.left_over = self.orphans.end()
         lines = self.log.read_text(errors="replace").splitlines() if self.log.exists() else []
@@ -69,7 +71,7 @@ class _Started:
         return "\n".join(line[:200] for line in lines if line.strip()[:1] not in ("", "^", "~"))[-N_LAST_LINES * 200 :]
 
 
-class ZenohWire(_Started):
+class ZenohWire(StartedProcess):
     """An agent over Zenoh, with a router of its own that lets it do what it wants and sees it."""
 
     may_lose = True
@@ -189,7 +191,7 @@ class ZenohWire(_Started):
         return self._opened().is_read(_whole(key))
 
 
-class GatewayWire(_Started):
+class GatewayWire(StartedProcess):
     """An agent behind the gateway, over the very link that a run uses."""
 
     may_lose = False

@@ -30,7 +30,11 @@ class FrameExchange:
     @property
     def has_more(self) -> bool:
         """Whether something has come that nobody has taken yet."""
-        if not self._items and self._stream.wait_readable(0.0):
+        return self.comes_within(0.0)
+
+    def comes_within(self, within_s: float) -> bool:
+        """Return whether something is there that nobody has taken yet, or comes within a time [s]."""
+        if not self._items and not self._has_ended and self._stream.wait_readable(within_s):
             self._read()
         return bool(self._items)
 

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[2] / "gslcosim"
 # Modules that mean the same in each package, or whose package says which of two is meant.
 MODULES = {
     "core", "ports",  # of each participant
-    "agent", "export", "schema",  # commands of the command line, beside what they call
+    "agent", "export", "participant", "schema",  # commands of the command line, beside what they call
     "frames", "solve", "making", "preparing", "planning", "running", "loading", "judging", "writing", "flying",
     "flight", "page", "figures", "rules", "problems", "places", "random_places", "assembly", "case",
     "beliefs", "columns", "contacts", "instruments", "legs", "onboard", "scene", "course",

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 
@@ -32,13 +33,24 @@ def say(message):
     told.flush()
 
 
+n_stepped = 0
 hello = {"tick": 0, "reads": ["truth/samples"], "writes": ["state"]}
 if FAULT == "wrong_reads":
     hello["reads"] = ["truth/bodies"]
 if FAULT == "wrong_writes":
     hello["writes"] = ["state", "gas"]
+if FAULT == "unknown_port":
+    hello["reads"] = ["truth/everything"]
+if FAULT == "other_contract":
+    hello["contract"] = "2.0"
+if FAULT == "no_share":
+    hello["writes"] = ["state", "ventilation"]
 if FAULT == "never_says_hello":
     sys.exit(4)
+if FAULT == "once_only":
+    os.close(os.open(AT, os.O_CREAT | os.O_EXCL))
+if FAULT == "leaves":
+    subprocess.Popen(["sleep", "600"], start_new_session=True, stdout=subprocess.DEVNULL)
 if told is not sys.stdout:
     say({"token": os.environ["GSLCOSIM_TOKEN"] if FAULT != "wrong_token" else "?"})
 say(hello)
@@ -47,11 +59,24 @@ for line in heard:
     if message["message"] == "Ending":
         break
     if message["message"] != "ParticipantInputs":
+        if FAULT == "unasked":
+            say({"tick": 0, "outputs": {"state": {}}})
         continue
-    tick = message["tick"]
-    outputs = {"state": {"n_samples": len(message["inputs"]["truth/samples"]["samples"]), "tick": tick}}
+    tick, inputs = message["tick"], message["inputs"]
+    n_stepped += 1
+    if FAULT == "needs_inputs":
+        assert "truth/samples" in inputs
+    if FAULT == "knows_all_fields":
+        assert message.keys() == {"message", "tick", "time_s", "inputs"}
+    outputs = {"state": {"n_samples": len(inputs.get("truth/samples", {}).get("samples", [])), "tick": tick}}
     answer = {"tick": tick, "outputs": outputs}
-    if tick == int(AT):
+    if FAULT == "random":
+        outputs["state"]["chance"] = int.from_bytes(os.urandom(4))
+    if FAULT == "real_tick":
+        answer["tick"] = float(tick)
+    if FAULT == "no_share":
+        answer["outputs"] = {"state": {}, "ventilation": {}}
+    if str(tick) == AT:
         if FAULT == "exits":
             sys.stderr.write("the model has blown up\n")
             sys.exit(7)
@@ -78,3 +103,12 @@ for line in heard:
             answer["outputs"]["state"]["n"] = len(bytearray(400_000_000) + bytes(1))
             time.sleep(5)
     say(answer)
+else:
+    if FAULT == "stays_behind":
+        time.sleep(600)
+if FAULT == "lingers":
+    time.sleep(600)
+if FAULT == "ends_badly":
+    sys.exit(5)
+if FAULT == "needs_a_step" and not n_stepped:
+    sys.exit(6)

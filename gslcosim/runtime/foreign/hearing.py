@@ -77,6 +77,11 @@ def read_outputs(payload: bytes, tick: int, words: Iterable[str]) -> Mapping[str
     return {word: _message(word, tick, answer.outputs[word]) for word in declared}
 
 
+def is_name(word: str) -> bool:
+    """Return whether a word can be the name of an output or of a value in it."""
+    return _NAME.fullmatch(word) is not None
+
+
 def _message(word: str, tick: int, fields: dict[str, Any]) -> Message:
     if word == VENTILATION:
         try:
@@ -89,7 +94,7 @@ def _message(word: str, tick: int, fields: dict[str, Any]) -> Message:
         )
     for name, value in fields.items():
         place = f"ParticipantOutputs: outputs.{word}"
-        if _NAME.fullmatch(name) is None:
+        if not is_name(name):
             expected = "names of at most 40 lower-case letters, digits and _"
             raise ContractError(f"{place}: expected {expected}, was {_shown(name)}.")
         if not isinstance(value, bool | int | float) or not math.isfinite(value):

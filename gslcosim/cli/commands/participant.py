@@ -1,0 +1,104 @@
+"""`gslcosim participant`: check a model of one's own against its contract, or begin a new one."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from gslcosim.cli.parsing import Command
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import ExitCode, UsageError
+
+EXAMPLES = """  gslcosim participant new c my_model
+  gslcosim participant check -- ./my_model
+  gslcosim participant check --format json --parameters '{above_ppm: 0.5}' -- python3 my_model.py"""
+
+DEFAULT_TIMEOUT_S = 10.0
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
+    check = actions.add_parser(
+        "check", help="play scripted sessions with a program and judge every rule of the contract", allow_abbrev=False
+    )
+    check.add_argument("words", nargs="+", metavar="COMMAND", help="the command that starts the program, after --")
+    check.add_argument(
+        "--door",
+        choices=("stdio", "tcp", "unix"),
+        default="stdio",
+        help="how the program joins the gateway (default: stdio)",
+    )
+    check.add_argument(
+        "--format", choices=("msgpack", "json"), default="msgpack", help="the format of frames (default: msgpack)"
+    )
+    check.add_argument(
+        "--parameters", default="{}", metavar="YAML", help="settings that its briefing hands to it, as in a scenario"
+    )
+    check.add_argument(
+        "--timeout",
+        type=float,
+        default=DEFAULT_TIMEOUT_S,
+        metavar="S",
+        help=f"how long the program may take for an answer, in seconds (default: {DEFAULT_TIMEOUT_S:g})",
+    )
+    add_json_option(check)
+    check.set_defaults(act=_check)
+    new = actions.add_parser("new", help="write a working program to begin with", allow_abbrev=False)
+    new.add_argument("language", metavar="LANGUAGE", help="c or python")
+    new.add_argument("name", metavar="NAME", help="the participant's name, such as my_model")
+    new.add_argument(
+        "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
+    )
+    new.set_defaults(act=_new)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    return int(arguments.act(arguments))
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from gslcosim.conformance import FlightLimits, Wiring
+    from gslcosim.conformance.participants import check_participant
+
+    if not 0.0 < arguments.timeout < 1e6:
+        raise UsageError(f"--timeout: expected a number of seconds above 0, was {arguments.timeout:g}.")
+    wiring = Wiring(command=tuple(arguments.words), door=arguments.door, format=arguments.format)
+    limits = FlightLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, 30.0))
+    parameters = _parameters(arguments.parameters)
+    report = check_participant(wiring, limits, parameters, lambda name: write_note(f"session: {name}"))
+    if arguments.json:
+        write_json(report.as_fields())
+    else:
+        write(report.as_text())
+    return 0 if report.has_passed else ExitCode.AGENT_FAILED
+
+
+def _new(arguments: argparse.Namespace) -> int:
+    from gslcosim.conformance.participants.beginning import create_participant
+
+    folder = arguments.dir or Path(arguments.name)
+    write(create_participant(arguments.language, arguments.name, folder))
+    return 0
+
+
+# The words of a scenario's `parameters`, with its rules.
+def _parameters(text: str) -> dict[str, Any]:
+    import yaml
+    from pydantic import ValidationError
+
+    from gslcosim.scenario.models.own_models import OwnModelSpec
+
+    try:
+        fields = {"name": "model", "start": {"command": ("x",)}, "writes": ("x",), "parameters": yaml.safe_load(text)}
+        return dict(OwnModelSpec.model_validate(fields).parameters)
+    except (yaml.YAMLError, ValidationError) as error:
+        expected = "a block such as {above_ppm: 0.5}, with names and plain values"
+        raise UsageError(f"--parameters: expected {expected}, was {text!r}.") from error
+
+
+COMMAND = Command(
+    name="participant",
+    summary="check a model of one's own in any language against its contract, or begin a new one",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

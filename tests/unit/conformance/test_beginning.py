@@ -1,0 +1,50 @@
+"""A new participant is the example under another name, and never written over somebody's files."""
+
+from pathlib import Path
+
+import pytest
+
+from gslcosim.conformance.participants.beginning import TEMPLATES, create_participant
+from gslcosim.errors import UsageError
+
+EXAMPLES = Path(__file__).parents[3] / "docs" / "examples" / "participants"
+
+
+def test_the_templates_are_the_examples_of_the_page():
+    """The examples are on a page, the templates in the package."""
+    names = {path.name for path in EXAMPLES.iterdir() if path.is_file()}
+    assert (
+        names
+        == {path.name for path in TEMPLATES.iterdir()}
+        == {
+            "air_conditioner.c",
+            "air_conditioner.py",
+            "ventilated_room.yaml",
+        }
+    )
+    assert all((TEMPLATES / name).read_bytes() == (EXAMPLES / name).read_bytes() for name in names)
+
+
+@pytest.mark.parametrize(("language", "program"), [("c", "my_fan.c"), ("python", "my_fan.py")])
+def test_a_new_participant_has_its_name_everywhere(language, program, tmp_path):
+    told = create_participant(language, "my_fan", tmp_path / "fan")
+    texts = [path.read_text() for path in (tmp_path / "fan").iterdir()]
+    assert {path.name for path in (tmp_path / "fan").iterdir()} == {program, "ventilated_room.yaml"}
+    assert not any("air_conditioner" in text for text in texts)
+    assert "name: my_fan" in (tmp_path / "fan" / "ventilated_room.yaml").read_text()
+    assert "gslcosim participant check" in told
+
+
+@pytest.mark.parametrize(
+    ("language", "name", "told"),
+    [
+        ("cobol", "fan", "expected one of the languages c, python, was 'cobol'"),
+        ("c", "My-Fan", "expected a name of lower-case letters, digits and _"),
+        ("c", "fan", "expected a folder that is new or empty"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(language, name, told, tmp_path):
+    (tmp_path / "somebodys").write_text("file")
+    with pytest.raises(UsageError) as caught:
+        create_participant(language, name, tmp_path)
+    assert told in str(caught.value)
