@@ -171,7 +171,8 @@ class Trial:
         if phase == "before join":
             return self.wait_for(lambda: self.pid_of(member))
         if phase == "start":
-            return self.wait_for(lambda: all(self.pid_of(name) for name in ("world", "recorder")))
+            # Agents are started after the services: who is to be signalled is waited for, too.
+            return self.wait_for(lambda: all(self.pid_of(name) for name in ("world", "recorder", member)))
         return self.wait_for(lambda: self.has_said("flying" if phase == "flight" else "closing"))
 
 
