@@ -134,10 +134,13 @@ class FlightWindow:
                 connection.sendall(json.dumps(self.look()).encode())
 
 
-# Of flights that were killed: they begin with the number of a process, which is no more.
+# Of flights that were killed: nobody listens there any more.
 def _remove_left(folder: Path) -> None:
     for window in folder.glob(f"*{SUFFIX}"):
-        pid = window.name.partition("-")[0]
-        with contextlib.suppress(OSError):
-            if pid.isdigit() and not Path(f"/proc/{pid}").exists() and Path("/proc/self").exists():
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
+            caller.settimeout(0)
+            try:
+                with socket_address(window) as address:
+                    caller.connect(address)
+            except ConnectionRefusedError:
                 window.unlink()
