@@ -17,6 +17,8 @@ ATTACHED = ("--set", "agents[0].start={attach: true}")
 MUTUAL_TLS = (
     "--tls-certificate=server.pem", "--tls-key=server.key", "--tls-ca=ca.pem", "--tls-client-ca=ca.pem",
 )  # fmt: skip
+# Longer than any test: it ends because of what the test does to it.
+ENDLESS = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
 BAD = Quality(delay_s=0.1, loss_frac=0.05, reorder_frac=0.05)
 
 
@@ -139,7 +141,7 @@ def test_a_host_that_vanishes_is_named_within_its_lease(hosts, there, tmp_path):
     """The link is cut for good: the run ends with the service's name, and the other host notices too."""
     lease_s = 2.0
     options = ("--elsewhere=fields", f"--listen=tcp/{HERE}:7447", "--insecure", f"--lease-s={lease_s}")
-    flight = fly(hosts, tmp_path, *options)
+    flight = fly(hosts, tmp_path, *options, *ENDLESS)
     there("--wait=60", tmp_path / "join" / "services" / "fields.json")
     flight.wait_until_flying()
     hosts.wire.cut()
@@ -150,6 +152,22 @@ def test_a_host_that_vanishes_is_named_within_its_lease(hosts, there, tmp_path):
     fault = ended.result["faults"][0]
     assert fault["participant"] == "fields"
     assert "contact was lost" in fault["text"]
+
+
+@pytest.mark.parametrize("hosts", [Quality(delay_s=0.02)], indirect=True)
+def test_an_agent_whose_host_vanishes_has_failed_within_its_lease(hosts, there, tmp_path):
+    """The run is valid: an agent's fault is a result."""
+    lease_s = 2.0
+    options = (f"--listen=tcp/{HERE}:7447", "--insecure", f"--lease-s={lease_s}")
+    flight = fly(hosts, tmp_path, *options, *ATTACHED, *ENDLESS)
+    there("--wait=60", tmp_path / "join" / "agents" / "beetle.json", "agent", "dung_beetle")
+    flight.wait_until_flying()
+    hosts.wire.cut()
+    cut_at_s = time.monotonic()
+    ended = flight.end()
+    assert time.monotonic() - cut_at_s < lease_s + 5.0
+    assert (ended.exit_code, ended.result["valid"], ended.result["end_reason"]) == (1, True, "agent_failed")
+    assert ended.result["faults"][0]["participant"] == "agent beetle"
 
 
 def test_what_the_run_does_not_await_is_refused_and_ctrl_c_names_the_host(hosts, there, tmp_path):

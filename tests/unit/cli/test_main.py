@@ -35,7 +35,7 @@ def options_of(name):
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
          "--insecure, --join-dir, --json, --lease-s, "
          "--listen, --live, --no-services, --pace, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
-         "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, --window-ticks, "
+         "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, --warm, --window-ticks, "
          "was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),
         (["up"], "gslcosim up: the following arguments are required: SCENARIO. See gslcosim up --help."),
