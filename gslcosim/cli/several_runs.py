@@ -11,11 +11,11 @@ from gslcosim.errors import UsageError
 from gslcosim.recording.side_by_side import Parting, RecordedRun, record_side_by_side
 from gslcosim.runtime.repeating.comparing import RunComparison
 from gslcosim.runtime.repeating.past_run import PastRun, environment_of
-from gslcosim.ticks import seconds_from_ticks
+from gslcosim.ticks import seconds_from_ticks, ticks_from_seconds
 
 
-def record_runs(recordings: Sequence[Path], path: Path) -> None:
-    """Write one recording of the runs of some recordings.
+def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool = False) -> None:
+    """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas.
 
     Raises:
         UsageError: they were not flown in one room with one tick, or one of them has come to no result.
@@ -35,7 +35,22 @@ def record_runs(recordings: Sequence[Path], path: Path) -> None:
         for recording, past in zip(recordings, pasts, strict=True)
     ]
     environment = load_environment(environment_of(first, lambda _: None), with_meshes=True)
-    record_side_by_side(runs, environment, path, parting=_parting(pasts))
+    record_side_by_side(runs, environment, path, parting=_parting(pasts), is_by_contact=is_by_contact)
+
+
+def record_run_at(recording: Path, path: Path, at_s: float, *, is_still: bool) -> None:
+    """Write a copy of a run's recording that opens at a simulated time [s].
+
+    Raises:
+        UsageError: the run has left no scenario, or spoke another contract.
+        RecordingError: the recording cannot be read, or ends before.
+    """
+    from gslcosim.recording.at_time import record_from_tick
+
+    past = PastRun.load(recording.parent, needs_result=False)
+    environment = load_environment(environment_of(past, lambda _: None))
+    tick = ticks_from_seconds(at_s, past.scenario.tick_ns)
+    record_from_tick(recording, past.scenario, environment, path, tick=tick, is_still=is_still)
 
 
 def _how_it_went(past: PastRun) -> str:

@@ -35,7 +35,8 @@ from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
 # What of the referee's events is marked in the room where it happened; all of them are in its log.
-MARKED_EVENTS = {"take_off": "start", "gas_contact": "first gas"}
+FIRST_GAS = "first gas"
+MARKED_EVENTS = {"take_off": "start", "gas_contact": FIRST_GAS}
 WARNING_EVENTS = frozenset({"contact", "refused", "collision", "agent_failed", "out_of_bounds"})
 
 

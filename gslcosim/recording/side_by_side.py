@@ -9,18 +9,20 @@ from typing import Any
 
 import pyarrow as pa
 import rerun as rr
-from rerun.chunk import Chunk, RrdReader
+from rerun.chunk import Chunk
 
 from gslcosim.environment.model import Environment
 from gslcosim.errors import RecordingError
 from gslcosim.quantities import Vec3
 from gslcosim.recording import colors, entities
+from gslcosim.recording.at_time import read_chunks
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import entities_of, gases_in
 from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.rows.agents import AgentRows
 from gslcosim.recording.rows.wind_layer import WindLayer
-from gslcosim.recording.run_file import TICK_TIMELINE, RunFile
+from gslcosim.recording.run_file import TICK_TIMELINE, TIME_TIMELINE, RunFile
+from gslcosim.recording.run_recording import FIRST_GAS
 from gslcosim.recording.scene import draw_map, draw_room, draw_sources
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
@@ -60,8 +62,21 @@ class Parting:
     text: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Meeting:
+    """The tick at which all runs have their first contact with gas, once they are moved in time."""
+
+    tick: int
+    tick_ns: int
+
+
 def record_side_by_side(
-    runs: Sequence[RecordedRun], environment: Environment, path: Path, *, parting: Parting | None = None
+    runs: Sequence[RecordedRun],
+    environment: Environment,
+    path: Path,
+    *,
+    parting: Parting | None = None,
+    is_by_contact: bool = False,
 ) -> None:
     """Write one recording of several runs.
 
@@ -72,7 +87,9 @@ def record_side_by_side(
         runs: Two runs or more, all in `environment` and with equal ticks.
         environment: Their room.
         path: The file to write.
-        parting: Where they part, to be marked.
+        parting: Where they part, to be marked; not where they are moved in time.
+        is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
+            first run has.
 
     Raises:
         RecordingError: a recording cannot be read, or there are too many.
@@ -81,8 +98,9 @@ def record_side_by_side(
         raise RecordingError(f"view: expected at most {MAX_RUNS} runs at once, was {len(runs)}.")
     renamed = [_names_of(letter, run.scenario) for letter, run in zip(string.ascii_uppercase, runs, strict=False)]
     scenario = _scenario_of_all(runs, renamed)
+    meets_at, parting = (_meeting(runs[0]), None) if is_by_contact else (None, parting)
     chunks = [
-        [*_chunks_of(run.recording, names, is_first=i == 0)]
+        [*_chunks_of(run.recording, names, is_first=i == 0, meets_at=meets_at)]
         for i, (run, names) in enumerate(zip(runs, renamed, strict=True))
     ]
     believers = {name for chunk in itertools.chain(*chunks) if (name := _believer(chunk))}
@@ -94,7 +112,7 @@ def record_side_by_side(
         blueprint=default_blueprint(scenario, environment, believers=sorted(believers)),
     )
     try:
-        _draw(file, scenario, environment, believers, _summary(runs, renamed, parting))
+        _draw(file, scenario, environment, believers, _summary(runs, renamed, parting, meets_at))
         file.send_chunks(itertools.chain(*chunks))
         if parting is not None:
             _mark(file, scenario, parting, chunks[0])
@@ -138,23 +156,32 @@ def _draw(file: RunFile, scenario: Scenario, environment: Environment, believers
     file.flush()
 
 
-def _summary(runs: Sequence[RecordedRun], renamed: Sequence[Mapping[str, str]], parting: Parting | None) -> str:
+def _summary(
+    runs: Sequence[RecordedRun],
+    renamed: Sequence[Mapping[str, str]],
+    parting: Parting | None,
+    meets_at: Meeting | None,
+) -> str:
     lines = [f"**{runs[0].scenario.name}**: {len(runs)} runs", ""]
     for run, names in zip(runs, renamed, strict=True):
         lines.append(f"- **{', '.join(names.values())}**: {run.text}")
     if parting is not None:
         lines += ["", f"### {parting.text}"]
+    if meets_at is not None:
+        at_s = seconds_from_ticks(meets_at.tick, meets_at.tick_ns)
+        lines += ["", f"### All have their first contact with gas at {at_s:g} s: others than A are moved in time."]
     lines += ["", "Room, gas and wind are those of run A."]
     return "\n".join(lines)
 
 
-def _chunks_of(recording: Path, names: Mapping[str, str], *, is_first: bool) -> Iterator[Chunk]:
-    try:
-        chunks = RrdReader(recording).store().stream().to_chunks()
-    except (OSError, RuntimeError, ValueError) as error:
-        raise RecordingError(f"recording: expected one that can be read, was {error}.\nFile: {recording}") from error
+def _chunks_of(
+    recording: Path, names: Mapping[str, str], *, is_first: bool, meets_at: Meeting | None = None
+) -> Iterator[Chunk]:
     letter = next(iter(names.values())).partition("_")[0]
-    for chunk in chunks:
+    chunks = read_chunks(recording)
+    shift_ticks = 0 if meets_at is None else meets_at.tick - _first_contact(chunks, recording)
+    for unshifted in chunks:
+        chunk = _shifted(unshifted, shift_ticks, meets_at)
         path = str(chunk.entity_path).removeprefix("/")
         if path.split("/")[0] in _OF_ONE:
             if is_first and (not chunk.is_static or path.startswith(_KEPT_STATIC)):
@@ -163,6 +190,43 @@ def _chunks_of(recording: Path, names: Mapping[str, str], *, is_first: bool) -> 
             yield from _said_by(letter, chunk, path)
         elif (new_path := _renamed(path, names)) is not None and _is_kept(chunk, path):
             yield chunk.with_entity_path(new_path)
+
+
+def _meeting(run: RecordedRun) -> Meeting:
+    tick = _first_contact(read_chunks(run.recording), run.recording)
+    return Meeting(tick=tick, tick_ns=run.scenario.tick_ns)
+
+
+def _first_contact(chunks: Sequence[Chunk], recording: Path) -> int:
+    ticks = [
+        tick
+        for chunk in chunks
+        if not chunk.is_static and str(chunk.entity_path).startswith("/markers/")
+        for tick, labels in _labels(chunk)
+        if FIRST_GAS in labels
+    ]
+    if not ticks:
+        raise RecordingError(
+            f"--align first_contact: expected runs with a contact with gas, {recording.resolve().parent.name} has none."
+        )
+    return min(ticks)
+
+
+def _labels(chunk: Chunk) -> list[tuple[int, list[str]]]:
+    batch: Any = chunk.to_record_batch()
+    return list(zip(batch.column(TICK_TIMELINE).to_pylist(), batch.column("Points3D:labels").to_pylist(), strict=True))
+
+
+def _shifted(chunk: Chunk, ticks: int, meets_at: Meeting | None) -> Chunk:
+    if meets_at is None or not ticks or chunk.is_static:
+        return chunk
+    batch: Any = chunk.to_record_batch()
+    for name, step in ((TICK_TIMELINE, ticks), (TIME_TIMELINE, ticks * meets_at.tick_ns)):
+        i = batch.schema.get_field_index(name)
+        moved = pa.array(batch.column(i).cast(pa.int64()).to_numpy() + step).cast(batch.schema.field(i).type)
+        batch = batch.set_column(i, batch.schema.field(i), moved)
+    (piece,) = Chunk.from_record_batch(batch)
+    return piece.with_entity_path(str(chunk.entity_path))
 
 
 def _is_kept(chunk: Chunk, path: str) -> bool:

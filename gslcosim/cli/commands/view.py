@@ -10,10 +10,13 @@ from gslcosim.cli.live import serve_until_closed
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import write
+from gslcosim.errors import UsageError
 
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
   gslcosim view runs/first runs/second            both over one map, their curves over each other
+  gslcosim view runs/first runs/second --align first_contact
+  gslcosim view --at 120
   gslcosim view hall                              the environment in the folder hall
   gslcosim view --web
   gslcosim view --screenshot run.png --window-size 1600x1000"""
@@ -38,7 +41,28 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--window-size", type=_size, default=(1600, 1000), metavar="WxH", help="the picture's size (default: 1600x1000)"
     )
+    parser.add_argument(
+        "--at",
+        type=_time_s,
+        metavar="S",
+        help="open one run at a simulated time: it plays from there on; a picture shows it as it was then",
+    )
+    parser.add_argument(
+        "--align",
+        choices=("sim_time", "first_contact"),
+        help="what several runs share: the simulated time (default), or the time of their first contact with gas",
+    )
     add_runs_dir_option(parser)
+
+
+def _time_s(text: str) -> float:
+    try:
+        time_s = float(text)
+    except ValueError:
+        time_s = -1.0
+    if not 0 <= time_s < 1e9:
+        raise argparse.ArgumentTypeError(f"expected a simulated time in seconds, was '{text}'")
+    return time_s
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -67,14 +91,23 @@ def _run(arguments: argparse.Namespace) -> int:
 def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
     run = arguments.runs[0] if arguments.runs else None
     is_environment = run is not None and (Path(run) / ENVIRONMENT_HEADER).is_file()
-    if len(arguments.runs) < 2 and not is_environment:
+    if arguments.align is not None and len(arguments.runs) < 2:
+        raise UsageError("gslcosim view: expected --align with several runs.")
+    if arguments.at is not None and (len(arguments.runs) > 1 or is_environment):
+        raise UsageError("gslcosim view: expected --at with one run.")
+    if len(arguments.runs) < 2 and not is_environment and arguments.at is None:
         yield find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
         return
     from gslcosim.scratch import ScratchFolder
 
     with ScratchFolder() as scratch:
         path = scratch.path / RECORDING
-        if len(arguments.runs) > 1:
+        if arguments.at is not None:
+            from gslcosim.cli.several_runs import record_run_at
+
+            recording = find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
+            record_run_at(recording, path, arguments.at, is_still=arguments.screenshot is not None)
+        elif len(arguments.runs) > 1:
             _record_side_by_side(arguments, path)
         else:
             _record_environment(Path(arguments.runs[0]), path)
@@ -91,7 +124,8 @@ def _record_environment(folder: Path, path: Path) -> None:
 def _record_side_by_side(arguments: argparse.Namespace, path: Path) -> None:
     from gslcosim.cli.several_runs import record_runs
 
-    record_runs([find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs], path)
+    recordings = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs]
+    record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")
 
 
 COMMAND = Command(
