@@ -30,7 +30,7 @@ from gslcosim.recording.rows.service_curves import ServiceRows
 from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import draw_map, draw_room, draw_sources
-from gslcosim.recording.summary import summary_text
+from gslcosim.recording.summary import legend_text, summary_text
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
@@ -133,6 +133,7 @@ class RunRecording:
         self._wind_layer.draw(self._file, entities.WIND)
         for name, agent in self._agents.items():
             agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
+        self._file.draw(entities.LEGEND, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN))
         self._write_summary(tick=0, verdict=None)
         self._file.flush()
 

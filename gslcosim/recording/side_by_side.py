@@ -24,6 +24,7 @@ from gslcosim.recording.rows.wind_layer import WindLayer
 from gslcosim.recording.run_file import TICK_TIMELINE, TIME_TIMELINE, RunFile
 from gslcosim.recording.run_recording import FIRST_GAS
 from gslcosim.recording.scene import draw_map, draw_room, draw_sources
+from gslcosim.recording.summary import legend_text
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 
@@ -152,6 +153,7 @@ def _draw(file: RunFile, scenario: Scenario, environment: Environment, believers
         # What is drawn at all times wins over the colour of each row.
         for points in (names.waypoints, names.markers):
             file.draw(points, rr.Points3D.from_fields(colors=[names.color]))
+    file.draw(entities.LEGEND, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
     file.draw(entities.SUMMARY, rr.TextDocument(summary, media_type=rr.MediaType.MARKDOWN))
     file.flush()
 

@@ -12,7 +12,7 @@ MAX_NAMED = 3
 def summary_text(scenario: Scenario, environment: Environment, verdict: Verdict | None = None) -> str:
     """Return the recording's text as Markdown; with a verdict it begins with the result."""
     parts = [_result(scenario, verdict)] if verdict else []
-    parts += [_mission(scenario, environment), _key(scenario)]
+    parts += [_mission(scenario, environment)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -41,16 +41,38 @@ def _mission(scenario: Scenario, environment: Environment) -> str:
     return "\n".join(lines)
 
 
-def _key(scenario: Scenario) -> str:
-    scales = {agent.vehicle.model: agent.vehicle.facts.drawn_scale for agent in scenario.agents}
+def legend_text(scenario: Scenario) -> str:
+    """Return as Markdown what each element of the views is; only of those that a run of this scenario can have."""
+    agents, success = scenario.agents, scenario.referee.success
+    rows = [
+        ("cloud", "filaments of gas, each drawn at its size; bright yellow is strong, violet weak"),
+        ("map", "mixing ratio at search height, logarithmic, by the scale at its left; grey: solid there; "
+                "grey edges: ends below"),
+        ("blue arrows", "wind at search height; the longer the faster"),
+        ("blue and violet frames", "inlets with their speed, and outlets"),
+        ("red ball", "source" + ("; red lines around it: where success counts" if success.drawn_radius_m else "")),
+        ("line", "track of a vehicle, in its colour"),
+        ("small dots", "waypoints that it was sent to"),
+        ("start, first gas", "where it took off, and where its nose first met gas"),
+    ]  # fmt: skip
+    if any(agent.vehicle.avoidance != "none" for agent in agents):
+        rows.append(("pale line", "path that it has planned around obstacles"))
+    rows.append(("declared", "where an agent has declared the source"))
+    rows.append(("orange point", "where a vehicle began to touch something; all touches are in Contacts"))
+    rows.append(("Belief of …", "where an agent believes the source to be: white is most probable; only of agents that "
+                                "publish beliefs"))  # fmt: skip
+    if any(agent.sensors and any(hasattr(sensor, "max_range_m") for sensor in agent.sensors) for agent in agents):
+        rows.append(("thin rays, points", "what range finders, lasers and lidars see"))
+    if scenario.events:
+        rows.append(("named points", "events of the scenario, where they happen"))
+    if scenario.channels:
+        rows.append(("Radio", "texts between agents and who heard them"))
+    rows.append(("Referee", "what the referee noted; orange is a fault, a refusal or a collision"))
+    scales = {agent.vehicle.model: agent.vehicle.facts.drawn_scale for agent in agents}
     larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]
-    told = f" Drawn larger: {', '.join(larger)}." if larger else ""
-    avoids = any(agent.vehicle.avoidance != "none" for agent in scenario.agents)
-    planned = "; pale line: planned path" if avoids else ""
-    return (
-        "Cloud: filaments of gas, each drawn at its size. Map: mixing ratio at search height on a logarithmic scale. "
-        f"Blue arrows: wind. Line: track{planned}; dots: waypoints.{told}"
-    )
+    if larger:
+        rows.append(("vehicles", f"drawn larger: {', '.join(larger)}"))
+    return "\n".join(f"- **{what}**: {how}" for what, how in rows) + "\n"
 
 
 def _result(scenario: Scenario, verdict: Verdict) -> str:

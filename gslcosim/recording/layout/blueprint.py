@@ -57,12 +57,13 @@ def default_blueprint(scenario: Scenario, environment: Environment, *, believers
 def _flight_page(
     scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities], believers: Sequence[str]
 ) -> rrb.Horizontal:
-    texts: list[rrb.View | rrb.Tabs] = [
-        rrb.TextDocumentView(origin=entities.SUMMARY, name="Run"),
-        rrb.Tabs(_log_view(entities.EVENTS, "Referee"), _log_view(entities.CONTACTS, "Contacts"), active_tab=0),
-    ]
+    # Behind tabs, so that each has room for some lines on a small screen.
+    logs = [_log_view(entities.EVENTS, "Referee"), _log_view(entities.CONTACTS, "Contacts")]
     if scenario.channels:
-        texts.append(_log_view(entities.RADIO, "Radio"))
+        logs.append(_log_view(entities.RADIO, "Radio"))
+    run = rrb.TextDocumentView(origin=entities.SUMMARY, name="Run")
+    legend = rrb.TextDocumentView(origin=entities.LEGEND, name="Legend")
+    texts = [rrb.Tabs(run, legend, active_tab=0), rrb.Tabs(*logs, active_tab=0)]
     believing = [agent for agent in agents if agent.agent.name in believers]
     n_maps = 2 if believing else 1
     maps: list[rrb.View | rrb.Tabs] = [_map_view(scenario, environment, agents, n_maps)]
@@ -73,7 +74,7 @@ def _flight_page(
         _room_view(scenario, environment, agents),
         rrb.Horizontal(
             *maps,
-            rrb.Vertical(*texts, row_shares=[3, *(2 for _ in texts[1:])]),
+            rrb.Vertical(*texts, row_shares=[3, 2]),
             column_shares=[1] * (len(maps) + 1),
         ),
         row_shares=[4, 3],
