@@ -79,5 +79,5 @@ def test_runs_are_moved_to_one_first_contact(record_contact, make_room, tmp_path
 
 def test_a_run_without_contact_is_named(record_contact, make_room, tmp_path):
     runs = [record_contact("a", contact_tick=40), record_contact("b")]
-    with pytest.raises(RecordingError, match="--align first_contact: .* b has none"):
+    with pytest.raises(RecordingError, match=r"--align first_contact: .* b has none"):
         record_side_by_side(runs, make_room(), tmp_path / "both.rrd", is_by_contact=True)
