@@ -5,9 +5,11 @@ Run with `make bench`, or `python tests/benchmarks/bench_flight.py [SCENARIO] [N
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,24 @@ def fly(scenario: str, runs_dir: str, *arguments: str) -> dict[str, Any]:
     if not done.stdout.startswith("{"):
         sys.exit(done.stderr)
     return json.loads(done.stdout)
+
+
+def loop_s() -> float:
+    """Return the processor's time of a plain loop: how fast the machine is today."""
+    started = time.process_time()
+    total = 0
+    for i in range(5_000_000):
+        total += i & 7
+    return time.process_time() - started
+
+
+def show_ratios(rounds: list[tuple[dict[str, Any], dict[str, Any], float]]) -> None:
+    """Print what carries over to other machines: medians of ratios within a round, and a plain loop."""
+    speed = statistics.median(many["real_time_factor"] / one["real_time_factor"] for many, one, _ in rounds)
+    start = statistics.median(many["start_up_s"] / many["flight_wall_s"] for many, _, _ in rounds)
+    print(f"  many processes / one, speed                    {speed:8.2f}")  # noqa: T201
+    print(f"  many processes, first tick / flight            {start:8.2f}")  # noqa: T201
+    print(f"  a plain loop [s]                               {statistics.median(r[2] for r in rounds):8.3f}")  # noqa: T201
 
 
 def show(title: str, results: list[dict[str, Any]]) -> None:
@@ -44,9 +64,10 @@ def main() -> None:
     n_runs = int(sys.argv[2]) if len(sys.argv) > 2 else 3
     with tempfile.TemporaryDirectory() as runs_dir:
         fly(scenario, runs_dir, "--in-process")  # fills the caches
-        print(f"{Path(scenario).stem}, recording on, {os.cpu_count()} cores, best of {n_runs}")  # noqa: T201
-        multi = [fly(scenario, runs_dir) for _ in range(n_runs)]
-        single = [fly(scenario, runs_dir, "--in-process") for _ in range(n_runs)]
+        print(f"{Path(scenario).stem}, recording on, {os.cpu_count()} cores, {n_runs} rounds in turns")  # noqa: T201
+        rounds = [(fly(scenario, runs_dir), fly(scenario, runs_dir, "--in-process"), loop_s()) for _ in range(n_runs)]
+        multi, single = [first for first, _, _ in rounds], [second for _, second, _ in rounds]
+        show_ratios(rounds)
         show("independent processes over Zenoh", multi)
         show("one process", single)
         digests = {result["digest"] for result in multi + single}

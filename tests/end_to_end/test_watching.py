@@ -27,8 +27,10 @@ def told(*words):
 
 
 @pytest.fixture(autouse=True)
-def windows(monkeypatch):
+def windows(monkeypatch, tmp_path_factory):
     """Flights of other tests have their windows elsewhere; a router's socket needs a folder with a short name."""
+    # Pytest's own temporary files stay where they are.
+    tmp_path_factory.getbasetemp()
     with tempfile.TemporaryDirectory(prefix="seen-") as folder:
         put_temporary_files_into(Path(folder), monkeypatch)
         yield Path(folder)
