@@ -1,6 +1,7 @@
 """What every core knows of the room: geometry, occupancy and wind, read-only."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, Self
 
@@ -102,7 +103,8 @@ class Environment:
     """A room with its wind. The grid covers the air exactly; walls lie outside it unless an importer says otherwise.
 
     `occupancy` is (nx, ny, nz) uint8 of `Cell`; OUTLET marks free cells that touch an outlet.
-    `content_hash` identifies everything in here. `meshes` are what the boxes were made from, where they were made from
+    `content_hash` identifies everything in here but `later_winds`, which events of a run bring, by the place of the
+    event in its scenario. `meshes` are what the boxes were made from, where they were made from
     anything; `load_environment` reads them only on demand.
     """
 
@@ -115,3 +117,4 @@ class Environment:
     content_hash: str
     lights: tuple[Light, ...] = ()
     meshes: tuple[VisualMesh, ...] = ()
+    later_winds: Mapping[int, WindFrames] = field(default_factory=dict[int, WindFrames])

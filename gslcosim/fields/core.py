@@ -18,7 +18,6 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.record import unchecked
-from gslcosim.contract.ventilation import WIND
 from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import Environment
 from gslcosim.errors import ModelError
@@ -45,7 +44,7 @@ class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
     Reads `truth/bodies` of the same tick, and `truth/wind` of the last one where a service drives the wind, and
-    `truth/events` of the last one where sources have events. Writes
+    `truth/events` of the last one where sources or the wind have events. Writes
     `truth/samples` every tick and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments
     with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at
     3 sigma and do not look for walls.
@@ -66,7 +65,7 @@ class FieldsCore:
         self._timing = gas_timing(scenario)
         self._mounts = MountPlaces(scenario)
         n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
-        self._wind = DrivenWind(environment.wind) if scenario.has_driven_wind else None
+        self._wind = DrivenWind(environment, scenario) if scenario.has_wind_that_changes else None
         wind_at = None if self._wind is None else self._wind.at
         self._gas = gas_field_of(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
         self._gas_events = GasEvents(scenario, self._gas)
@@ -103,7 +102,7 @@ class FieldsCore:
         """Bring the gas to the end of the tick and sample it there."""
         bodies = cast(BodyPoses, inbox[keys.BODIES])
         if self._wind is not None:
-            self._wind.take(inbox.get(WIND))
+            self._wind.obey(inbox)
         self._gas_events.obey(inbox)
         self._advance(self._timing.steps_at(tick), bodies)
         outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}

@@ -5,11 +5,12 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import MachineError, RecordingError, UsageError
 from gslcosim.generation import prepare_environment
+from gslcosim.generation.later_winds import prepare_later_winds, with_later_winds
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
@@ -27,6 +28,9 @@ from gslcosim.runtime.watching.window import FlightWindow
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loading import LoadedScenario, dump_resolved
 from gslcosim.scenario.models.scenario import Processes
+
+if TYPE_CHECKING:
+    from gslcosim.generation.winds import Progress
 
 Report = Callable[[FlightStatus], None]
 
@@ -166,11 +170,13 @@ def fly_into_folder(
 
     def outcome_of_flight(report: Report) -> Outcome:
         run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
+        later_winds = prepare_later_winds(scenario, scenario_dir=directory, progress=_telling(report))
         setup = Setup(
             run_dir=run_dir,
             scenario=scenario,
             environment_dir=environment_dir.resolve(),
-            environment=load_environment(environment_dir),
+            environment=with_later_winds(load_environment(environment_dir), later_winds),
+            later_winds=later_winds,
             directory=directory.absolute(),
             paced_from_tick=paced_from_tick,
             snapshot=snapshot,
@@ -192,6 +198,10 @@ def fly_into_folder(
     result = _saved_result(run_dir, outcome, scenario, began)
     report(FlightStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
     return outcome, FlightResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
+
+
+def _telling(report: Report) -> "Progress":
+    return lambda text, fraction: report(FlightStatus(state="preparing", text=text, fraction=fraction))
 
 
 def _flown(

@@ -1,7 +1,8 @@
 """What every core of a run is built from, and how the services of a run come by it."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gslcosim.contract.participant import Episode
@@ -20,7 +21,8 @@ class Setup:
     `directory` is where relative paths of agents and participants start; `past` has the commands that count whatever
     agents answer, where the run is a fork; services do not need it.
     `paced_from_tick` is the first tick that keeps the scenario's pace; absent: none does, as in a replay.
-    `snapshot` is where the run goes on; absent: it begins at tick 0.
+    `snapshot` is where the run goes on; absent: it begins at tick 0. `later_winds` are the environments whose winds
+    `environment` has besides, by the place of the event that brings them.
     """
 
     run_dir: RunDir
@@ -31,6 +33,7 @@ class Setup:
     past: Past | None = None
     paced_from_tick: int | None = None
     snapshot: Snapshot | None = None
+    later_winds: Mapping[int, Path] = field(default_factory=dict[int, Path])
 
     @property
     def episode(self) -> Episode:
@@ -39,7 +42,9 @@ class Setup:
 
     def save(self) -> None:
         """Write `setup.json` beside the resolved scenario, for the services of the run."""
-        places: dict[str, str | int] = {"environment": str(self.environment_dir)}
+        places: dict[str, str | int | dict[str, str]] = {"environment": str(self.environment_dir)}
+        if self.later_winds:
+            places["later_winds"] = {str(i): str(folder) for i, folder in self.later_winds.items()}
         if self.directory is not None:
             places["directory"] = str(self.directory)
         if self.paced_from_tick is not None:
@@ -55,11 +60,18 @@ class Setup:
         scenario = run_dir.load_scenario()
         saved = json.loads(run_dir.setup.read_text())
         environment_dir = Path(saved["environment"])
+        environment = load_environment(environment_dir)
+        later_winds = {int(i): Path(folder) for i, folder in saved.get("later_winds", {}).items()}
+        if later_winds:
+            from gslcosim.generation.later_winds import with_later_winds
+
+            environment = with_later_winds(environment, later_winds)
         return cls(
             run_dir=run_dir,
             scenario=scenario,
             environment_dir=environment_dir,
-            environment=load_environment(environment_dir),
+            environment=environment,
+            later_winds=later_winds,
             paced_from_tick=saved.get("paced_from_tick"),
             directory=Path(saved["directory"]) if "directory" in saved else None,
             snapshot=Snapshot.at(Path(saved["snapshot"]), scenario) if "snapshot" in saved else None,

@@ -30,6 +30,8 @@ def problems_of_events(values: dict[str, Any]) -> Iterator[Problem]:
         what = str(event.get("what"))
         if what.startswith("source_"):
             yield from _wrong_source(event, values, path)
+        elif what == "wind_changes":
+            yield from _wrong_wind(event, values, path)
         elif what.startswith("sensor_"):
             yield from _wrong_sensor(event, values, path)
         elif what == "rotor_weakens":
@@ -65,16 +67,37 @@ def _trigger_agent(event: dict[str, Any]) -> Any:
     return block_in(event, "when").get("agent")
 
 
-def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+def _deaf_gas(values: dict[str, Any], path: str, of: str) -> Iterator[Problem]:
     gas = block_in(values, "gas")
     model = gas.get("model", "filament")
     if model != "filament" or gas.get("tape") is True:
         yield Problem(
             path=f"{path}.what",
-            expected="no event of a source with gas that cannot follow it",
+            expected=f"no event of {of} with gas that cannot follow it",
             found="gas.tape: true" if model == "filament" else f"gas.model: {model}",
             remedy="Take gas.model: filament without a tape.",
         )
+
+
+# Another inlet makes another wind only where the wind is made here.
+def _wrong_wind(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    yield from _deaf_gas(values, path, "the wind")
+    environment, solver = block_in(values, "environment"), block_in(values, "wind").get("solver", "auto")
+    has_own_wind = not ({"layout", "geometry"} & environment.keys()) and solver in ("auto", "stored")
+    if event.get("inlet_velocity_m_s") is not None and (
+        isinstance(solver, dict) or solver == "stored" or "path" in environment or has_own_wind
+    ):
+        yield Problem(
+            path=f"{path}.inlet_velocity_m_s",
+            expected="none where the wind is stored, and not made of an inlet",
+            found="one",
+            remedy="Take share, or a wind.solver that makes the wind: built_in, uniform or openfoam.",
+        )
+
+
+def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    yield from _deaf_gas(values, path, "a source")
+    gas = block_in(values, "gas")
     sources = dict(blocks_in(gas, "sources"))
     i = event.get("source", 0)
     if not isinstance(i, int) or isinstance(i, bool) or not sources:

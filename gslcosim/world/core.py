@@ -15,7 +15,6 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Command
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.record import unchecked
-from gslcosim.contract.ventilation import WIND
 from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.planning import rehearse_planning
@@ -69,7 +68,7 @@ class WorldCore:
         self._spec = world_spec(scenario)
         self._tick_ns = scenario.tick_ns
         self._environment = environment
-        self._wind = _wind_of(environment)
+        self._wind = _wind_of(environment, scenario)
         self._warm_up_s = scenario.gas.warm_up_s
         self._agents = scenario.agents
         models = [vehicle_of(agent.vehicle.model) for agent in self._agents]
@@ -159,7 +158,7 @@ class WorldCore:
             for craft in self._crafts:
                 craft.stand()
         else:
-            self._wind.take(inbox.get(WIND))
+            self._wind.obey(inbox)
             self._rotor_faults.obey(inbox)
             for craft in self._crafts:
                 command = inbox.get(keys.command(craft.name))
@@ -265,11 +264,12 @@ class WorldCore:
 
 
 # One compiled kernel serves all winds: read-only, as they come from a memory map.
-def _wind_of(environment: Environment) -> DrivenWind:
-    wind = environment.wind.velocity_m_s
-    if wind.dtype != np.float32 or not wind.flags.c_contiguous:
-        raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
-    return DrivenWind(environment.wind)
+def _wind_of(environment: Environment, scenario: Scenario) -> DrivenWind:
+    for frames in (environment.wind, *environment.later_winds.values()):
+        wind = frames.velocity_m_s
+        if wind.dtype != np.float32 or not wind.flags.c_contiguous:
+            raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
+    return DrivenWind(environment, scenario)
 
 
 def _physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:

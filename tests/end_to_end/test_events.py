@@ -4,13 +4,18 @@ import pytest
 from flights import ROOT, fly, fly_here
 from rerun.chunk import RrdReader
 
+from gslcosim import open_run
+
 SCENARIOS = sorted((ROOT / "scenarios").glob("event_*.yaml"))
 HAPPEN = {
     "event_source": ["source_rate", "source_starts", "source_stops", "source_moves", "source_starts"],
     "event_sensor": ["sensor_biased", "sensor_drifts", "sensor_sticks", "sensor_drops_out", "sensor_recovers"],
     "event_rotor": ["rotor_weakens"],
+    "event_wind": ["wind_changes", "wind_changes", "wind_changes"],
     "event_radio": ["radio_lost", "radio_returns", "radio_lost"],
 }
+
+WIND_SERIES = ("wind", "wind_speed")
 
 
 def test_there_is_a_scenario_for_each_kind():
@@ -46,6 +51,16 @@ def test_without_its_events_a_scenario_is_another_run(tmp_path):
 def test_a_run_with_events_replays_to_the_bit(tmp_path):
     flown = fly_here(ROOT / "scenarios" / "event_source.yaml", tmp_path / "flown")
     assert replay(flown.run_dir, tmp_path / "again") == 0
+
+
+def test_vehicles_and_noses_are_in_the_wind_that_an_event_brings(tmp_path):
+    """The anemometers say so, until the scenario's own wind is back."""
+    flown = fly_here(ROOT / "scenarios" / "event_wind.yaml", tmp_path, is_recorded=True)
+    (series,) = [each for each in open_run(flown.run_dir).samples if (each.sensor, each.quantity) == WIND_SERIES]
+    speeds = dict(zip(series.tick.tolist(), series.values[:, 0].tolist(), strict=True))
+    assert speeds[20] == pytest.approx(0.5, abs=1e-6)
+    assert speeds[50] == pytest.approx(0.25, abs=1e-6)
+    assert speeds[150] == pytest.approx(0.5, abs=1e-6)
 
 
 def replay(run_dir, runs_dir):

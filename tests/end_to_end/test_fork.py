@@ -110,6 +110,24 @@ def test_one_of_several_agents_is_replaced(tmp_path):
     assert "expected NAME=infotaxis with one of " in unnamed.errors
 
 
+@pytest.mark.parametrize("in_process", [True, False])
+def test_other_wind_and_gas_blow_from_the_fork_on(past, tmp_path, in_process):
+    """The past repeats although the run had no events; afterwards the fork is another run, which replays."""
+    turned = ("--event", "{what: wind_changes, at_s: 5.1, inlet_velocity_m_s: [0, 0.5, 0]}")
+    more = ("--event", "{what: source_rate, at_s: 6, filaments_per_s: 30}")
+    fork = forked(past.run_dir, tmp_path / "fork", 5, *turned, *more, in_process=in_process)
+    assert fork.exit_code in (0, 1), fork.errors
+    assert fork.result["fork_of"]["divergence"] is None
+    assert fork.result["fork_of"]["changed"] == ["events"]
+    assert [event["tick"] for event in fork.result["events"]] == [51, 60]
+    assert fork.result["digest"] != past.result["digest"]
+    found = compared(past.run_dir, fork.run_dir)["divergence"]
+    assert found["tick"] == 51
+    assert found["port"] != "truth/events"
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert main(["replay", str(fork.run_dir), "--json", "--runs-dir", str(tmp_path / "again")]) == 0
+
+
 def test_another_seed_is_told_and_named(past, tmp_path):
     fork = forked(past.run_dir, tmp_path, 5, "--set", "agents[0].seed=3", "--agent", "infotaxis")
     assert fork.result["fork_of"]["divergence"] is None

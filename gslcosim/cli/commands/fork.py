@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 EXAMPLES = """  gslcosim fork warehouse_empty-seed7-2025 --at 120 --agent infotaxis
   gslcosim fork runs/night_42 --at 60 --set agents[0].seed=5
   gslcosim fork runs/swarm --at 30 --agent moth=./my_agent.py --set agents[1].parameters.step_m=2
+  gslcosim fork runs/night_42 --at 60 --event '{what: wind_changes, at_s: 70, share: 0.5}'
   gslcosim fork runs/night_42 --at 60 --agent '{command: [./my_agent], door: stdio}'"""
 
 _NAMED = re.compile(r"([A-Za-z_]\w*)=(.+)", re.DOTALL)
@@ -55,6 +56,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--from-start", action="store_true", help="repeat the whole past, also where the run has a snapshot of it"
     )
     parser.add_argument(
+        "--event",
+        action="append",
+        default=[],
+        metavar="EVENT",
+        help="something more that happens after the fork, a block as in events of a scenario, as often as needed",
+    )
+    parser.add_argument(
         "--processes", choices=("separate", "grouped", "one"), help="as for up (default: as the run's scenario says)"
     )
     parser.add_argument(
@@ -83,7 +91,11 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
     fork = prepare_fork(
         past,
         at_s=arguments.at_s,
-        overrides=[*agent_overrides(past.scenario, arguments.agent), *arguments.set],
+        overrides=[
+            *agent_overrides(past.scenario, arguments.agent),
+            *event_overrides(past.scenario, arguments.event),
+            *arguments.set,
+        ],
         checks=(check_places, check_methods, check_stored_gas, check_drawing),
         uses_snapshots=not arguments.from_start,
     )
@@ -137,6 +149,19 @@ def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
         i = names.index(name) if name else 0
         overrides += [f"agents[{i}].start={_start_block(program)}", f"agents[{i}].parameters={{}}"]
     return overrides
+
+
+def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
+    """Return what adds events to those of a run.
+
+    Args:
+        scenario: The run's scenario.
+        events: Blocks like `{what: source_stops, at_s: 40}`.
+    """
+    from gslcosim.scenario.dumping import plain_values
+
+    known = [json.dumps(event) for event in plain_values(scenario).get("events", [])]
+    return [f"events=[{', '.join([*known, *events])}]"] if events else []
 
 
 def _start_block(program: str) -> str:

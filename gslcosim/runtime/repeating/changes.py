@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 from gslcosim.errors import UsageError
+from gslcosim.runtime.repeating.event_changes import problems_of_changed_events
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.dumping import plain_values
 from gslcosim.ticks import seconds_from_ticks
@@ -15,7 +16,7 @@ _FREE = re.compile(rf"agents\[\d+\]\.({_OF_AGENTS})\b.*|recording\b.*|snapshots\
 _TIME_LIMIT = "referee.stop.time_limit_s"
 _MAY_BE_SET = (
     "start, parameters, knows, seed, answer_within_s, sandbox, limits, may_read and may_write of agents, "
-    f"recording, snapshots, processes, pace, and {_TIME_LIMIT}"
+    f"recording, snapshots, processes, pace, events at times after it, and {_TIME_LIMIT}"
 )
 # By the beginning of a path: why it is part of the past.
 _REASONS = (
@@ -45,12 +46,15 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     problems: list[str] = []
     for path in changed_paths(plain_values(before), plain_values(after)):
+        if path.startswith("events"):
+            continue
         if path == _TIME_LIMIT:
             if after.referee.stop.time_limit_s <= at_s:
                 limit_s = after.referee.stop.time_limit_s
                 problems.append(f"{path}: expected a time after the fork at {at_s:g} s, was {limit_s:g} s.")
         elif not _FREE.fullmatch(path):
             problems.append(f"{path}: expected as in the run, was changed: {_reason(path)}.")
+    problems += problems_of_changed_events(before, after, at_tick=at_tick)
     if problems:
         raise UsageError("\n".join([*problems, f"A fork may change {_MAY_BE_SET}."]))
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.contract import keys
+from gslcosim.contract.event_notes import EVENTS
 from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
 
 _BRIEFING = keys.briefing("*").split("*")
@@ -47,7 +48,9 @@ class RunComparison:
             return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, told_otherwise=())
         briefings = {port for digest in digests for port in digest.trails if _agent_briefed_on(port)}
         told = tuple(sorted(_agent_briefed_on(port) for port in briefings if not _are_alike(port, *digests)))
-        later = first_divergence(*(digest.without(briefings) for digest in digests))
+        # A fork that had no events and has some now is the same until one of them happens.
+        other = briefings | ({EVENTS} if len([1 for digest in digests if EVENTS in digest.trails]) == 1 else set[str]())
+        later = first_divergence(*(digest.without(other) for digest in digests))
         return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, told_otherwise=told)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gslcosim.contract import keys
+from gslcosim.contract.event_notes import EVENTS
 from gslcosim.errors import ExitCode, ScenarioError, UsageError
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
@@ -96,7 +97,9 @@ def prepare_fork(
     past.check_inputs()
     loaded = _loaded(past, overrides, checks)
     check_changes(past.scenario, loaded.scenario, at_tick=at_tick)
-    snapshot, note = snapshot_before(past, at_tick) if uses_snapshots else (None, "")
+    # A snapshot knows of the events that the run had.
+    has_its_events = past.scenario.events == loaded.scenario.events
+    snapshot, note = snapshot_before(past, at_tick) if uses_snapshots and has_its_events else (None, "")
     fork = Fork(past=past, at_tick=at_tick, loaded=loaded, snapshot=snapshot, note=note)
     _check_agents(fork)
     return fork
@@ -176,5 +179,7 @@ def _divergence_of_past(fork: Fork, run_dir: RunDir) -> Divergence | None:
     other = {keys.briefing(agent.name) for agent in fork.past.scenario.agents}
     if fork.past.scenario.recording != fork.loaded.scenario.recording:
         other |= RECORDED_PORTS
+    if fork.past.scenario.events != fork.loaded.scenario.events:
+        other |= {EVENTS}
     last_tick = min(fork.at_tick - 1, now.final_tick)
     return first_divergence(before.without(other, final_tick=last_tick), now.without(other, final_tick=last_tick))

@@ -146,6 +146,29 @@ class SourceRateSpec(SourceEventSpec):
         return f"releases {self.filaments_per_s:g} filaments/s"
 
 
+class WindChangesSpec(EventSpec):
+    """The wind is another from then on, everywhere at once: faster or slower, or as another inlet makes it.
+
+    The wind of another inlet is made before the run in the same room, with everything else of `wind` as it is; an event
+    with neither key brings the scenario's own wind back. The time that a room takes to follow is left out.
+    """
+
+    drives_wind: ClassVar[bool] = True
+
+    what: Literal["wind_changes"] = Field(default="wind_changes", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    share: NonNegative = Field(default=1.0, description="how fast it blows, as a share of the wind that is meant")
+    inlet_velocity_m_s: Vec3 | None = Field(
+        default=None, description="wind through the inlets (absent: the scenario's own)"
+    )
+
+    @property
+    def text(self) -> str:
+        """What happens, in words."""
+        inlet = self.inlet_velocity_m_s
+        of = "the scenario's" if inlet is None else f"that of an inlet of {shown(inlet)} m/s"
+        return f"the wind is {of}" if self.share == 1.0 else f"the wind is {self.share:g} times {of}"
+
+
 class SensorEventSpec(EventSpec):
     """Something that happens to one sensor of an agent; a later event of the same sensor takes its place."""
 
@@ -283,6 +306,7 @@ _OWN = {
         SourceStopsSpec,
         SourceMovesSpec,
         SourceRateSpec,
+        WindChangesSpec,
         SensorDropsOutSpec,
         SensorSticksSpec,
         SensorDriftsSpec,

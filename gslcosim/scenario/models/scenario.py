@@ -494,6 +494,11 @@ class Scenario(Spec):
         return self.tick_ms * 1_000_000
 
     @property
+    def has_wind_that_changes(self) -> bool:
+        """Whether a service scales the wind during the run, or an event changes it."""
+        return self.has_driven_wind or any(event.drives_wind for event in self.events)
+
+    @property
     def has_driven_wind(self) -> bool:
         """Whether a service or participant scales the wind during the run."""
         return any(each.drives_wind for each in (*self.services, *self.participants))

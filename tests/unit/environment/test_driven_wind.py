@@ -1,11 +1,22 @@
 """A service can scale the wind of a room; without one the frames are handed out as they are."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from gslcosim.contract.ventilation import WindShare
+from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.ventilation import WIND, WindShare
 from gslcosim.environment.driven_wind import DrivenWind
 from gslcosim.environment.model import WindFrames
+from gslcosim.errors import ModelError
+from gslcosim.scenario.models.event_kinds import WindChangesSpec
+
+FIRST, SECOND, THIRD = 0, 1, 2
+
+
+def driven(frames, scenario=None, **later_winds):
+    return DrivenWind(SimpleNamespace(wind=frames, later_winds=later_winds.get("later", {})), scenario)
 
 
 @pytest.fixture
@@ -15,14 +26,14 @@ def frames():
 
 
 def test_a_share_scales_every_frame(frames):
-    wind = DrivenWind(frames)
+    wind = driven(frames)
     wind.take(WindShare(tick=0, share=2.5))
     for i, time_s in enumerate((0.0, 10.0, 29.9)):
         np.testing.assert_array_equal(wind.at(time_s), frames.velocity_m_s[i] * np.float32(2.5))
 
 
 def test_the_last_share_holds(frames):
-    wind = DrivenWind(frames)
+    wind = driven(frames)
     for share in (0.0, 3.0, 0.5):
         wind.take(WindShare(tick=0, share=share))
         wind.take(None)
@@ -30,7 +41,7 @@ def test_the_last_share_holds(frames):
 
 
 def test_without_a_share_the_frames_are_not_copied(frames):
-    wind = DrivenWind(frames)
+    wind = driven(frames)
     assert np.shares_memory(wind.at(12.0), frames.velocity_m_s[1])
     wind.take(WindShare(tick=0, share=2.0))
     wind.reset()
@@ -39,8 +50,41 @@ def test_without_a_share_the_frames_are_not_copied(frames):
 
 @pytest.mark.parametrize("share", [1.0, 2.0])
 def test_winds_are_handed_out_read_only_and_contiguous(frames, share):
-    wind = DrivenWind(frames)
+    wind = driven(frames)
     wind.take(WindShare(tick=0, share=share))
     assert wind.at(0.0).flags.c_contiguous
     assert not wind.at(0.0).flags.writeable
     assert wind.at(0.0).dtype == np.float32
+
+
+def events(*blocks):
+    return SimpleNamespace(events=tuple(WindChangesSpec(at_s=1.0, **block) for block in blocks))
+
+
+def begins(*places):
+    return {EVENTS: EventsBeginning(tick=0, beginning=places)}
+
+
+def test_an_event_brings_the_wind_that_was_made_for_it(frames):
+    turned = WindFrames(velocity_m_s=frames.velocity_m_s[:1] + np.float32(1.0))
+    scenario = events({"inlet_velocity_m_s": (0, 1, 0), "share": 0.5}, {"share": 2.0}, {})
+    wind = driven(frames, scenario, later={FIRST: turned})
+    wind.obey(begins(FIRST))
+    np.testing.assert_array_equal(wind.at(12.0), turned.velocity_m_s[0] * np.float32(0.5))
+    wind.obey(begins(SECOND))
+    np.testing.assert_array_equal(wind.at(12.0), frames.velocity_m_s[1] * np.float32(2.0))
+    wind.obey(begins(THIRD))
+    assert np.shares_memory(wind.at(12.0), frames.velocity_m_s[1])
+
+
+def test_a_service_scales_what_an_event_has_brought(frames):
+    wind = driven(frames, events({"share": 0.5}))
+    wind.obey(begins(FIRST) | {WIND: WindShare(tick=0, share=3.0)})
+    np.testing.assert_array_equal(wind.at(0.0), frames.velocity_m_s[0] * np.float32(1.5))
+    wind.reset()
+    assert np.shares_memory(wind.at(0.0), frames.velocity_m_s[0])
+
+
+def test_a_wind_that_was_not_made_is_told(frames):
+    with pytest.raises(ModelError, match=r"expected the wind that events\[0\] brings"):
+        driven(frames, events({"inlet_velocity_m_s": (0, 1, 0)}))

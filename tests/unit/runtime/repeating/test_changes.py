@@ -72,3 +72,45 @@ def test_paths_lead_into_blocks_of_lists():
     after = {"a": [{"b": 1}, {"b": [1, 3]}], "d": 1}
     assert list(changed_paths(before, after)) == ["a[1].b", "c", "d"]
     assert list(changed_paths({"a": [{}]}, {"a": [{}, {}]})) == ["a"]
+
+
+EVENTS = {
+    "stop": {"what": "source_stops", "at_s": 1.0},
+    "rate": {"what": "source_rate", "at_s": 2.0, "filaments_per_s": 3.0},
+    "late": {"what": "wind_changes", "at_s": 2.1, "share": 0.5},
+    "later": {"what": "wind_changes", "at_s": 2.5},
+    "when": {"what": "source_stops", "when": {"agent": "beetle", "gas_above_ppm": 1.0}},
+    "start": {"what": "source_starts", "at_s": 2.6},
+}
+
+
+def with_events(scenario, *names):
+    return changed(scenario, "events", [EVENTS[name] for name in names])
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [((), ("late",)), (("stop",), ("late", "stop", "later")), (("stop", "late"), ("stop",)),
+     (("when",), ("when", "later")), (("stop",), ("stop", "start"))],
+)  # fmt: skip
+def test_what_happens_after_the_fork_may_be_added_and_left_out(make_scenario, before, after):
+    scenario = make_scenario()
+    check_changes(with_events(scenario, *before), with_events(scenario, *after), at_tick=20)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ((), ("rate",), "events[0].at_s: expected a time after the fork at 2 s, was 2 s."),
+        ((), ("late", "stop"), "events[1].at_s: expected a time after the fork at 2 s, was 1 s."),
+        (("stop",), (), "events: expected source_stops at 1 s, as in the run, was left out or changed"),
+        ((), ("when",), "events[0].when: expected at_s for an event that the run has not"),
+        (("when",), (), "events: expected source_stops once beetle is in more than 1 ppm, as in the run"),
+        ((), ("start",), "events: expected no source_starts as the first of source 0"),
+    ],
+)
+def test_what_may_be_past_is_refused_by_name(make_scenario, before, after, told):
+    scenario = make_scenario()
+    with pytest.raises(UsageError) as refused:
+        check_changes(with_events(scenario, *before), with_events(scenario, *after), at_tick=20)
+    assert told in str(refused.value)
