@@ -1,5 +1,6 @@
 """The services of a scenario rehearsed without its wind, so that kernels are compiled before there is one."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,8 @@ def rehearse_in_still_air(scenario: Scenario, directory: Path) -> None:
     """
     room = room_of(scenario.environment, scenario.wind, scenario_dir=directory)
     still = WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32))
-    environment = with_wind(room, still)
+    later_winds = dict.fromkeys(range(len(scenario.events)), still)
+    environment = replace(with_wind(room, still), later_winds=later_winds)
     setup = Setup(run_dir=RunDir(directory), scenario=scenario, environment_dir=directory, environment=environment)
     rehearsed = [kind.name for kind in services_of(scenario) if kind.is_rehearsed]
     for name in sorted(rehearsed, key=lambda name: name != _FIRST):
