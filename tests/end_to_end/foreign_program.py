@@ -70,6 +70,8 @@ for line in heard:
         assert message.keys() == {"message", "tick", "time_s", "inputs"}
     outputs = {"state": {"n_samples": len(inputs.get("truth/samples", {}).get("samples", [])), "tick": tick}}
     answer = {"tick": tick, "outputs": outputs}
+    if FAULT == "counts":
+        outputs["state"]["n_stepped"] = n_stepped
     if FAULT == "random":
         outputs["state"]["chance"] = int.from_bytes(os.urandom(4))
     if FAULT == "real_tick":

@@ -68,9 +68,12 @@ def test_the_same_in_python_and_among_grouped_services_has_that_digest_too(room,
     assert in_python.result["digest"] == fly_here(room, tmp_path / "c").result["digest"] is not None
 
 
-def test_a_run_with_a_participant_is_replayed_to_the_bit(room, tmp_path):
-    flown = fly_here(room, tmp_path / "flown")
-    words = ["replay", str(flown.run_dir), "--runs-dir", str(tmp_path / "again")]
+@pytest.mark.parametrize("begin", [(), ("--from", "2")])
+def test_a_run_with_a_participant_is_replayed_to_the_bit_from_its_start_and_from_a_snapshot(room, tmp_path, begin):
+    flown = fly_here(room, tmp_path / "flown", "--set", "snapshots.every_s=1")
+    assert flown.result["ticks"] > 20, "the run ends before the snapshot"
+    assert (flown.run_dir / "snapshots" / "000000020" / "air_conditioner.snap").exists()
+    words = ["replay", str(flown.run_dir), "--runs-dir", str(tmp_path / "again"), *begin]
     assert main(words) == 0
     (again,) = (tmp_path / "again").glob("*/result.json")
     assert json.loads(again.read_text())["digest"] == flown.result["digest"]

@@ -35,8 +35,9 @@ def core_of(tmp_path):
     """Return the core of a participant, which is closed in the end."""
     cores = []
 
-    def build(**words):
+    def build(*, snapshots=False, **words):
         overrides = [f"participants=[{json.dumps(block(**words))}]"]
+        overrides += ["snapshots.every_s=1"] if snapshots else []
         loaded = load_scenario("tiny_room", overrides=overrides)
         environment_dir = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
         setup = Setup(
@@ -73,6 +74,33 @@ def test_through_every_door_each_step_has_its_answer(core_of, door):
     assert flown(core) == expected
     # A second episode is one with a program that has seen nothing of the first.
     assert flown(core) == expected
+
+
+def test_it_goes_on_at_a_snapshot_where_it_was(core_of):
+    """Its past is played to a new start of it: what it counts goes on, as if it had never ended."""
+    first = core_of(fault="counts", snapshots=True)
+    whole = flown(first, n_ticks=6)
+    later = core_of(fault="counts", snapshots=True)
+    flown(later, n_ticks=3)
+    state = later.state()
+    again = core_of(fault="counts", snapshots=True)
+    again.reset(Episode(seed=1))
+    again.bring_back(state)
+    assert [again.step(tick, samples(tick)) for tick in range(3, 6)] == whole[3:]
+    assert again.state() == first.state()
+
+
+def test_one_that_does_not_repeat_its_past_is_named(core_of):
+    flown(core := core_of(fault="random", snapshots=True), n_ticks=3)
+    again = core_of(fault="random", snapshots=True)
+    again.reset(Episode(seed=1))
+    with pytest.raises(SimulationFault, match="expected the answers of the past 3 steps again, were others"):
+        again.bring_back(core.state())
+
+
+def test_nothing_is_kept_where_no_snapshots_are_taken(core_of):
+    flown(core := core_of())
+    assert core.state()["past"] == []
 
 
 def test_between_its_steps_it_is_not_asked(core_of):

@@ -1,6 +1,8 @@
 """The core of a participant that is a program: each step sends it all inputs of the tick and waits for its answer."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Bounds
@@ -33,6 +35,9 @@ OVER = "the run is over"
 class ForeignCore:
     """Stands for a program among the cores of a run. State: the program, and what it has said of the wind.
 
+    Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
+    through them. They are kept only where a run has snapshots.
+
     Args:
         own: The participant in the scenario.
         setup: The run.
@@ -47,11 +52,14 @@ class ForeignCore:
         self._period_ticks = period_ticks_of(own, setup.scenario)
         self._program: ForeignProgram | None = None
         self._wind: WindShare | None = None
+        self._is_kept = setup.scenario.snapshots is not None or setup.snapshot is not None
+        self._past: list[tuple[int, bytes]] = []
+        self._answers_hash = b""
 
     def reset(self, episode: Episode) -> Outbox:
         """Start the program anew, hear its hello and tell it its briefing."""
         self.close()
-        self._wind = None
+        self._wind, self._past, self._answers_hash = None, [], b""
         program = self._program = ForeignProgram(self._own, self._setup)
         program.start()
         payload = program.hear(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_WITHIN_S)
@@ -67,12 +75,42 @@ class ForeignCore:
         """Let the program step, where its period is over; the wind stays as it was in between."""
         if tick % self._period_ticks:
             return {} if self._wind is None else {WIND: WindShare(tick=tick, share=self._wind.share)}
-        program = self._program
-        if program is None:
-            raise SimulationFault(f"{self._own.name}: expected a reset before the first step.")
         time_s = seconds_from_ticks(tick, self._setup.scenario.tick_ns)
         ports = (read.port for read in self._own.reads if read.port in inbox)
         inputs = payload_of_inputs(tick, time_s, {port: codec.encode(inbox[port]) for port in ports})
+        return self._ask(tick, inputs)
+
+    def state(self) -> Mapping[str, Any]:
+        """Return all inputs that the program was sent, and a hash of its answers; see `Snapshots`."""
+        return {"past": list(self._past), "answers_hash": self._answers_hash}
+
+    def bring_back(self, state: Mapping[str, Any]) -> None:
+        """Let the program step through its past again; see `Snapshots`.
+
+        Raises:
+            SimulationFault: it answers otherwise than in the past.
+        """
+        for tick, inputs in state["past"]:
+            self._ask(int(tick), bytes(inputs))
+        if self._answers_hash != bytes(state["answers_hash"]):
+            raise self._running().fault(
+                f"expected the answers of the past {len(self._past)} steps again, were others: it is not "
+                "deterministic, or has changed. Repeat the run from its start, with --from-start."
+            )
+
+    def close(self) -> None:
+        """Tell the program the end, and end it."""
+        program, self._program = self._program, None
+        if program is not None:
+            program.end(OVER)
+
+    def _running(self) -> ForeignProgram:
+        if self._program is None:
+            raise SimulationFault(f"{self._own.name}: expected a reset before the first step.")
+        return self._program
+
+    def _ask(self, tick: int, inputs: bytes) -> Outbox:
+        program = self._running()
         what = f"an answer to the inputs of tick {tick}"
         program.check_silence(f"no answer before the inputs of tick {tick}")
         program.say("ParticipantInputs", inputs)
@@ -83,13 +121,13 @@ class ForeignCore:
             raise program.fault(str(error)) from error
         wind = answers.get(VENTILATION)
         self._wind = wind if isinstance(wind, WindShare) else None
+        if self._is_kept:
+            self._past.append((tick, inputs))
+            digest = hashlib.blake2b(self._answers_hash, digest_size=16)
+            for answer in answers.values():
+                digest.update(codec.encode(answer))
+            self._answers_hash = digest.digest()
         return {self._own.port_of(word): answer for word, answer in answers.items()}
-
-    def close(self) -> None:
-        """Tell the program the end, and end it."""
-        program, self._program = self._program, None
-        if program is not None:
-            program.end(OVER)
 
     def _briefing(self, episode: Episode) -> ParticipantBriefing:
         scenario, own = self._setup.scenario, self._own

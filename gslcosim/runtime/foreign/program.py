@@ -54,7 +54,7 @@ class ForeignProgram:
             UsageError: it cannot be started.
             SimulationFault: it does not connect.
         """
-        private_dir = self._stack.enter_context(ScratchFolder()).path
+        private_dir = self._stack.enter_context(ScratchFolder.for_sockets()).path
         self._stack.enter_context(self._children)
         own = self._own
         command = resolved_command(own.start.command, self._directory)
