@@ -3,6 +3,8 @@
 import contextlib
 import io
 import json
+import random
+import sys
 
 import pytest
 from flights import AGENTS, ROOT, TINY_ROOM, fly, fly_here
@@ -96,3 +98,36 @@ def test_a_free_run_is_forked_where_another_method_is_waited_for(tmp_path):
 def test_free_without_a_pace_is_refused(tmp_path, capfd):
     assert main(["up", str(TINY_ROOM), "--set", "agents[0].mode=free", "--runs-dir", str(tmp_path)]) == 2
     assert "agents[0].mode: expected free only where simulated time follows the clock" in capfd.readouterr().err
+
+
+def random_free_run(case, folder):
+    """Fly free agents of a random scenario, pace and mix of modes; return what was chosen, the run and its replay."""
+    draw = random.Random(f"free {case}")
+    scenario, n_agents = draw.choice([(TINY_ROOM, 1), (SWARM, 3)])
+    modes = [draw.choice(["free", "on_request", "lockstep", "{latency: 3}"]) for _ in range(n_agents)]
+    modes[draw.randrange(n_agents)] = "free"
+    pace, seed = draw.choice([10, 30, 100]), draw.randrange(1000)
+    words = [word for i, mode in enumerate(modes) for word in ("--set", f"agents[{i}].mode={mode}")]
+    words += ["--seed", str(seed), "--pace", str(pace), "--set", f"referee.stop.time_limit_s={draw.randint(3, 9)}"]
+    past = fly_here(scenario, folder / "past", *words)
+    return f"{scenario.stem} {modes} pace {pace}", past, replayed(past.run_dir, folder / "again")
+
+
+@pytest.mark.parametrize("case", range(12))
+def test_random_free_runs_repeat(tmp_path, case):
+    chosen, past, again = random_free_run(case, tmp_path)
+    assert past.exit_code in (0, 1), (chosen, past.errors)
+    assert_equal(past, again)
+
+
+@pytest.mark.soak
+def test_200_random_free_runs_repeat(tmp_path, capsys):
+    differ = []
+    for case in range(200):
+        chosen, past, again = random_free_run(case, tmp_path / str(case))
+        is_equal = again.exit_code == 0 and again.result["digest"] == past.result["digest"]
+        differ += [] if is_equal else [chosen]
+        with capsys.disabled():
+            ended = "equal" if is_equal else "DIFFERENT"
+            sys.stdout.write(f"{case:3d} {past.result['ticks']:4d} ticks  {ended}  {chosen}\n")
+    assert not differ
