@@ -215,7 +215,10 @@ class ZenohBus:
             if reply.ok is not None:
                 handler(self._relative(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
-        self._session.get(key, on_reply, payload=payload, target=zenoh.QueryTarget.ALL)
+        # All replies of one to one question count, as each is another message.
+        self._session.get(
+            key, on_reply, payload=payload, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE
+        )
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token; see `Bus`."""

@@ -54,7 +54,7 @@ class Stepper:
     gate: Gate = field(init=False)
     _due_always: frozenset[str] | None = field(init=False, repr=False)
     _keeper: Snapshots | None = field(init=False, repr=False)
-    _recent: deque[Sent] = field(default_factory=deque[Sent], init=False, repr=False)
+    recent: deque[Sent] = field(default_factory=deque[Sent], init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
@@ -118,7 +118,7 @@ class Stepper:
             state=self._state_of(self._keeper),
             memory=gate.memory(),
             trails={port: trail.as_fields() for port, trail in self.trails.items()},
-            outputs=[(sent.port, sent.payload) for sent in self._recent if sent.message.tick > after_tick],
+            outputs=[(sent.port, sent.payload) for sent in self.recent if sent.message.tick > after_tick],
             made_by=maker_of(self.core),
         )
 
@@ -140,6 +140,10 @@ class Stepper:
             if write.announced_in != ONCE:
                 self.trails[write.port] = Trail.from_fields(part.trails[write.port])
         self.gate.go_on(part.tick, part.memory)
+        types = self.dataflow.message_types
+        self.recent.extend(
+            Sent(port, codec.decode_trusted(types[port], payload), payload) for port, payload in part.outputs
+        )
 
     def _state_of(self, keeper: Snapshots) -> Mapping[str, Any]:
         try:
@@ -149,7 +153,7 @@ class Stepper:
             raise SnapshotError(f"{self.spec.name}{error} {remedy}") from error
 
     def _remember(self, sent: Sent) -> None:
-        recent = self._recent
+        recent = self.recent
         recent.append(sent)
         while recent[0].message.tick < sent.message.tick - self._longest_delay - self._longest_window:
             recent.popleft()

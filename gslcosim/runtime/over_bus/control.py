@@ -98,6 +98,11 @@ def describe(name: str) -> str:
     return f"rpc/{name}/describe"
 
 
+def finished(name: str) -> str:
+    """Return the key on which a participant says which tick it has finished, for who has missed that."""
+    return f"rpc/{name}/finished"
+
+
 def inspect(name: str) -> str:
     """Return the key on which a participant says how it goes."""
     return f"rpc/{name}/inspect"
@@ -128,6 +133,13 @@ class Control(BaseModel):
 class TickNote(Control):
     """A tick: the last one finished (progress), or the last one that counts (stop)."""
 
+    tick: int
+
+
+class ReaderNote(Control):
+    """The last tick that a participant has finished, with its name."""
+
+    name: str
     tick: int
 
 

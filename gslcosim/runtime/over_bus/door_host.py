@@ -9,7 +9,7 @@ from gslcosim.runtime.agents.desk import Desk
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.events import AgentEvent
 from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.hosted import PROGRESS_EVERY_TICKS, Kept
+from gslcosim.runtime.over_bus.hosted import KEPT_TICKS, PROGRESS_EVERY_TICKS, Kept
 from gslcosim.runtime.over_bus.in_order import InOrder
 from gslcosim.runtime.stepper import Sent
 
@@ -21,20 +21,25 @@ class DoorHost:
         desk: The desk.
         bus: The supervisor's connection.
         on_resent: Is told, on any thread, an observation that was asked for again.
+        more_ticks: For so many ticks more commands are kept for who has missed them.
     """
 
-    def __init__(self, desk: Desk, bus: Bus, on_resent: Callable[[bytes], None]) -> None:
+    def __init__(self, desk: Desk, bus: Bus, on_resent: Callable[[bytes], None], more_ticks: int = 0) -> None:
         self.desk = desk
         self._name = door_name(desk.agent)
         self._bus = bus
         self._on_resent = on_resent
         self._in_order: InOrder[tuple[codec.ObservationHead, bytes]] = InOrder()
-        self._kept = Kept()
+        self._kept = Kept(KEPT_TICKS + more_ticks)
         self._told_tick = -1
 
     def listen(self) -> None:
         """Answer who missed a command."""
         self._bus.answer(control.resend(self._name), self._kept.answer)
+        self._bus.answer(control.finished(self._name), lambda _: [self._finished()])
+
+    def _finished(self) -> bytes:
+        return control.ReaderNote(name=self._name, tick=self.desk.last_tick).to_bytes()
 
     def brief(self, payload: bytes) -> None:
         """Take the agent's briefing."""

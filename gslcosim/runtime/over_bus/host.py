@@ -1,22 +1,19 @@
 """Hosts the cores of a process behind a bus: collects inputs, steps when allowed, publishes, repairs losses."""
 
-import os
 import queue
-import socket
 import time
 import traceback
 from collections.abc import Callable, Sequence
 
-import gslcosim
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, Episode
-from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import RunTimeoutError
 from gslcosim.machine import fault_text
 from gslcosim.runtime.clock_pace import PACED, ClockPace
 from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.gate import Missing
 from gslcosim.runtime.over_bus import control
 from gslcosim.runtime.over_bus.hosted import Hosted
 from gslcosim.runtime.snapshots.taking import Keeping
@@ -27,6 +24,7 @@ LONGEST_RESEND_AFTER_S = 2.0
 BYE_EVERY_S = 0.5
 _Event = tuple[str, bytes]
 _LOST_LINK = "link lost"
+_READER_TOLD = "reader told"
 
 
 class Host:
@@ -78,11 +76,14 @@ class Host:
             control.STOP: self._on_stop,
             control.CLOSE: lambda _: self._set_dismissed(),
             _LOST_LINK: lambda _: self._on_lost_link(),
+            _READER_TOLD: self._on_reader_told,
         }
         self._is_started = False
         self._is_dismissed = False
         self._has_end = False
         self._has_said_goodbye = False
+        self._was_resent = False
+        self._asked: set[Missing] = set()
 
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready.
@@ -103,7 +104,8 @@ class Host:
             self._listen(key, self._handlers[key])
         for hosted in self._hosted:
             self._bus.answer(control.resend(hosted.name), hosted.kept.answer)
-            self._bus.answer(control.describe(hosted.name), lambda _, name=hosted.name: [_description(name)])
+            self._bus.answer(control.describe(hosted.name), lambda _, hosted=hosted: [hosted.description()])
+            self._bus.answer(control.finished(hosted.name), lambda _, hosted=hosted: [hosted.finished()])
             self._bus.answer(control.inspect(hosted.name), lambda _, hosted=hosted: [hosted.inspection()])
         for hosted in self._hosted:
             self._bus.declare_alive(control.alive(hosted.name))
@@ -135,6 +137,8 @@ class Host:
                 self._once.append((hosted, hosted.reset(self._episode)))
             if self._keeping is not None:
                 self._keeping.go_on([hosted.stepper for hosted in several], self._dataflow)
+                for hosted in several:
+                    hosted.go_on()
         except Exception as error:
             self._report(error)
             raise
@@ -202,6 +206,12 @@ class Host:
     def _wait_for_input(self) -> None:
         started = time.perf_counter_ns()
         patience_s = FIRST_RESEND_AFTER_S
+        self._asked.clear()
+        if self._was_resent:
+            # Where one was missing the next most likely is, too: whoever catches up waits for nothing else.
+            self._was_resent = False
+            for hosted in self._hosted:
+                self._ask_again(hosted, only_lost=False)
         while not (self._are_finished or any(hosted.may_step() for hosted in self._hosted)):
             for hosted in self._hosted:
                 if hosted.gate.holds_any:
@@ -214,9 +224,11 @@ class Host:
             except queue.Empty:
                 if early_s:
                     continue
+                self._asked.clear()
                 for hosted in self._hosted:
                     hosted.tell_progress()
                     self._ask_again(hosted, only_lost=False)
+                    hosted.ask_readers(lambda payload: self._events.put((_READER_TOLD, payload)))
                     hosted.tell_waiting()
                 patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
         self._timing.waiting_ns += time.perf_counter_ns() - started
@@ -235,13 +247,20 @@ class Host:
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
     def _ask_again(self, hosted: Hosted, *, only_lost: bool) -> None:
         for missing in hosted.missing_from_outside():
-            if only_lost and not hosted.gate.has_later(missing):
+            if missing in self._asked or (only_lost and not hosted.gate.has_later(missing)):
                 continue
+            # Once in a while: each answer brings many messages, and each of them would ask again.
+            self._asked.add(missing)
             writer = self._dataflow.writer_of[missing.port]
             question = control.ResendRequest(port=missing.port, tick=missing.tick).to_bytes()
             self._bus.ask(
                 control.resend(writer), question, lambda _, payload, port=missing.port: self._on_resent(port, payload)
             )
+
+    def _on_reader_told(self, payload: bytes) -> None:
+        note = control.ReaderNote.from_bytes(payload)
+        for hosted in self._hosted:
+            hosted.gate.grant(note.name, note.tick)
 
     def _on_resent(self, port: str, payload: bytes) -> None:
         self._events.put((f"resent:{port}", payload))
@@ -272,7 +291,9 @@ class Host:
     def _handle(self, event: _Event) -> None:
         key, payload = event
         if key.startswith("resent:"):
-            self._timing.n_resends += self._on_input(key.removeprefix("resent:"), payload)
+            is_new = self._on_input(key.removeprefix("resent:"), payload)
+            self._timing.n_resends += is_new
+            self._was_resent = self._was_resent or is_new
         else:
             self._handlers[key](payload)
 
@@ -318,13 +339,3 @@ def tell_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> No
     text = fault_text(error, "".join(traceback.format_exception(error)))
     note = control.FaultNote(participant=participant, tick=tick, text=text)
     bus.publish(control.FAULT, note.to_bytes(), urgent=True)
-
-
-def _description(name: str) -> bytes:
-    return control.Description(
-        name=name,
-        version=gslcosim.__version__,
-        contract_hash=contract_hash(),
-        pid=os.getpid(),
-        host=socket.gethostname(),
-    ).to_bytes()

@@ -2,17 +2,20 @@
 
 import itertools
 import os
+import socket
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
+import gslcosim
 from gslcosim.bus.port import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import Accounts, Closes, Core, Episode, WorksAhead
+from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import ContractError
 from gslcosim.runtime.clock_pace import ClockPace
 from gslcosim.runtime.dataflow import Dataflow
@@ -113,7 +116,8 @@ class Hosted:
         }
         readers = dataflow.readers_of(self.name)
         # Who misses a message is a window behind at most, and asks for it before its writer is another one ahead.
-        self.kept = Kept(max([KEPT_TICKS, *(2 * reader.window_ticks for reader in readers)]))
+        more_ticks = 0 if keeping is None else keeping.more_ticks
+        self.kept = Kept(more_ticks + max([KEPT_TICKS, *(2 * reader.window_ticks for reader in readers)]))
         self._bundle: list[Sent] = []
         self._bundled_from = 0
         window_ticks = dataflow.by_name[self.name].window_ticks
@@ -142,6 +146,12 @@ class Hosted:
     def early_s(self) -> float:
         """How long the next step has to wait for its time [s]; 0 where it need not, or has no time of its own."""
         return 0.0 if self._pace is None else self._pace.wait_s(self.gate.next_tick, time.monotonic())
+
+    def go_on(self) -> None:
+        """Keep, for readers that have missed them, the messages with which it goes on."""
+        for sent in self.stepper.recent:
+            if sent.port in self._ports_that_leave:
+                self.kept.keep(sent)
 
     def step(self) -> list[Sent]:
         """Step the core once and return what it wrote; the verdict ends the run for the one who writes it too."""
@@ -215,6 +225,27 @@ class Hosted:
             lacking_credit=self.gate.lacking_credit(),
         )
         self._bus.publish(control.waiting(self.name), note.to_bytes())
+
+    # Who has missed how far its readers are, or did not live yet when they told it, would wait for ever.
+    def ask_readers(self, put: Callable[[bytes], None]) -> None:
+        """Ask those whose credit it lacks how far they are; `put` is told, on any thread."""
+        for reader in self.gate.lacking_credit():
+            if reader in self.outer_readers:
+                self._bus.ask(control.finished(reader), b"", lambda _, payload: put(payload))
+
+    def description(self) -> bytes:
+        """Return what it is; may be called on any thread."""
+        return control.Description(
+            name=self.name,
+            version=gslcosim.__version__,
+            contract_hash=contract_hash(),
+            pid=os.getpid(),
+            host=socket.gethostname(),
+        ).to_bytes()
+
+    def finished(self) -> bytes:
+        """Return the last tick it has finished, for a writer that has missed it; may be called on any thread."""
+        return control.ReaderNote(name=self.name, tick=self.last_tick).to_bytes()
 
     def inspection(self) -> bytes:
         """Return how it goes, for somebody who looks; may be called on any thread."""

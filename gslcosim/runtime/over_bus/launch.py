@@ -3,7 +3,7 @@
 import queue
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import FORK_SERVER, ForkServer
 from gslcosim.runtime.over_bus.notices import Interrupted, Notice, ProcessEnded, ProcessStopped
+from gslcosim.runtime.over_bus.restarts import Restarts
 from gslcosim.runtime.over_bus.router import RunRouter
 from gslcosim.runtime.over_bus.supervisor import RunEndedError, Supervisor
 from gslcosim.runtime.privacy import keep_memory_private
@@ -27,6 +28,7 @@ from gslcosim.runtime.sandbox.confining import confinement_of
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stops import ProcessWatch, can_see_stops
+from gslcosim.safe_files import append_to
 from gslcosim.scratch import ScratchFolder
 
 
@@ -78,7 +80,15 @@ def fly_over_bus(
         stack.enter_context(ProcessWatch(lambda: _pids(children, fork_server), on_stopped))
         router = RunRouter(setup.run_dir, network, socket_dir, crews)
         bus = stack.enter_context(router.open())
-        supervisor = Supervisor(setup, bus, guests, notices, report, groups)
+
+        def start_again(group: Group, how: str) -> None:
+            log = setup.run_dir.log(process_name(group))
+            with suppress(OSError):
+                append_to(log.parent, log.name, f"The process {how}; it is started again.\n".encode())
+            _start(setup, network, router, children, [group], fork_server)
+
+        restarts = Restarts(setup.scenario, groups, start_again)
+        supervisor = Supervisor(setup, bus, guests, notices, report, groups, restarts)
         expected = [group[0] for group in groups if network.is_elsewhere(group[0])]
         offering = Offering(setup, expected) if expected else None
         try:

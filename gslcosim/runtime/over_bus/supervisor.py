@@ -11,16 +11,16 @@ from gslcosim.contract.messages import Verdict
 from gslcosim.errors import ExitCode
 from gslcosim.runtime.agents.bus_link import BusLink
 from gslcosim.runtime.agents.desk import desk_of
-from gslcosim.runtime.agents.door import door_name, faults_of
+from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.events import AgentGone, AgentJoined
 from gslcosim.runtime.agents.guests import Guests, absence_text
 from gslcosim.runtime.assembly import dataflow_of, service_names
-from gslcosim.runtime.digest import RunDigest, Trail
 from gslcosim.runtime.grouping import Group
 from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.over_bus.bringing_in import bring_in
 from gslcosim.runtime.over_bus.door_host import DoorHost
 from gslcosim.runtime.over_bus.forks import FORK_SERVER
 from gslcosim.runtime.over_bus.inspecting import Inspector
@@ -43,10 +43,12 @@ from gslcosim.runtime.over_bus.notices import (
     WaitingTold,
 )
 from gslcosim.runtime.over_bus.past_telling import tell_past
+from gslcosim.runtime.over_bus.restarts import Restarts
 from gslcosim.runtime.over_bus.telling import Teller
 from gslcosim.runtime.over_bus.watchdog import LOST_CONTACT_GRACE_S, Watchdog
 from gslcosim.runtime.pauses import Pauses
 from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.snapshots.taking import Keeping
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.stops import stop_text
 
@@ -77,6 +79,7 @@ class Supervisor:
         notices: "queue.SimpleQueue[Notice]",
         report: Callable[[FlightStatus], None],
         groups: Sequence[Group],
+        restarts: Restarts,
     ) -> None:
         self._setup = setup
         self._bus = bus
@@ -85,6 +88,7 @@ class Supervisor:
         self._dataflow = dataflow_of(setup.scenario)
         self._services = service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
+        self._restarts = restarts
         self._bus_links = {
             agent.name: BusLink(agent.name, bus, notices.put)
             for agent in setup.scenario.agents
@@ -176,22 +180,16 @@ class Supervisor:
 
     def complete(self, outcome: Outcome) -> None:
         """Add to the outcome what the run has brought in."""
-        byes = self._watchdog.byes
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
-        outcome.verdict = self._verdict
-        outcome.agent_faults = faults_of(door.desk.door for door in self._doors.values())
-        outcome.timing = {name: bye.timing for name, bye in sorted(byes.items())}
-        outcome.account = {key: told for bye in byes.values() for key, told in bye.account.items()}
-        outcome.ticks_flown = self._verdict.tick if self._verdict else self._watchdog.finished_tick
-        if self._verdict is not None and self._watchdog.are_done:
-            outcome.digest = self._digest(self._verdict.tick)
+        bring_in(outcome, self._watchdog, self._doors, self._verdict, self._dataflow, self._restarts)
 
     def _door_host(self, name: str) -> DoorHost:
         agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
         link = self._bus_links.get(name) or self._guests.link_of(name)
         put = self._notices.put
-        return DoorHost(desk_of(agent, self._setup, link), self._bus, lambda got: put(ObservationCame(name, got)))
+        desk, more_ticks = desk_of(agent, self._setup, link), Keeping.of(self._setup).more_ticks
+        return DoorHost(desk, self._bus, lambda got: put(ObservationCame(name, got)), more_ticks)
 
     # ------------------------------------------------------------ what it hears
 
@@ -235,12 +233,12 @@ class Supervisor:
                 self._on_life(notice)
             case ProcessEnded(name, _, how):
                 self._on_end_of(name, how)
-            case ProcessStopped(name):
+            case ProcessStopped(name) if not self._restarts.covers(name):
                 self._on_end_of(name, stop_text())
             case AgentVanished(agent):
                 # Its process may have ended too; that says more, and comes within a moment.
                 self._departed_at_s.setdefault(agent, time.monotonic())
-            case Interrupted():
+            case Interrupted() | ProcessStopped():
                 return
             case _:
                 self._doors[notice.agent].handle(notice)
@@ -249,6 +247,8 @@ class Supervisor:
         match notice:
             case FaultTold(payload=payload):
                 note = control.FaultNote.from_bytes(payload)
+                if self._restarts.takes_fault(note):
+                    return
                 raise RunEndedError(ServiceFault(participant=note.participant, tick=note.tick, text=note.text.strip()))
             case ServiceAppeared(name):
                 put = self._notices.put
@@ -257,12 +257,16 @@ class Supervisor:
             case ServiceDescribed(payload):
                 self._on_described(control.Description.from_bytes(payload))
             case ServiceVanished(name):
-                self._watchdog.lost_contact(name, time.monotonic())
+                if not self._restarts.is_under_way(name):
+                    self._watchdog.lost_contact(name, time.monotonic())
 
     def _on_described(self, description: control.Description) -> None:
         if text := description.difference:
             raise RunEndedError(self._watchdog.fault(description.name, text))
         self._described.add(description.name)
+        if self._restarts.has_come(description.name):
+            self._bus.publish(control.START, b"", urgent=True)
+            self._tell_stop()
 
     def _on_bundle(self, payload: bytes) -> None:
         for port, message in control.unpack_bundle(payload):
@@ -274,7 +278,11 @@ class Supervisor:
 
     def _on_verdict(self, payload: bytes) -> None:
         self._verdict = codec.decode_trusted(Verdict, payload)
-        self._bus.publish(control.STOP, control.TickNote(tick=self._verdict.tick).to_bytes(), urgent=True)
+        self._tell_stop()
+
+    def _tell_stop(self) -> None:
+        if self._verdict is not None:
+            self._bus.publish(control.STOP, control.TickNote(tick=self._verdict.tick).to_bytes(), urgent=True)
 
     def _on_bye(self, bye: control.Bye) -> None:
         self._watchdog.said_goodbye(bye, time.monotonic())
@@ -289,7 +297,9 @@ class Supervisor:
             text = f"{how}; the services are its forks and end with it."
             raise RunEndedError(ServiceFault(participant=name, tick=self._watchdog.finished_tick, text=text))
         if self._watchdog.watches_process(name):
-            raise RunEndedError(self._watchdog.fault(name, f"{how}; the run is not valid without it."))
+            if self._watchdog.is_restarted(name, time.monotonic(), lambda at: self._restarts.begin(name, how, at)):
+                return
+            raise RunEndedError(self._watchdog.fault(name, self._restarts.reason(name, how)))
         for agent in self._setup.scenario.agents:
             if door_name(agent.process) == name:
                 reason = f"the agent's process {how} before the end of the run."
@@ -334,17 +344,7 @@ class Supervisor:
         if fault is not None:
             raise RunEndedError(fault)
 
-    # ------------------------------------------------------------ end
-
-    def _digest(self, final_tick: int) -> RunDigest:
-        trails: dict[str, Trail] = {}
-        for bye in self._watchdog.byes.values():
-            trails |= {port: Trail.from_fields(fields) for port, fields in bye.trails.items()}
-        for name, door in self._doors.items():
-            trails[keys.command(name)] = door.desk.trail
-        return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
-
     def _tell_flight(self) -> None:
         wall_s = time.perf_counter() - self._started_at_s if self._started_at_s is not None else 0.0
         state = "flying" if self._verdict is None else "closing"
-        self._teller.tell_flight(state, self._watchdog.tick_of("referee"), wall_s)
+        self._teller.tell_flight(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)

@@ -40,11 +40,11 @@ class Teller:
         else:
             self._tell(FlightStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True))
 
-    def tell_flight(self, state: str, tick: int, wall_s: float) -> None:
-        """Tell how far the flight has come."""
+    def tell_flight(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
+        """Tell how far the flight has come, and what else there is to tell."""
         sim_time_s = seconds_from_ticks(tick, self._tick_ns)
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
-        self._tell(FlightStatus(state=state, sim_time_s=sim_time_s, real_time_factor=factor))
+        self._tell(FlightStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
 
     def _tell(self, status: FlightStatus) -> None:
         now_s = time.monotonic()

@@ -1,6 +1,6 @@
 """Decides that a process hangs: who has come how far, who waits for whom, and who has been silent for too long."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from gslcosim.errors import ExitCode
 from gslcosim.runtime.grouping import Group, process_name
@@ -34,6 +34,26 @@ class Watchdog:
     def watches_process(self, name: str) -> bool:
         """Return whether services live in a process of that name."""
         return name in self._process_of.values()
+
+    def is_restarted(self, process: str, now_s: float, begin: Callable[[int], bool]) -> bool:
+        """Let a process that has ended be started again, and return whether it is; one that is done is not missed.
+
+        Args:
+            process: Its name.
+            now_s: The time.
+            begin: Is told the last tick that all its services have finished, and starts it where that is wanted.
+        """
+        services = [name for name, its in self._process_of.items() if its == process]
+        if all(name in self._byes for name in services):
+            return True
+        # Before simulated time begins there is nothing to go on with.
+        if not self._moved_at_s or not begin(min(self.tick_of(name) for name in services)):
+            return False
+        for name in services:
+            self.regained_contact(name)
+            self._waiting.pop(name, None)
+        self._moved_at_s = now_s
+        return True
 
     @property
     def byes(self) -> dict[str, Bye]:

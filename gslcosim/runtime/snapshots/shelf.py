@@ -70,14 +70,14 @@ def save_part(run_dir: RunDir, part: SnapshotPart) -> None:
         raise RunFolderError(str(machine_error(error, name, "a file that can be written"))) from error
 
 
-def latest_part(run_dir: RunDir, participant: str) -> SnapshotPart | None:
-    """Return the last part of a participant that can be used, if there is one."""
+def latest_parts(run_dir: RunDir, participants: Sequence[str]) -> list[SnapshotPart]:
+    """Return the parts of one process at the last tick of which all its participants have one; empty: there is none."""
     for folder in reversed(_folders(run_dir)):
         try:
-            return _part_in(folder, participant)
+            return [_part_in(folder, participant) for participant in participants]
         except SnapshotError:
             continue
-    return None
+    return []
 
 
 def nearest_snapshot(

@@ -7,7 +7,7 @@ from gslcosim.contract.participant import Core
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
-from gslcosim.runtime.snapshots.shelf import Snapshot, save_part
+from gslcosim.runtime.snapshots.shelf import Snapshot, latest_parts, save_part
 from gslcosim.runtime.stepper import Stepper
 from gslcosim.ticks import ticks_from_seconds
 
@@ -19,13 +19,24 @@ class Keeping:
     run_dir: RunDir
     every_ticks: int | None
     snapshot: Snapshot | None
+    is_restarting: bool = False
 
     @classmethod
     def of(cls, setup: Setup) -> "Keeping":
         """Return what a run's scenario asks for."""
         spec, tick_ns = setup.scenario.snapshots, setup.scenario.tick_ns
         every_ticks = None if spec is None else max(1, ticks_from_seconds(spec.every_s, tick_ns))
-        return cls(run_dir=setup.run_dir, every_ticks=every_ticks, snapshot=setup.snapshot)
+        return cls(
+            run_dir=setup.run_dir,
+            every_ticks=every_ticks,
+            snapshot=setup.snapshot,
+            is_restarting=setup.scenario.restart is not None,
+        )
+
+    @property
+    def more_ticks(self) -> int:
+        """For how many ticks more messages are kept: a service that is started again needs them since its snapshot."""
+        return self.every_ticks or 0 if self.is_restarting else 0
 
     def is_kept(self, core: Core) -> bool:
         """Whether the state of a core is read or brought back; one that writes nothing, such as the recorder's, is not.
@@ -64,6 +75,8 @@ class Keeping:
         Raises:
             SnapshotError: a part does not fit its participant.
         """
+        if self._go_on_where_it_was(steppers):
+            return
         snapshot = self.snapshot
         if snapshot is None:
             return
@@ -78,3 +91,12 @@ class Keeping:
         for port, message in snapshot.messages(dataflow):
             for stepper in steppers:
                 stepper.gate.deliver(port, message)
+
+    # Only a process that is started again finds parts of its own in the run's folder; what else it needs it asks for.
+    def _go_on_where_it_was(self, steppers: Collection[Stepper]) -> bool:
+        if not self.is_restarting or not all(stepper.is_kept for stepper in steppers):
+            return False
+        parts = latest_parts(self.run_dir, [stepper.spec.name for stepper in steppers])
+        for stepper, part in zip(steppers, parts, strict=False):
+            stepper.go_on(part)
+        return bool(parts)

@@ -425,6 +425,14 @@ class SnapshotsSpec(Spec):
     every_s: Positive = Field(default=60.0, description="simulated time between two snapshots")
 
 
+class RestartSpec(Spec):
+    """Services that die are started again at their last snapshot, with the same digest; the recorder is not."""
+
+    tries: Annotated[int, Field(ge=1, le=100)] = Field(
+        default=3, description="how often a service that comes no further is started again before that is a fault"
+    )
+
+
 # Which services share a process; see `Scenario`.
 Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
@@ -464,9 +472,24 @@ class Scenario(Spec):
     snapshots: SnapshotsSpec | None = Field(
         default=None, description="when the run's state is kept (absent: never), without influence on results"
     )
+    restart: RestartSpec | None = Field(
+        default=None,
+        description="whether services that die are started again (absent: their end is the run's); with snapshots",
+    )
     processes: Processes = Field(
         default="separate", description="which services share a process, without influence on results"
     )
+
+    @model_validator(mode="after")
+    def _check_restart(self) -> Self:
+        if self.restart is not None and self.snapshots is None:
+            raise broken_rule(
+                key="restart",
+                expected="snapshots with it, at which a service goes on",
+                found="none",
+                remedy="Write snapshots: {every_s: 60}.",
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_driven_wind(self) -> Self:
