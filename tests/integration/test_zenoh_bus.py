@@ -153,6 +153,24 @@ def test_the_end_of_a_member_is_seen(net):
     assert lost.wait(PATIENCE_S)
 
 
+def test_all_answers_to_one_question_come(net):
+    """What follows a lost message is sent with it; each of them is another answer under the same key."""
+    _, join = net
+    writer, reader = join("service", "s"), join("service", "s")
+    writer.answer("rpc/world/resend", lambda question: [bytes([n]) for n in range(5)])
+    answers = queue.Queue()
+    for _ in range(50):  # until the route is there
+        reader.ask("rpc/world/resend", b"", lambda _, payload: answers.put(payload))
+        try:
+            came = [answers.get(timeout=0.2) for _ in range(5)]
+            break
+        except queue.Empty:
+            continue
+    else:
+        pytest.fail("the reader has heard nothing, or too little")
+    assert sorted(came) == [bytes([n]) for n in range(5)]
+
+
 def test_what_the_routers_own_session_answers_is_for_services_alone(net):
     """Other hosts ask it for scenario and room: an agent that asks hears nothing."""
     router, join = net
