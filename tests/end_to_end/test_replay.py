@@ -100,7 +100,7 @@ def test_a_run_that_was_interrupted_is_flown_as_far_as_it_came(tmp_path):
     assert again.exit_code == 0, again.errors
     assert again.result["ticks"] == past.result["ticks"]
     assert again.result["comparison"] == {
-        "replay_of": past.run_dir.name, "ticks_compared": 0, "equal": False, "divergence": None,
+        "replay_of": past.run_dir.name, "ticks_compared": 0, "equal": False, "divergence": None, "snapshot_tick": None,
     }  # fmt: skip
 
 
