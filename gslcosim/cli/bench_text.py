@@ -105,6 +105,16 @@ def watched_count(title: str, *, is_quiet: bool) -> Iterator[Callable[[int, int]
         line.end()
 
 
+@contextlib.contextmanager
+def watched_text(*, is_quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Yield what work reports to that says in words how it goes."""
+    line = _Line(is_quiet=is_quiet)
+    try:
+        yield line.show
+    finally:
+        line.end()
+
+
 def progress_text(progress: "Progress") -> str:
     """Return how a run stands in one line."""
     done, total = progress.done, progress.total

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from gslcosim.conformance.participants import PARTICIPANT_RULES
+from gslcosim.conformance.participants.beginning import TEMPLATES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extend" / "participant.md").read_text()
-EXAMPLES = ROOT / "docs" / "examples" / "participants"
 
 
 def test_every_rule_is_on_the_page_with_its_words_and_in_its_order():
@@ -38,7 +38,7 @@ def test_every_fault_on_the_page_is_one_that_is_told():
 def test_the_commands_of_the_page_lead_to_flights_of_one_digest(tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("needs a C compiler: apt-get install gcc")
-    for file in EXAMPLES.iterdir():
+    for file in TEMPLATES.iterdir():
         shutil.copy(file, tmp_path)
     (commands,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     lines = commands.replace("python3", sys.executable).splitlines()

@@ -9,9 +9,9 @@ import pytest
 from gslcosim.cli.main import main
 from gslcosim.conformance import FlightLimits, Wiring
 from gslcosim.conformance.participants import PARTICIPANT_RULES, check_participant, examination
+from gslcosim.conformance.participants.beginning import TEMPLATES
 
 PROGRAM = Path(__file__).parents[1] / "end_to_end" / "foreign_program.py"
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "participants"
 IMPATIENT = FlightLimits(answer_s=0.7, join_s=20.0, exit_s=1.0, settle_s=0.1)
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
@@ -79,7 +79,7 @@ def test_every_rule_has_a_program_that_breaks_it():
 
 @pytest.mark.tour
 def test_the_command_prints_the_same_as_json(capsys, monkeypatch):
-    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.chdir(TEMPLATES)
     words = ["participant", "check", "--json", "--format", "json", "--", sys.executable, "air_conditioner.py"]
     assert main(words) == 0
     report = json.loads(capsys.readouterr().out)

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from gslcosim.cli.bench_text import watched_text
 from gslcosim.cli.parsing import Command
 from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json
@@ -46,7 +47,8 @@ def _run(arguments: argparse.Namespace) -> int:
     run = open_run(find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING))
     out = arguments.out or Path(f"{run.run_id}_{arguments.to}")
     try:
-        files = extract_run(run, out, arguments.to)
+        with watched_text(is_quiet=arguments.json) as report:
+            files = extract_run(run, out, arguments.to, report)
     except OSError as error:
         raise refused_place(error, "--out", "a folder that can be written", path=out) from error
     if arguments.json:

@@ -165,6 +165,9 @@ class ParticipantSession:
         except ContractError as error:
             return answering.failure("encoding", sent, "a frame with ParticipantOutputs", str(error))
         played.slowest_s = max(played.slowest_s, time.monotonic() - asked_s)
+        if _tick_of(payload) in played.answers and exchange.comes_within(self._limits.settle_s):
+            # It was on its way when the inputs were told, and their answer comes behind it.
+            return self._one_more(answering, sent)
         answers, failure = failure_of_outputs(answering, payload, message.tick, hello.writes)
         if answers is not None:
             played.answers[message.tick] = answers
@@ -174,6 +177,9 @@ class ParticipantSession:
         exchange = self._exchange
         if exchange is None or not exchange.comes_within(within_s):
             return None
+        return self._one_more(answering, sent)
+
+    def _one_more(self, answering: Answering, sent: str) -> Failure:
         return answering.failure("once", sent, "nothing until the next inputs come", "one frame more")
 
     def _tell(self, answering: Answering, message: Message) -> Failure | None:
@@ -226,3 +232,11 @@ class ParticipantSession:
         self._wait_for_exit(self._limits.settle_s)
         code = self.played.exit_code
         return "" if code is None else f"; the process {exit_text(code)}"
+
+
+def _tick_of(payload: bytes) -> int | None:
+    try:
+        tick = codec.unpack_foreign("ParticipantOutputs", payload).get("tick")
+    except ContractError:
+        return None
+    return tick if type(tick) is int else None

@@ -1,28 +1,9 @@
 """A new participant is the example under another name, and never written over somebody's files."""
 
-from pathlib import Path
-
 import pytest
 
-from gslcosim.conformance.participants.beginning import TEMPLATES, create_participant
+from gslcosim.conformance.participants.beginning import create_participant
 from gslcosim.errors import UsageError
-
-EXAMPLES = Path(__file__).parents[3] / "docs" / "examples" / "participants"
-
-
-def test_the_templates_are_the_examples_of_the_page():
-    """The examples are on a page, the templates in the package."""
-    names = {path.name for path in EXAMPLES.iterdir() if path.is_file()}
-    assert (
-        names
-        == {path.name for path in TEMPLATES.iterdir()}
-        == {
-            "air_conditioner.c",
-            "air_conditioner.py",
-            "ventilated_room.yaml",
-        }
-    )
-    assert all((TEMPLATES / name).read_bytes() == (EXAMPLES / name).read_bytes() for name in names)
 
 
 @pytest.mark.parametrize(("language", "program"), [("c", "my_fan.c"), ("python", "my_fan.py")])
