@@ -1,0 +1,20 @@
+"""Flies a learned policy: a bundled one by its name, or a file of one's own. README.md beside this file says how."""
+
+from pathlib import Path
+
+from gslcosim.agent_kit import Briefing, run
+from gslcosim.search.learned.policies.policy import Policy
+from gslcosim.search.learned.policies.policy_agent import PolicyAgent, named_policy
+from gslcosim.search.method import settings_of
+
+
+class Learned(PolicyAgent):
+    """Does what the policy says that the parameter names."""
+
+    def policy_of(self, briefing: Briefing) -> Policy:
+        """Return the policy of the parameter."""
+        return named_policy(settings_of(briefing, __file__).policy, Path(__file__).parents[1])
+
+
+if __name__ == "__main__":
+    run(Learned)

@@ -1,0 +1,1 @@
+"""Learned policies: arrays in small files, and a forward pass in numpy alone."""

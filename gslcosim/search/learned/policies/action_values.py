@@ -1,0 +1,231 @@
+"""Tables of what each choice is worth in each of a few states, as tabular Q-learning makes them."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.search.learned.acting import N_HEADINGS
+from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError, checked
+
+States = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Digit(ABC):
+    """One digit of a state: a class of what is observed, from 0 to below `n_classes`.
+
+    `start` is the one number that it remembers at the beginning, absent where it remembers nothing.
+    """
+
+    start: ClassVar[float | None] = None
+
+    @property
+    @abstractmethod
+    def n_classes(self) -> int:
+        """How many classes there are."""
+
+    @property
+    @abstractmethod
+    def observed(self) -> tuple[str, ...]:
+        """The observations that it reads."""
+
+    @abstractmethod
+    def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
+        """Return the classes, (n,), and what to remember, upon the observations `observed`, each (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level(Digit):
+    """How large an observation is: as many classes as `cuts`, and one more."""
+
+    observation: str
+    cuts: tuple[float, ...]
+
+    @property
+    def n_classes(self) -> int:
+        """See `Digit`."""
+        return len(self.cuts) + 1
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """See `Digit`."""
+        return (self.observation,)
+
+    def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
+        """See `Digit`."""
+        return np.searchsorted(np.array(self.cuts), seen[0], side="right").astype(np.int64), memory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change(Level):
+    """By how much an observation has grown since the last question; 0 at the first."""
+
+    start = math.inf
+
+    def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
+        """See `Digit`."""
+        grown = np.where(np.isinf(memory), np.float32(0.0), seen[0] - memory)
+        return np.searchsorted(np.array(self.cuts), grown, side="right").astype(np.int64), seen[0].copy()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Since(Level):
+    """For how many questions an observation has not been above `above`; endless before the first time."""
+
+    above: float
+    start = math.inf
+
+    def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
+        """See `Digit`."""
+        n_since = np.where(seen[0] > self.above, np.float32(0.0), memory + np.float32(1.0))
+        return np.searchsorted(np.array(self.cuts), n_since, side="right").astype(np.int64), n_since
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sector(Digit):
+    """Into which of `n_sectors` equal sectors a direction points; the first is centred on world x."""
+
+    sin: str
+    cos: str
+    n_sectors: int
+
+    @property
+    def n_classes(self) -> int:
+        """See `Digit`."""
+        return self.n_sectors
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """See `Digit`."""
+        return (self.sin, self.cos)
+
+    def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
+        """See `Digit`."""
+        return sectors_of(seen[0], seen[1], self.n_sectors), memory
+
+
+DIGITS: dict[str, type[Digit]] = {"level": Level, "change": Change, "since": Since, "sector": Sector}
+
+
+def sectors_of(sines: Floats, cosines: Floats, n_sectors: int) -> States:
+    """Return the nearest of `n_sectors` directions, counter-clockwise from world x, (n,)."""
+    turns = np.arctan2(sines, cosines) / (2 * math.pi)
+    return np.floor(turns * n_sectors + 0.5).astype(np.int64) % n_sectors
+
+
+class ValueTable(Policy):
+    """Takes the choice that a table values most in the state that digits make of the observations.
+
+    The state is the number that the digits make, the first one counting most. With `turns_with`, the names of the sine
+    and the cosine of a direction, headings are counted from the nearest of the eight directions to that one: upwind,
+    where that is where the wind comes from.
+
+    Args:
+        observation_names: See `Policy`.
+        action: See `Policy`; of a kind with choices.
+        digits: What makes a state.
+        values: (states, choices); of equal values the first wins.
+        turns_with: Names of sine and cosine, or nothing.
+
+    Raises:
+        PolicyError: a digit reads what is not observed, or the action has no choices.
+    """
+
+    kind: ClassVar[str] = "table"
+
+    def __init__(
+        self,
+        observation_names: tuple[str, ...],
+        action: ActionSettings,
+        *,
+        digits: Sequence[Digit],
+        values: Floats,
+        turns_with: tuple[str, str] | None = None,
+    ) -> None:
+        super().__init__(observation_names, action)
+        if not action.n_choices:
+            raise PolicyError(f"action.kind: expected one with choices (heading) for a table, was {action.kind!r}.")
+        self.digits, self.values, self.turns_with = tuple(digits), values, turns_with
+        read = [name for digit in self.digits for name in digit.observed] + list(turns_with or ())
+        if strange := sorted(set(read).difference(self.observation_names)):
+            raise PolicyError(f"settings: expected names among observation_names, was {', '.join(strange)}.")
+        self._places = [[self.observation_names.index(name) for name in digit.observed] for digit in self.digits]
+        self._starts = np.array([0.0 if d.start is None else d.start for d in self.digits], np.float32)
+
+    @property
+    def n_states(self) -> int:
+        """How many states the digits make."""
+        return math.prod(digit.n_classes for digit in self.digits)
+
+    def memory(self, n: int) -> Floats:
+        """Return a number for each digit, (n, digits); see `Policy`."""
+        return np.tile(self._starts, (n, 1))
+
+    def states(self, observations: Floats, memory: Floats) -> tuple[States, Floats]:
+        """Return the states upon observations (n, k), (n,), and the next memory."""
+        states, after = np.zeros(len(observations), np.int64), memory.copy()
+        for i, (digit, places) in enumerate(zip(self.digits, self._places)):
+            classes, after[:, i] = digit.classes([observations[:, place] for place in places], memory[:, i])
+            states = states * digit.n_classes + classes
+        return states, after
+
+    def turned(self, choices: States, observations: Floats) -> States:
+        """Return the choices of the table as actions: headings turned with the direction, to hold as it is."""
+        if self.turns_with is None:
+            return choices
+        sine, cosine = (observations[:, self.observation_names.index(name)] for name in self.turns_with)
+        return np.where(choices < N_HEADINGS, (choices + sectors_of(sine, cosine, N_HEADINGS)) % N_HEADINGS, choices)
+
+    def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
+        """Look the states up; see `Policy`."""
+        states, after = self.states(observations, memory)
+        return self.turned(np.argmax(self.values[states], axis=1), observations), after
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """See `Policy`."""
+        return {"values": self.values}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """See `Policy`."""
+        names = {kind: name for name, kind in DIGITS.items()}
+        digits = [{"digit": names[type(digit)], **asdict(digit)} for digit in self.digits]
+        return {"digits": digits, "turns_with": self.turns_with}
+
+    @classmethod
+    def of_arrays(
+        cls,
+        observation_names: tuple[str, ...],
+        action: ActionSettings,
+        arrays: Mapping[str, NDArray[Any]],
+        settings: Mapping[str, Any],
+    ) -> Self:
+        """Return the table; see `Policy`."""
+        told, turns_with = settings.get("digits"), settings.get("turns_with")
+        if not isinstance(told, list | tuple) or not told:
+            raise PolicyError(f"settings.digits: expected a list of digits, was {told!r}.")
+        if turns_with is not None and (not isinstance(turns_with, list | tuple) or len(turns_with) != 2):
+            raise PolicyError(f"settings.turns_with: expected the names of sine and cosine, was {turns_with!r}.")
+        digits = [_digit_of(one, i) for i, one in enumerate(told)]
+        n_states = math.prod(digit.n_classes for digit in digits)
+        values = checked(arrays, "values", (n_states, action.n_choices or None))
+        pair = None if turns_with is None else (str(turns_with[0]), str(turns_with[1]))
+        return cls(observation_names, action, digits=digits, values=values, turns_with=pair)
+
+
+def _digit_of(told: Any, i: int) -> Digit:
+    if not isinstance(told, Mapping) or told.get("digit") not in DIGITS:
+        raise PolicyError(f"settings.digits[{i}]: expected a digit among {', '.join(DIGITS)}, was {told!r}.")
+    values = {name: value for name, value in told.items() if name != "digit"}
+    try:
+        if "cuts" in values:
+            values["cuts"] = tuple(float(cut) for cut in values["cuts"])
+        return DIGITS[told["digit"]](**values)
+    except (TypeError, ValueError) as error:
+        raise PolicyError(f"settings.digits[{i}]: expected settings of {told['digit']}, got: {error}.") from error
