@@ -65,6 +65,11 @@ class GruPolicy(Policy):
 
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
         """Step the units once and read them; see `Policy`."""
+        outputs, after = self.outputs(observations, memory)
+        return self.action.chosen(outputs), after
+
+    def outputs(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
+        """Return what an action is chosen by, (n, o), and the next memory; as `act`."""
         h, one = self._n_units, np.float32(1.0)
         encoded = np.tanh(observations @ self._encoder + self._arrays["encoder_bias"])
         fed = encoded @ self._gates + self._arrays["gates_bias"]
@@ -73,7 +78,7 @@ class GruPolicy(Policy):
         reset, kept = both[:, :h], both[:, h:]
         new = np.tanh(fed[:, 2 * h :] + reset * recurrent[:, 2 * h :])
         after = (one - kept) * new + kept * memory
-        return self.action.chosen(after @ self._outputs + self._arrays["output_bias"]), after
+        return after @ self._outputs + self._arrays["output_bias"], after
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:

@@ -1,0 +1,1 @@
+"""What trains policies: each learns in rounds, can be interrupted between two of them, and ends with a policy."""

@@ -1,0 +1,266 @@
+"""Recurrent proximal policy optimisation: gated units learn to search in many environments at once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import UsageError
+from gslcosim.search.learned.policies.gated import GruPolicy
+from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.training.trainers.ppo_network import Segments, advantages, first_arrays, load_jax, updater
+
+_OF_VALUES = ("value", "value_bias", "log_spread")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PpoSettings:
+    """The settings of recurrent PPO.
+
+    `rounds` is how many steps of the trainer make the whole training; a round flies `segments` times `horizon` steps in
+    each environment and learns after each segment, `epochs` times from `parts` parts of the environments.
+    `n_encoded` and `n_units` are the sizes of the network. `observations` are those that the policy gets, all where
+    it is absent.
+    """
+
+    rounds: int = 100
+    horizon: int = 64
+    segments: int = 8
+    epochs: int = 3
+    parts: int = 4
+    n_encoded: int = 48
+    n_units: int = 48
+    learning_rate: float = 7e-4
+    discount: float = 0.99
+    trace: float = 0.95
+    clip: float = 0.2
+    entropy_weight: float = 0.003
+    value_weight: float = 0.5
+    max_gradient: float = 0.5
+    observations: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rounds", "horizon", "segments", "epochs", "parts", "n_encoded", "n_units"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise UsageError(f"recurrent_ppo.{name}: expected a whole number from 1, was {value!r}.")
+        for name, most in (("learning_rate", 1.0), ("discount", 1.0), ("trace", 1.0), ("clip", 1.0)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
+                raise UsageError(f"recurrent_ppo.{name}: expected a number above 0 and up to {most:g}, was {value!r}.")
+        for name in ("entropy_weight", "value_weight", "max_gradient"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
+                raise UsageError(f"recurrent_ppo.{name}: expected a number from 0, was {value!r}.")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "PpoSettings":
+        """Return settings from plain values.
+
+        Raises:
+            UsageError: one is unknown or wrong.
+        """
+        known = [item.name for item in fields(cls)]
+        if unknown := sorted(set(values).difference(known)):
+            raise UsageError(f"recurrent_ppo: expected settings among {', '.join(known)}, was {', '.join(unknown)}.")
+        told = dict(values)
+        if (names := told.get("observations")) is not None:
+            told["observations"] = tuple(map(str, names))
+        return cls(**told)
+
+
+class RecurrentPpo:
+    """Trains a `GruPolicy` in any vector environment of Gymnasium; extra `train`.
+
+    A round begins with new searches, whose seed is that of the training and the round: nothing but what `state` tells
+    goes from one round into the next, and a training that was interrupted ends with the same bits.
+
+    Args:
+        envs: A `gymnasium.vector.VectorEnv` that starts searches again by itself, in the next step or in the same.
+        observation_names: Of the numbers that `envs` tells.
+        action: What the actions mean.
+        settings: Of the trainer.
+        seed: Of the training.
+
+    Raises:
+        UsageError: JAX is not installed, or a setting does not fit the environments.
+    """
+
+    def __init__(
+        self,
+        envs: Any,
+        *,
+        observation_names: tuple[str, ...],
+        action: ActionSettings,
+        settings: PpoSettings,
+        seed: int,
+    ) -> None:
+        load_jax()
+        self.envs, self.action, self.settings, self.seed = envs, action, settings, seed
+        self.n_envs = int(envs.num_envs)
+        if self.n_envs % settings.parts:
+            raise UsageError(
+                f"recurrent_ppo.parts: expected a divisor of {self.n_envs} environments, was {settings.parts}."
+            )
+        names = observation_names if settings.observations is None else settings.observations
+        if strange := [name for name in names if name not in observation_names]:
+            raise UsageError(
+                f"recurrent_ppo.observations: expected names among {', '.join(observation_names)}, was "
+                f"{', '.join(strange)}."
+            )
+        self.observation_names = tuple(names)
+        self._places = np.array([observation_names.index(name) for name in names])
+        self._resets_at_once = "same" in str(envs.metadata.get("autoreset_mode", "")).lower()
+        n_updates = settings.rounds * settings.segments * settings.epochs * settings.parts
+        begin, self._values_of, self._update = updater(settings, n_updates)
+        self._arrays: dict[str, Any] = first_arrays(
+            np.random.default_rng([seed, 0]), k=len(names), m=settings.n_encoded, h=settings.n_units,
+            o=action.n_outputs, is_continuous=not action.n_choices,
+        )  # fmt: skip
+        self._optimiser: Any = begin(self._arrays)
+        self.n_rounds = 0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all rounds are done."""
+        return self.n_rounds >= self.settings.rounds
+
+    def policy(self) -> GruPolicy:
+        """Return the policy as it is now; it takes the most likely action."""
+        arrays = {name: np.array(array) for name, array in self._arrays.items() if name not in _OF_VALUES}
+        return GruPolicy.of_arrays(self.observation_names, self.action, arrays, {})
+
+    def step(self) -> dict[str, float]:
+        """Fly and learn for a round, and return its figures: reward and success of the searches that ended, losses."""
+        self.n_rounds += 1
+        rng = np.random.default_rng([self.seed, self.n_rounds])
+        observed, _ = self.envs.reset(seed=int(rng.integers(2**31)))
+        flight = _Flight(
+            observed=np.asarray(observed)[:, self._places],
+            memory=self.policy().memory(self.n_envs),
+            starts=np.ones(self.n_envs, np.bool_),
+        )
+        figures: list[Mapping[str, Any]] = []
+        for _ in range(self.settings.segments):
+            figures += self._learn(self._fly(flight, rng), rng)
+        n_steps = self.n_envs * self.settings.horizon * self.settings.segments
+        told = {name: float(np.mean([one[name] for one in figures])) for name in figures[0]}
+        return {
+            "round": float(self.n_rounds), "steps": float(self.n_rounds * n_steps), "searches": float(len(flight.sums)),
+            "reward": float(np.mean(flight.sums)) if flight.sums else float("nan"),
+            "success": float(np.mean(flight.successes)) if flight.successes else float("nan"), **told,
+        }  # fmt: skip
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return all that the next rounds depend on, as arrays by name."""
+        jax, _ = load_jax()
+        leaves = jax.tree_util.tree_leaves(self._optimiser)
+        return {
+            "n_rounds": np.array(self.n_rounds),
+            **{f"network.{name}": np.array(array) for name, array in self._arrays.items()},
+            **{f"optimiser.{i}": np.array(leaf) for i, leaf in enumerate(leaves)},
+        }
+
+    def resume(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from a state.
+
+        Raises:
+            UsageError: it is that of another network.
+        """
+        jax, _ = load_jax()
+        own = self.state()
+        wrong = [name for name in own if name not in state or np.shape(state[name]) != own[name].shape]
+        if wrong or len(state) != len(own):
+            raise UsageError(
+                f"checkpoint: expected the arrays of a network of {self.settings.n_units} units, was other ones in "
+                f"{', '.join(wrong[:3]) or 'number'}. Take the settings that it was made with."
+            )
+        leaves, tree = jax.tree_util.tree_flatten(self._optimiser)
+        parts = [np.asarray(state[f"optimiser.{i}"]) for i in range(len(leaves))]
+        self._optimiser = jax.tree_util.tree_unflatten(tree, parts)
+        self._arrays = {name: np.asarray(state[f"network.{name}"]) for name in self._arrays}
+        self.n_rounds = int(state["n_rounds"])
+
+    def _fly(self, flight: "_Flight", rng: np.random.Generator) -> Segments:
+        t, n = self.settings.horizon, self.n_envs
+        policy, first_memory, rows = self.policy(), flight.memory.copy(), []
+        spread = np.exp(np.array(self._arrays["log_spread"])) if "log_spread" in self._arrays else None
+        for _ in range(t):
+            flight.memory[flight.starts] = 0.0
+            outputs, after = policy.outputs(flight.observed, flight.memory)
+            chosen, log_likely = _drawn(outputs, spread, rng)
+            actions = chosen if spread is None else np.tanh(chosen)
+            observed, rewards, terminated, truncated, infos = self.envs.step(actions)
+            ends = np.asarray(terminated) | np.asarray(truncated)
+            # In the next step the environment starts again, and takes no action.
+            is_step = ~flight.ends if not self._resets_at_once else np.ones(n, np.bool_)
+            rows.append((flight.observed, flight.starts, chosen, log_likely, rewards, ends, is_step))
+            flight.count(np.asarray(rewards), ends, infos)
+            flight.starts = ends.copy() if self._resets_at_once else flight.ends.copy()
+            flight.observed, flight.memory, flight.ends = np.asarray(observed)[:, self._places], after, ends
+        columns = list(zip(*rows, strict=True))
+        return Segments(
+            observed=np.stack([*columns[0], flight.observed]).astype(np.float32),
+            starts=np.stack([*columns[1], flight.starts]),
+            memory=first_memory,
+            chosen=np.stack(columns[2]),
+            log_likely=np.stack(columns[3]).astype(np.float32),
+            rewards=np.stack(columns[4]).astype(np.float32),
+            ends=np.stack(columns[5]),
+            weights=np.stack(columns[6]).astype(np.float32),
+        )
+
+    def _learn(self, flown: Segments, rng: np.random.Generator) -> list[Mapping[str, Any]]:
+        s = self.settings
+        values = np.array(self._values_of(self._arrays, flown.observed, flown.starts, flown.memory))
+        gains = advantages(flown.rewards, values, flown.ends, discount=s.discount, trace=s.trace)
+        returns = gains + values[:-1]
+        used = flown.weights > 0
+        gains = (gains - gains[used].mean()) / (gains[used].std() + 1e-8)
+        figures = []
+        for _ in range(s.epochs):
+            for agents in np.split(rng.permutation(self.n_envs), s.parts):
+                part = {
+                    "observed": flown.observed[:-1, agents], "starts": flown.starts[:-1, agents],
+                    "memory": flown.memory[agents], "chosen": flown.chosen[:, agents],
+                    "log_likely": flown.log_likely[:, agents], "advantages": gains[:, agents],
+                    "returns": returns[:, agents], "weights": flown.weights[:, agents],
+                }  # fmt: skip
+                self._arrays, self._optimiser, told = self._update(self._arrays, self._optimiser, part)
+                figures.append(told)
+        return figures
+
+
+class _Flight:
+    """Where the searches stand between two segments, and how those went that have ended."""
+
+    def __init__(self, *, observed: NDArray[np.float32], memory: NDArray[Any], starts: NDArray[np.bool_]) -> None:
+        self.observed, self.memory, self.starts = observed, memory, starts
+        self.ends = np.zeros(len(starts), np.bool_)
+        self.sums: list[float] = []
+        self.successes: list[bool] = []
+        self._sum = np.zeros(len(starts))
+
+    def count(self, rewards: NDArray[Any], ends: NDArray[np.bool_], infos: Mapping[str, Any]) -> None:
+        self._sum += rewards
+        if not ends.any():
+            return
+        self.sums += self._sum[ends].tolist()
+        self._sum[ends] = 0.0
+        found = infos.get("success", infos.get("final_info", {}).get("success"))
+        if found is not None:
+            self.successes += np.asarray(found)[ends].astype(bool).tolist()
+
+
+def _drawn(
+    outputs: NDArray[Any], spread: NDArray[Any] | None, rng: np.random.Generator
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    if spread is not None:
+        z = rng.standard_normal(outputs.shape, dtype=np.float32)
+        return outputs + spread * z, (-0.5 * z**2 - np.log(spread) - 0.5 * np.log(2 * np.pi)).sum(axis=1)
+    logs = outputs - np.max(outputs, axis=1, keepdims=True)
+    logs = logs - np.log(np.exp(logs).sum(axis=1, keepdims=True))
+    chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
+    return chosen, np.take_along_axis(logs, chosen[:, None], axis=1)[:, 0]

@@ -1,0 +1,155 @@
+"""Recurrent PPO learns, is the policy that it exports, and goes on to the same bits after an interruption."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="extra gym")
+pytest.importorskip("jax", reason="extra train")
+
+from toy_hall import NAMES, ToyHall
+
+from gslcosim.errors import UsageError
+from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.training.trainers.ppo_network import advantages, forward, load_jax
+from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo
+
+QUICK = {"rounds": 3, "horizon": 16, "segments": 2, "epochs": 2, "parts": 2, "n_encoded": 8, "n_units": 8}
+VELOCITY = ActionSettings(kind="velocity")
+HEADING = ActionSettings(kind="heading")
+
+
+def trainer(*, n_envs=8, action=VELOCITY, seed=1, env=None, **settings):
+    envs = ToyHall(n_envs, choices=action is HEADING, **(env or {}))
+    told = PpoSettings(**{**QUICK, **settings})
+    return RecurrentPpo(envs, observation_names=NAMES, action=action, settings=told, seed=seed)
+
+
+def arrays_of(one):
+    return one.policy().arrays
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("action", [VELOCITY, HEADING], ids=lambda action: action.kind)
+def test_the_exported_policy_acts_as_the_network_that_was_trained(action):
+    jax, _ = load_jax()
+    one = trainer(action=action)
+    one.step()
+    policy, observed = one.policy(), np.random.default_rng(4).uniform(-1, 1, (40, 8, 4)).astype(np.float32)
+    starts = np.random.default_rng(5).uniform(size=(40, 8)) < 0.1
+    outputs, _ = forward(jax, one._arrays, observed, starts, np.zeros((8, 8), np.float32))
+    memory = policy.memory(8)
+    for t in range(40):
+        memory = np.where(starts[t][:, None], np.float32(0.0), memory)
+        actions, memory = policy.act(observed[t], memory)
+        expected = action.chosen(np.array(outputs[t]))
+        np.testing.assert_allclose(actions, expected, atol=2e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("resets", ["same", "next"])
+def test_the_same_seed_learns_the_same_and_another_does_not(resets):
+    first, second, other = (trainer(seed=seed, env={"resets": resets}) for seed in (1, 1, 2))
+    for one in (first, second, other):
+        one.step()
+        one.step()
+    assert all(np.array_equal(array, arrays_of(second)[name]) for name, array in arrays_of(first).items())
+    assert not np.array_equal(arrays_of(first)["gates"], arrays_of(other)["gates"])
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_a_training_that_was_interrupted_ends_with_the_same_bits():
+    whole = trainer()
+    figures = [whole.step() for _ in range(3)]
+    assert whole.is_over
+    half = trainer()
+    half.step()
+    again = trainer(seed=1)
+    again.resume(half.state())
+    assert [again.step(), again.step()] == figures[1:]
+    for name, array in whole.state().items():
+        assert np.array_equal(array, again.state()[name]), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("action", "env"),
+    [(VELOCITY, {"resets": "next", "hides_wind": True}), (HEADING, {})],
+    ids=["remembers_the_wind", "choices"],
+)
+def test_it_learns_to_go_upwind(action, env):
+    """Where the wind is seen once it has to be remembered; the figures are those of the exported policy."""
+    one = trainer(n_envs=64, action=action, env=env, rounds=60, horizon=32, learning_rate=3e-3)
+    first = one.step()["success"]
+    while not one.is_over:
+        one.step()
+    envs, policy = ToyHall(64, choices=action is HEADING, hides_wind=bool(env)), one.policy()
+    observed, _ = envs.reset(seed=99)
+    memory, found, is_first = policy.memory(64), np.zeros(64, bool), np.ones(64, bool)
+    for _ in range(30):
+        actions, memory = policy.act(observed, memory)
+        observed, _, success, truncated, _ = envs.step(actions)
+        found |= success & is_first
+        is_first &= ~(success | truncated)
+        memory[success | truncated] = 0.0
+    assert found.mean() > 0.9 > first
+
+
+def test_advantages_are_the_sum_that_they_should_be():
+    rng = np.random.default_rng(1)
+    rewards, values = rng.normal(size=(6, 2)), rng.normal(size=(7, 2))
+    ends = np.zeros((6, 2), bool)
+    ends[3, 0] = True
+    found = advantages(rewards, values, ends, discount=0.9, trace=0.8)
+    change = rewards + 0.9 * values[1:] * ~ends - values[:-1]
+    assert found[1, 1] == pytest.approx(sum((0.9 * 0.8) ** i * change[1 + i, 1] for i in range(5)))
+    assert found[1, 0] == pytest.approx(sum((0.9 * 0.8) ** i * change[1 + i, 0] for i in range(3)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"rounds": 0}, "recurrent_ppo.rounds: expected a whole number from 1, was 0"),
+        ({"discount": 1.5}, "recurrent_ppo.discount: expected a number above 0 and up to 1, was 1.5"),
+        ({"max_gradient": "much"}, "recurrent_ppo.max_gradient: expected a number from 0, was 'much'"),
+        ({"parts": 3}, "recurrent_ppo.parts: expected a divisor of 8 environments, was 3"),
+        ({"observations": ("x", "smell")}, "recurrent_ppo.observations: expected names among x, y, .*, was smell"),
+    ],
+)
+def test_wrong_settings_are_told(settings, words):
+    with pytest.raises(UsageError, match=words):
+        trainer(**settings)
+
+
+def test_plain_settings_are_read_and_unknown_ones_told():
+    assert PpoSettings.of({"observations": ["x"], "rounds": 2}) == PpoSettings(observations=("x",), rounds=2)
+    with pytest.raises(UsageError, match=r"recurrent_ppo: expected settings among rounds, .*, was speed"):
+        PpoSettings.of({"speed": 1})
+
+
+def test_a_checkpoint_of_another_network_is_refused_and_nothing_is_lost():
+    one, other = trainer(), trainer(n_units=4)
+    before = {name: array.copy() for name, array in one.state().items()}
+    with pytest.raises(UsageError, match="checkpoint: expected the arrays of a network of 8 units, was other ones in"):
+        one.resume(other.state())
+    assert all(np.array_equal(array, before[name]) for name, array in one.state().items())
+
+
+def test_a_policy_sees_the_observations_that_were_chosen():
+    one = trainer(observations=("wind.from_cos", "wind.from_sin"))
+    assert one.policy().observation_names == ("wind.from_cos", "wind.from_sin")
+
+
+def test_without_jax_the_command_that_installs_it_is_told(monkeypatch):
+    imported = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name == "jax":
+            raise ModuleNotFoundError("No module named 'jax'", name="jax")
+        return imported(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(UsageError, match=r"needs jax, .* Install it: pip install 'gslcosim\[train\]'"):
+        load_jax()
