@@ -74,7 +74,7 @@ class WorldCore:
         models = [vehicle_of(agent.vehicle.model) for agent in self._agents]
         spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
         self._least_m = _distances_to_keep_m(self._agents, [space.radius_m for space in spaces])
-        step_ms = _physics_step_ms(models, scenario.tick_ms)
+        step_ms = physics_step_ms(models, scenario.tick_ms)
         self._n_substeps = scenario.tick_ms // step_ms
         dt_s = step_ms * 1e-3
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
@@ -272,7 +272,12 @@ def _wind_of(environment: Environment, scenario: Scenario) -> DrivenWind:
     return DrivenWind(environment, scenario)
 
 
-def _physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
+def physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
+    """Return the length of a physics step [ms] for vehicles that fly together.
+
+    Raises:
+        ScenarioError: the tick is no whole number of them.
+    """
     if tick_ms % POINT_ROBOT_STEP_MS == 0 and not any(model.rotors or model.wheels for model in models):
         return POINT_ROBOT_STEP_MS
     n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)

@@ -15,7 +15,7 @@ from gslcosim.rng import stream
 StabilityClass = Literal["A", "B", "C", "D", "E", "F"]
 
 # sigma_y = a x / sqrt(1 + 1e-4 x); sigma_z = b x (1 + c x)^p: (a, b, c, p) of each class, x in metres.
-_OPEN_COUNTRY = {
+OPEN_COUNTRY = {
     "A": (0.22, 0.20, 0.0, 0.0),
     "B": (0.16, 0.12, 0.0, 0.0),
     "C": (0.11, 0.08, 2e-4, -0.5),
@@ -42,7 +42,7 @@ def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tup
     Held by:
         tests/unit/fields/models/test_gaussian_plume.py
     """
-    a, b, c, p = _OPEN_COUNTRY[stability]
+    a, b, c, p = OPEN_COUNTRY[stability]
     return a * downwind_m / np.sqrt(1.0 + 1e-4 * downwind_m), b * downwind_m * (1.0 + c * downwind_m) ** p
 
 
@@ -91,7 +91,9 @@ class GaussianPlume:
             raise ModelError("gaussian plume: expected a horizontal wind that is not zero, was calm air.")
         along = np.array(self.wind_world_m_s[:2]) / speed_m_s
         offset_m = points[:, :2] - np.array(self.position_world_m[:2])
-        return offset_m @ along, offset_m @ np.array([-along[1], along[0]]), speed_m_s
+        # Not as a matrix product, whose last digits depend on how many points there are.
+        u, v = along
+        return offset_m[:, 0] * u + offset_m[:, 1] * v, offset_m[:, 0] * -v + offset_m[:, 1] * u, speed_m_s
 
     # `rise_m` (n,) or 0: how far the plume's axis is above the source's height.
     def _mixing_ratio_ppm(

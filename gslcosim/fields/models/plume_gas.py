@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gslcosim.errors import ScenarioError
 from gslcosim.fields.gas_field import GasField
 from gslcosim.fields.gas_setup import GasSetup, gas_field_of_block, gases_in, release_m3_s, wind_at_first_source_m_s
 from gslcosim.fields.models.formula_fields import FormulaField, FormulaPlume
-from gslcosim.fields.models.gaussian_plume import GaussianPlume, MeanderingPlume
+from gslcosim.fields.models.gaussian_plume import OPEN_COUNTRY, GaussianPlume, MeanderingPlume
+from gslcosim.fields.models.numpy_loop_kernels import loop_address
+from gslcosim.fields.models.plume_kernels import PLUME
 from gslcosim.scenario.models.gas import FormulaGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
 
 
@@ -46,6 +51,23 @@ def _meandering_field(gas: MeanderingPlumeGasSpec, setup: GasSetup) -> GasField:
         ]
 
     return _field(gas, setup, meandering)
+
+
+def plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void]:
+    """Return the (n,) mean plumes of the sources as records of `plume_kernels.PLUME`, for kernels.
+
+    Raises:
+        ScenarioError: the air is calm.
+    """
+    means = _means(gas, setup)
+    rows = np.zeros(len(means), PLUME)
+    for row, mean, column in zip(rows, means, _columns(gas), strict=True):
+        speed_m_s = float(np.hypot(*mean.wind_world_m_s[:2]))
+        row["position_world_m"], row["release_m3_s"] = mean.position_world_m, mean.release_m3_s
+        row["speed_m_s"], row["along"] = speed_m_s, np.array(mean.wind_world_m_s[:2]) / speed_m_s
+        row["spread"], row["has_ground"], row["gas"] = OPEN_COUNTRY[mean.stability], mean.has_ground, column
+    rows["exp_address"], rows["power_address"] = loop_address(np.exp), loop_address(np.power)
+    return rows
 
 
 def _field(gas: FormulaGasSpec, setup: GasSetup, plumes: Callable[[int], list[FormulaPlume]]) -> GasField:

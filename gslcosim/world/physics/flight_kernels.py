@@ -54,8 +54,20 @@ def is_sound(p, v):
 
 
 @numba.njit(cache=True, nogil=True)
-def _path_force_inplace(vehicle, state, p, v, t_s, dt_s):
-    # Specific force and jerk that follow the path; integral and heading are advanced.
+def path_force_inplace(vehicle, state, p, v, t_s, dt_s):
+    """Return the specific force [m/s^2] that follows the path and the reference's jerk, world frame.
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        state: Record of `records.STATE`; integral and heading are advanced.
+        p: (3 or more,) position, world frame [m].
+        v: (3 or more,) velocity, world frame [m/s].
+        t_s: Time since the end of the trajectory's start tick [s].
+        dt_s: Length of a sub-step [s].
+
+    Held by:
+        tests/analytic/test_world_flight.py
+    """
     a_x, j_x = axis_acceleration_inplace(vehicle, state, 0, p[0], v[0], t_s, dt_s)
     a_y, j_y = axis_acceleration_inplace(vehicle, state, 1, p[1], v[1], t_s, dt_s)
     a_z, j_z = axis_acceleration_inplace(vehicle, state, 2, p[2], v[2], t_s, dt_s)
@@ -89,7 +101,7 @@ def fly_rotors_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, w
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     thrust = t_x = t_y = t_z = 0.0
     if state.is_armed and state.control == PATH:
-        f_x, f_y, f_z, j_x, j_y, j_z = _path_force_inplace(vehicle, state, p, v, t_s, dt_s)
+        f_x, f_y, f_z, j_x, j_y, j_z = path_force_inplace(vehicle, state, p, v, t_s, dt_s)
         R_d, omega_d = attitude_of_force(f_x, f_y, f_z, j_x, j_y, j_z, state.yaw_rad, state.yaw_rate_rad_s)
         thrust = thrust_along(vehicle, R, f_x, f_y, f_z)
         t_x, t_y, t_z = attitude_torque(vehicle, R, v[3], v[4], v[5], R_d, omega_d)
@@ -128,7 +140,7 @@ def push_inplace(vehicle, state, p, v, force, t_s, dt_s):
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     f_x = f_y = f_z = 0.0
     if state.is_armed:
-        f_x, f_y, f_z, _, _, _ = _path_force_inplace(vehicle, state, p, v, t_s, dt_s)
+        f_x, f_y, f_z, _, _, _ = path_force_inplace(vehicle, state, p, v, t_s, dt_s)
     upright, rates = attitude_of_force(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, state.yaw_rad, state.yaw_rate_rad_s)
     t_x, t_y, t_z = attitude_torque(vehicle, R, v[3], v[4], v[5], upright, rates)
     force[0], force[1], force[2] = vehicle.mass_kg * f_x, vehicle.mass_kg * f_y, vehicle.mass_kg * f_z

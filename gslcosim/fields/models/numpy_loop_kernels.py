@@ -1,0 +1,106 @@
+"""Numpy's own exponential and power in compiled kernels, so that both give the same bits on any processor.
+
+Numpy picks its loops by the processor, and their last digit is not that of the C library, which compiled code calls.
+"""
+# pyright: basic
+
+import ctypes
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from gslcosim.errors import ModelError
+
+_INT64 = ir.IntType(64)
+
+
+# The head of numpy's PyUFuncObject, which is part of its C interface.
+class _Ufunc(ctypes.Structure):
+    _fields_ = [
+        ("head", ctypes.c_ssize_t * 2),
+        ("counts", ctypes.c_int * 4),
+        ("functions", ctypes.POINTER(ctypes.c_void_p)),
+        ("data", ctypes.POINTER(ctypes.c_void_p)),
+        ("ntypes", ctypes.c_int),
+    ]
+
+
+def loop_address(ufunc: np.ufunc) -> int:
+    """Return the address of the loop that a function of numpy runs over doubles; kernels pass it on.
+
+    Raises:
+        ModelError: the function has no such loop.
+    """
+    of_doubles = [i for i, kinds in enumerate(ufunc.types) if set(kinds) == set("d->")]
+    if not of_doubles:
+        raise ModelError(f"{ufunc.__name__}: expected a loop over doubles, was {', '.join(ufunc.types)}.")
+    address = _Ufunc.from_address(id(ufunc)).functions[of_doubles[0]]
+    assert address is not None
+    return int(address)
+
+
+# Calls `void loop(char **args, npy_intp const *dimensions, npy_intp const *steps, void *data)` for one element.
+def _call_loop(builder: ir.IRBuilder, address, values):
+    n = len(values) + 1
+    entry = builder.function.entry_basic_block
+    with builder.goto_block(entry):
+        places = builder.alloca(ir.DoubleType(), n)
+        args = builder.alloca(_INT64, n)
+        numbers = builder.alloca(_INT64, 1 + n)
+    for i in range(n):
+        place = builder.gep(places, [ir.Constant(ir.IntType(32), i)])
+        if i < len(values):
+            builder.store(values[i], place)
+        builder.store(builder.ptrtoint(place, _INT64), builder.gep(args, [ir.Constant(ir.IntType(32), i)]))
+        step = builder.gep(numbers, [ir.Constant(ir.IntType(32), 1 + i)])
+        builder.store(ir.Constant(_INT64, 8), step)
+    builder.store(ir.Constant(_INT64, 1), numbers)
+    function_type = ir.FunctionType(ir.VoidType(), [_INT64] * 4)
+    function = builder.inttoptr(address, function_type.as_pointer())
+    steps = builder.gep(numbers, [ir.Constant(ir.IntType(32), 1)])
+    pointers = [builder.ptrtoint(pointer, _INT64) for pointer in (args, numbers, steps)]
+    builder.call(function, [*pointers, ir.Constant(_INT64, 0)])
+    return builder.load(builder.gep(places, [ir.Constant(ir.IntType(32), n - 1)]))
+
+
+@intrinsic
+def call_of_one(typingctx, address, x):
+    """Call a loop of numpy over doubles with one argument, such as that of `numpy.exp`, for one number.
+
+    Args:
+        typingctx: numba's.
+        address: Of `loop_address`.
+        x: The argument.
+
+    Held by:
+        tests/unit/fields/models/test_numpy_loop_kernels.py
+    """
+    signature = types.float64(types.intp, types.float64)
+
+    def codegen(context, builder, _signature, arguments):
+        return _call_loop(builder, arguments[0], arguments[1:])
+
+    return signature, codegen
+
+
+@intrinsic
+def call_of_two(typingctx, address, x, y):
+    """Call a loop of numpy over doubles with two arguments, such as that of `numpy.power`, for one pair of numbers.
+
+    Args:
+        typingctx: numba's.
+        address: Of `loop_address`.
+        x: The first argument.
+        y: The second argument.
+
+    Held by:
+        tests/unit/fields/models/test_numpy_loop_kernels.py
+    """
+    signature = types.float64(types.intp, types.float64, types.float64)
+
+    def codegen(context, builder, _signature, arguments):
+        return _call_loop(builder, arguments[0], arguments[1:])
+
+    return signature, codegen

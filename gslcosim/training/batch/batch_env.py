@@ -1,0 +1,291 @@
+"""Many searches at a time as a vector environment of Gymnasium."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import UsageError
+from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.search.learned.acting import ACTIONS, action_kind
+from gslcosim.ticks import NS_PER_S
+from gslcosim.training.batch import batch_records
+from gslcosim.training.batch.drawing_kernels import scrambled
+from gslcosim.training.batch.preparing import prepare
+from gslcosim.training.batch.stepping_kernels import Searches, begin, new_work, step
+from gslcosim.training.registration import REMEDY
+from gslcosim.training.rewards import REWARDS, SUCCESS
+from gslcosim.world.physics import records
+
+try:
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ImportError as error:  # an extra
+    raise UsageError(f"gymnasium: expected the package, found none. Install it with: {REMEDY}") from error
+
+_MOST_SEED = 2**31
+# Searches that a thread takes at a time: few enough that all threads end together.
+_CHUNK = 256
+_BATCHED_ACTIONS = ("velocity", "velocity_3d")
+
+
+class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
+    """Independent searches, each in a case drawn anew at its resets, stepped by compiled code in one call.
+
+    Observations, actions, rewards and `infos` are those of `SearchEnv`, whose flights these are: with the same case,
+    seed and actions all numbers are the same, to the bit. A step lasts from each search's question to its next, so
+    searches with `mode: on_request` fly on for different times.
+
+    `infos` has arrays: `distance_to_source_m`, `path_length_m`, `n_commands`, `time_s`; and of searches that end
+    `outcome` and `success`. A search that is over begins anew with its next step (`AutoresetMode.NEXT_STEP`), whose
+    action is of no account and whose reward is 0, or at once with `autoreset_mode="same_step"`.
+
+    Each search draws its cases and seeds from a stream of its own, which follows from the seed of `reset` and the
+    search's index alone.
+
+    Args:
+        cases: Scenarios with one agent, places drawn; see `LearningTask.loaded`.
+        n_envs: How many searches.
+        action: As for `SearchEnv`: `velocity` or `velocity_3d`.
+        step_m: The longest leg [m].
+        speed_m_s: The highest speed of velocities [m/s].
+        hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
+        reward: `sparse` or `potential`.
+        discount: Of the shaping of `potential`.
+        autoreset_mode: `next_step` or `same_step`.
+        n_threads: How many threads fly; absent: as many as there are processors. Results do not depend on it.
+
+    Raises:
+        UsageError: a scenario cannot be batched, or an argument is not one of those.
+    """
+
+    def __init__(
+        self,
+        cases: Sequence[LoadedScenario],
+        n_envs: int,
+        *,
+        action: str = "velocity",
+        step_m: float = 1.0,
+        speed_m_s: float = 1.0,
+        hold_s: float | None = None,
+        reward: str = "potential",
+        discount: float = 0.99,
+        autoreset_mode: str = "next_step",
+        n_threads: int | None = None,
+    ) -> None:
+        if n_envs < 1:
+            raise UsageError(f"n_envs: expected at least 1, was {n_envs}.")
+        if action not in ACTIONS or action not in _BATCHED_ACTIONS:
+            raise UsageError(f"action: expected one of {', '.join(_BATCHED_ACTIONS)} in a batch, was {action!r}.")
+        if reward not in REWARDS:
+            raise UsageError(f"reward: expected one of {', '.join(REWARDS)} in a batch, was {reward!r}.")
+        if autoreset_mode not in ("next_step", "same_step"):
+            raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
+        self._loaded = tuple(cases)
+        self._prepared = prepare(self._loaded, hold_s)
+        self._speed_m_s = speed_m_s
+        self._reward, self._discount = reward, discount
+        self._resets_at_once = autoreset_mode == "same_step"
+        self.metadata = {
+            "autoreset_mode": AutoresetMode.SAME_STEP if self._resets_at_once else AutoresetMode.NEXT_STEP,
+        }
+        self.num_envs = n_envs
+        self.observation_names: tuple[str, ...] = self._prepared.names
+        n_numbers = len(self.observation_names)
+        kind = action_kind(action, self._prepared.briefing, step_m=step_m, speed_m_s=speed_m_s, hold_s=hold_s)
+        self.single_observation_space = spaces.Box(-1.0, 1.0, (n_numbers,), np.float32)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (kind.n_numbers,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, n_envs)
+        self.action_space = batch_space(self.single_action_space, n_envs)
+        self._n_sensors = self._prepared.cases.instruments.shape[1]
+        self._searches = Searches(
+            searches=np.zeros(n_envs, batch_records.SEARCH),
+            paths=np.zeros(n_envs, records.STATE),
+            gauges=np.zeros((n_envs, self._n_sensors), batch_records.GAUGE),
+        )
+        self._observations = np.zeros((n_envs, n_numbers), np.float32)
+        self._tasks = np.full(n_envs, batch_records.CRUISE, np.int64)
+        self._vectors = np.zeros((n_envs, 3))
+        self._is_over = np.zeros(n_envs, np.bool_)
+        self._stream_seed: int | None = None
+        self.n_ticks = 0
+        n_threads = n_threads or len(os.sched_getaffinity(0))
+        n_places = self._prepared.cases.places_m.shape[1]
+        self._work = [new_work(n_places, records.STATE) for _ in range(n_threads)]
+        self._threads = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin all searches anew.
+
+        Args:
+            seed: Decides what all searches draw from now on; absent: drawn at the first reset, and kept.
+            options: `cases` and `seeds`, (n_envs,) each: which case and which scenario's seed each search takes now.
+
+        Raises:
+            UsageError: there are other options, or they do not fit.
+        """
+        super().reset(seed=seed)
+        if seed is not None or self._stream_seed is None:
+            self._stream_seed = int(self.np_random.integers(2**62)) if seed is None else int(seed)
+            self._searches.searches["n_begun"] = 0
+        rows = np.arange(self.num_envs)
+        cases, seeds = self._drawn(rows)
+        for name, values in (options or {}).items():
+            chosen = np.asarray(values, np.int64)
+            most = {"cases": len(self._loaded), "seeds": _MOST_SEED}.get(name)
+            if most is None or chosen.shape != (self.num_envs,) or chosen.min() < 0 or chosen.max() >= most:
+                raise UsageError(
+                    f"reset: options: expected cases (0 to {len(self._loaded) - 1}) and seeds (0 to {_MOST_SEED - 1}), "
+                    f"{self.num_envs} of each, was {name} = {values!r}."
+                )
+            cases, seeds = (chosen, seeds) if name == "cases" else (cases, chosen)
+        self._begin(rows, cases, seeds)
+        return self._observations.copy(), self._infos()
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Give each search a command and fly on until each asks for the next, or is over; see the class.
+
+        Raises:
+            UsageError: the actions have another shape, or are not finite; or there was no reset.
+        """
+        if self._stream_seed is None:
+            raise UsageError("step: expected searches that go on, was none. Call reset first.")
+        self._take(actions)
+        was_over = self._is_over.copy()
+        flying = np.flatnonzero(~was_over)
+        before = self._searches.searches[["scored_distance_m", "tick", "case"]].copy()
+        self._fly(flying)
+        after = self._searches.searches
+        self._is_over = after["outcome"] != batch_records.SEARCHES_ON
+        is_truncated = after["outcome"] == batch_records.TIME_LIMIT
+        rewards = np.where(was_over, 0.0, self._rewards(before, after))
+        ended = self._is_over & ~was_over
+        terminated, truncated = ended & ~is_truncated, ended & is_truncated
+        infos = self._infos(ended)
+        again = np.flatnonzero(ended if self._resets_at_once else was_over)
+        if self._resets_at_once and len(again):
+            infos["final_obs"] = _as_objects(self._observations, ended)
+            infos["_final_obs"] = ended
+            infos["final_info"] = {key: value for key, value in infos.items() if "final_obs" not in key}
+            infos["_final_info"] = ended
+        if len(again):
+            self._begin(again, *self._drawn(again))
+            begun = self._infos()
+            infos.update({key: begun[key] for key in begun if not key.startswith("_")})
+        return self._observations.copy(), rewards, terminated, truncated, infos
+
+    def loaded(self, i: int) -> LoadedScenario:
+        """Return the scenario that search `i` flies now, with its seed: a single flight of it is the same."""
+        search = self._searches.searches[i]
+        loaded = self._loaded[int(search["case"])]
+        scenario = loaded.scenario.model_copy(update={"seed": int(search["seed"])})
+        return replace(loaded, scenario=scenario)
+
+    @property
+    def bytes_per_env(self) -> int:
+        """How many bytes each search takes, beside the cases that all share."""
+        arrays = (*self._searches, self._observations, self._tasks, self._vectors, self._is_over)
+        return sum(array.nbytes for array in arrays) // self.num_envs
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads."""
+        del kwargs
+        if self._threads is not None:
+            self._threads.shutdown()
+
+    def _drawn(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        searches, n_cases = self._searches.searches, len(self._loaded)
+        assert self._stream_seed is not None, "reset has drawn it"
+        bits = [scrambled(self._stream_seed, i, int(searches["n_begun"][i])) for i in rows.tolist()]
+        cases = np.array([(int(b) >> 32) % n_cases for b in bits], np.int64)
+        seeds = np.array([int(b) % _MOST_SEED for b in bits], np.int64)
+        return cases, seeds
+
+    def _begin(self, rows: NDArray[np.int64], cases: NDArray[np.int64], seeds: NDArray[np.int64]) -> None:
+        self._searches.searches["n_begun"][rows] += 1
+        prepared, searches, observations = self._prepared.cases, self._searches, self._observations
+
+        def fly(part: slice, work: Any) -> int:
+            begin(rows[part], cases[part], seeds[part], prepared, searches, work, observations)
+            return 0
+
+        self._in_parts(len(rows), fly)
+        self._is_over[rows] = searches.searches["outcome"][rows] != batch_records.SEARCHES_ON
+
+    def _fly(self, rows: NDArray[np.int64]) -> None:
+        prepared, searches, observations = self._prepared.cases, self._searches, self._observations
+        tasks, vectors = self._tasks, self._vectors
+
+        def fly(part: slice, work: Any) -> int:
+            return int(step(rows[part], tasks, vectors, prepared, searches, work, observations))
+
+        self.n_ticks += self._in_parts(len(rows), fly)
+
+    def _in_parts(self, n: int, fly: Any) -> int:
+        parts = [slice(begin_at, min(begin_at + _CHUNK, n)) for begin_at in range(0, n, _CHUNK)]
+        if self._threads is None or len(parts) == 1:
+            return sum(fly(part, self._work[0]) for part in parts)
+        n_threads = len(self._work)
+
+        def some(k: int) -> int:
+            return sum(fly(part, self._work[k]) for part in parts[k::n_threads])
+
+        return sum(self._threads.map(some, range(n_threads)))
+
+    def _take(self, actions: NDArray[Any]) -> None:
+        expected = self.action_space.shape
+        given = np.asarray(actions, np.float64)
+        if given.shape != expected:
+            raise UsageError(f"step: actions: expected shape {expected}, was {given.shape}.")
+        if not np.isfinite(given).all():
+            raise UsageError(f"step: actions: expected finite numbers, was {given[~np.isfinite(given)][0]}.")
+        self._vectors[:, : given.shape[1]] = self._speed_m_s * given
+
+    def _times_s(self, searches: NDArray[np.void]) -> NDArray[np.float64]:
+        return searches["tick"] * self._prepared.cases.cases["tick_ns"][searches["case"]] / NS_PER_S
+
+    # The same sums in the same order as `gslcosim.training.rewards`, for all searches at once.
+    def _rewards(self, before: NDArray[np.void], after: NDArray[np.void]) -> NDArray[np.float64]:
+        sparse = np.where(after["outcome"] == batch_records.SUCCESS, SUCCESS, 0.0)
+        if self._reward == "sparse":
+            return sparse
+        cases = self._prepared.cases.cases[after["case"]]
+        potential_before = -before["scored_distance_m"] / cases["diagonal_m"]
+        goes_on = after["outcome"] == batch_records.SEARCHES_ON
+        potential_after = np.where(goes_on, -after["scored_distance_m"] / cases["diagonal_m"], 0.0)
+        taken_s = self._times_s(after) - self._times_s(before)
+        return sparse - taken_s / cases["time_limit_s"] + (self._discount * potential_after - potential_before)
+
+    def _infos(self, ended: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        searches = self._searches.searches
+        infos: dict[str, Any] = {
+            "distance_to_source_m": searches["scored_distance_m"].copy(),
+            "path_length_m": searches["scored_path_length_m"].copy(),
+            "n_commands": searches["scored_n_commands"].copy(),
+            "time_s": self._times_s(searches),
+        }
+        everyone = np.ones(self.num_envs, np.bool_)
+        infos |= {f"_{key}": everyone for key in list(infos)}
+        if ended is not None and ended.any():
+            outcomes = np.array(batch_records.OUTCOMES, dtype=object)[searches["outcome"]]
+            outcomes[~ended] = None
+            infos["outcome"], infos["_outcome"] = outcomes, ended
+            infos["success"] = ended & (searches["outcome"] == batch_records.SUCCESS)
+            infos["_success"] = ended
+        return infos
+
+
+def _as_objects(observations: NDArray[np.float32], chosen: NDArray[np.bool_]) -> NDArray[np.object_]:
+    told = np.full(len(chosen), None, dtype=object)
+    for i in np.flatnonzero(chosen).tolist():
+        told[i] = observations[i].copy()
+    return told

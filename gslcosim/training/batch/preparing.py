@@ -1,0 +1,258 @@
+"""From scenarios to what the kernels know of them; and what cannot be batched."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract import keys
+from gslcosim.contract.messages import BodyPoses, Briefing
+from gslcosim.contract.participant import Episode
+from gslcosim.environment.model import Environment
+from gslcosim.environment.store import load_environment
+from gslcosim.errors import UsageError
+from gslcosim.fields.gas_setup import GasSetup, gases_in
+from gslcosim.fields.models.plume_gas import plume_records
+from gslcosim.fields.models.plume_kernels import PLUME
+from gslcosim.fields.timing import gas_timing
+from gslcosim.generation import prepare_environment
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scenario.models.gas import GaussianPlumeGasSpec
+from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.models.success import AllSourcesSuccess, SourceSuccess
+from gslcosim.search.learned.observing import ObservationVector
+from gslcosim.sensing.briefings import briefing_of
+from gslcosim.ticks import NS_PER_S, ticks_from_seconds
+from gslcosim.training.batch import batch_records
+from gslcosim.training.batch.instruments import Instruments
+from gslcosim.training.batch.rooms import Rooms
+from gslcosim.training.batch.stepping_kernels import Cases
+from gslcosim.vehicles import vehicle_of
+from gslcosim.world.core import WorldCore, physics_step_ms
+from gslcosim.world.guidance.abilities import abilities_of
+from gslcosim.world.physics import records
+
+_ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
+# A vehicle has left what it stands on when it is so far from everything [m].
+_CLEAR_M = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """Cases as kernels take them; `kept` holds what their addresses point into.
+
+    `briefing` is that of the first case, `names` those of the numbers of an observation.
+    """
+
+    cases: Cases
+    briefing: Briefing
+    names: tuple[str, ...]
+    kept: Sequence[object] = field(repr=False)
+
+
+def refusal_of(scenario: Scenario) -> str | None:
+    """Return why a scenario cannot be batched, in one sentence with the remedy, or nothing."""
+    for key, expected, found in _misfits(scenario):
+        return f"{key}: expected {expected}, was {found}. {_ELSE}"
+    return None
+
+
+def _misfits(scenario: Scenario) -> Iterable[tuple[str, str, object]]:
+    if len(scenario.agents) != 1:
+        yield "agents", "one agent in a batch", len(scenario.agents)
+        return
+    agent, vehicle = scenario.agents[0], scenario.agents[0].vehicle
+    if vehicle.facts.kind != "holonomic":
+        yield "agents[0].vehicle.model", "holonomic in a batch", vehicle.model
+    if agent.mode_name not in ("on_request", "lockstep"):
+        yield "agents[0].mode", "on_request or lockstep in a batch", agent.mode_name
+    if vehicle.avoidance != "none":
+        yield "agents[0].vehicle.avoidance", "none in a batch", vehicle.avoidance
+    if not isinstance(scenario.gas, GaussianPlumeGasSpec):
+        yield "gas.model", "gaussian_plume in a batch", scenario.gas.model
+    if not isinstance(scenario.referee.success, SourceSuccess | AllSourcesSuccess):
+        yield "referee.success.of", "source or all_sources in a batch", scenario.referee.success.of
+    if not scenario.referee.stop.on_collision:
+        yield "referee.stop.on_collision", "true in a batch", "false"
+    if scenario.events:
+        yield "events", "none in a batch", f"{len(scenario.events)}"
+    if scenario.has_wind_that_changes:
+        yield "wind", "wind that no service drives in a batch", "one that does"
+    if scenario.channels:
+        yield "channels", "none in a batch: radio needs several agents", f"{len(scenario.channels)}"
+
+
+class _Preparing:
+    """Gathers cases; see `prepare`."""
+
+    def __init__(self, hold_s: float | None) -> None:
+        self._hold_s = hold_s
+        self.rooms = Rooms()
+        self._environments: dict[str, Environment] = {}
+        self._starts: dict[tuple[Any, ...], tuple[int, int]] = {}
+        self.cases: list[NDArray[np.void]] = []
+        self.vehicles: list[NDArray[np.void]] = []
+        self.plumes: list[NDArray[np.void]] = []
+        self.instruments: list[Instruments] = []
+        self.start_rows: list[NDArray[np.float64]] = []
+        self.sources_m: list[tuple[float, float, float]] = []
+        self.n_start_rows = self.n_name = self.n_plumes = 0
+        self.briefing: Briefing | None = None
+        self.names: tuple[str, ...] = ()
+
+    def add(self, loaded: LoadedScenario) -> None:
+        scenario = loaded.scenario
+        if (refusal := refusal_of(scenario)) is not None:
+            raise UsageError(f"{scenario.name}: {refusal}")
+        agent, environment = scenario.agents[0], self._environment(loaded)
+        names = self._names(agent, scenario, environment)
+        instruments = Instruments(agent, scenario, gases_in(scenario.gas), names, self.n_name)
+        self.n_name += len(instruments.names)
+        self.instruments.append(instruments)
+        self._add_case(scenario, agent, environment)
+
+    def _environment(self, loaded: LoadedScenario) -> Environment:
+        folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
+        if str(folder) not in self._environments:
+            self._environments[str(folder)] = load_environment(folder)
+        return self._environments[str(folder)]
+
+    def _names(self, agent: AgentSpec, scenario: Scenario, environment: Environment) -> tuple[str, ...]:
+        briefing = briefing_of(agent, scenario, environment, seed=scenario.seed)
+        names = ObservationVector(briefing).names
+        self.briefing = self.briefing or briefing
+        self.names = self.names or names
+        if names != self.names:
+            other = ", ".join(sorted(set(names) ^ set(self.names)))
+            raise UsageError(
+                f"{scenario.name}: agents[0].sensors: expected the sensors of the first case, was others ({other}). "
+                "Give all cases of a batch sensors of the same names and models, in one order."
+            )
+        return names
+
+    def _add_case(self, scenario: Scenario, agent: AgentSpec, environment: Environment) -> None:
+        case, vehicle = np.zeros((), batch_records.CASE), np.zeros((), records.CONSTANTS)
+        spec, model, stop = agent.vehicle, vehicle_of(agent.vehicle.model), scenario.referee.stop
+        tick_ns = scenario.tick_ns
+        step_ms = physics_step_ms([model], scenario.tick_ms)
+        case["room"] = self.rooms.number_of(environment, model.body.radius_m)
+        case["tick_ns"], case["tick_s"] = tick_ns, tick_ns / NS_PER_S
+        case["n_substeps"], case["physics_step_s"] = scenario.tick_ms // step_ms, step_ms * 1e-3
+        case["radius_m"] = model.body.radius_m
+        core = WorldCore(scenario, environment)
+        records.set_constants(vehicle, model, core.model, f"{agent.name}/", step_ms * 1e-3)
+        limits = abilities_of(spec, model, vehicle, model.body.half_height_m).limits
+        case["max_speed_m_s"], case["max_acceleration_m_s2"] = limits.max_speed_m_s, limits.max_acceleration_m_s2
+        first, n_rows = self._start_rows(scenario, environment, core, model.body.radius_m)
+        case["first_start_row"], case["n_start_rows"] = first, n_rows
+        case["start_m"] = self.start_rows_at(first)
+        case["search_height_m"] = spec.search_height_m
+        case["usual_hold_ticks"] = ticks_from_seconds(spec.hold_s, tick_ns)
+        case["hold_ticks"] = ticks_from_seconds(spec.hold_s if self._hold_s is None else self._hold_s, tick_ns)
+        case["asks_every_tick"] = agent.is_asked_every_tick
+        case["time_limit_s"], case["ends_on_collision"] = stop.time_limit_s, stop.on_collision
+        self._add_sources(case, scenario, spec.start_m)
+        self._add_gas(case, scenario, environment)
+        low, high = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
+        case["centre_m"], case["half_m"] = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
+        case["diagonal_m"] = math.dist(environment.grid.origin_m, environment.grid.max_m)
+        self.cases.append(case)
+        self.vehicles.append(vehicle)
+
+    def start_rows_at(self, first: int) -> NDArray[np.float64]:
+        """Return where the vehicle of a case rests."""
+        return np.concatenate(self.start_rows)[first, :3]
+
+    def _add_sources(self, case: Any, scenario: Scenario, start_m: tuple[float, float, float]) -> None:
+        success, places_m = scenario.referee.success, [source.position_m for source in scenario.gas.sources]
+        case["first_source"], case["n_sources"] = len(self.sources_m), len(places_m)
+        self.sources_m += places_m
+        is_all = isinstance(success, AllSourcesSuccess)
+        case["criterion"] = batch_records.ALL_SOURCES if is_all else batch_records.NEAREST_SOURCE
+        case["within_m"], case["is_horizontal"] = success.within_m, success.is_horizontal
+        case["first_distance_m"] = min(math.dist(start_m, place_m) for place_m in places_m)
+
+    def _add_gas(self, case: Any, scenario: Scenario, environment: Environment) -> None:
+        gas, timing = scenario.gas, gas_timing(scenario)
+        assert isinstance(gas, GaussianPlumeGasSpec), "others are refused"
+        plumes = plume_records(gas, GasSetup(scenario=scenario, environment=environment))
+        case["gas"], case["n_gases"] = batch_records.STEADY_PLUMES, len(gases_in(gas))
+        case["first_plume"], case["n_plumes"] = self.n_plumes, len(plumes)
+        self.n_plumes += len(plumes)
+        self.plumes.append(plumes)
+        case["gas_step_s"], case["gas_steps_per_tick"] = timing.step_s, timing.steps_per_tick
+        case["gas_ticks_per_step"], case["warm_up_steps"] = timing.ticks_per_step, timing.warm_up_steps
+        case["warm_up_s"] = gas.warm_up_s
+
+    # A ball on the floor is lifted with contact forces: as MuJoCo has it, once for all cases that start there.
+    def _start_rows(
+        self, scenario: Scenario, environment: Environment, core: WorldCore, radius_m: float
+    ) -> tuple[int, int]:
+        vehicle = scenario.agents[0].vehicle.model_dump(mode="json")
+        key = (environment.content_hash, scenario.tick_ns, repr(vehicle))
+        if key not in self._starts:
+            rows = _first_rows(core, environment, radius_m)
+            self._starts[key] = (self.n_start_rows, len(rows))
+            self.n_start_rows += len(rows)
+            self.start_rows.append(rows)
+        return self._starts[key]
+
+
+def prepare(loaded: Sequence[LoadedScenario], hold_s: float | None) -> Prepared:
+    """Prepare cases: their rooms, starts, gas and sensors.
+
+    Args:
+        loaded: At least one scenario, places drawn.
+        hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
+
+    Raises:
+        UsageError: a scenario cannot be batched, or its observations are not those of the first.
+        ScenarioError: it cannot be flown.
+    """
+    if not loaded:
+        raise UsageError("cases: expected at least one scenario, was none.")
+    preparing = _Preparing(hold_s)
+    for each in loaded:
+        preparing.add(each)
+    assert preparing.briefing is not None, "there is a case"
+    n_places = max(len(instruments.places_m) for instruments in preparing.instruments)
+    places_m = np.zeros((len(loaded), n_places, 3))
+    for i, instruments in enumerate(preparing.instruments):
+        places_m[i, : len(instruments.places_m)] = instruments.places_m
+    cases = Cases(
+        rooms=preparing.rooms.array(),
+        cases=np.array(preparing.cases, batch_records.CASE),
+        vehicles=np.array(preparing.vehicles, records.CONSTANTS),
+        plumes=np.concatenate([np.zeros(1, PLUME), *preparing.plumes])[1:],
+        instruments=np.array([instruments.rows for instruments in preparing.instruments]),
+        names=np.frombuffer(b"".join(i.names for i in preparing.instruments), np.uint8),
+        start_rows=np.concatenate(preparing.start_rows),
+        sources_m=np.array(preparing.sources_m, np.float64),
+        places_m=places_m,
+    )
+    return Prepared(cases=cases, briefing=preparing.briefing, names=preparing.names, kept=preparing.rooms.kept)
+
+
+# Place, velocity and whether something forbidden is touched at the end of each tick, until the vehicle is clear.
+def _first_rows(core: WorldCore, environment: Environment, radius_m: float) -> NDArray[np.float64]:
+    floors = {box.name for box in environment.boxes if box.kind == "floor"} | {"floor"}
+    boxes_m = np.array([(*box.min_m, *box.max_m) for box in environment.boxes], np.float64).reshape(-1, 6)
+    core.reset(Episode(seed=0))
+    rows: list[tuple[float, ...]] = []
+    while True:
+        poses = core.step(len(rows), {})[keys.BODIES]
+        assert isinstance(poses, BodyPoses)
+        body = poses.bodies[0]
+        is_touching = any(name not in floors for name in body.contacts)
+        rows.append((*body.position_world_m, *body.velocity_world_m_s, float(is_touching)))
+        place_m = np.array(body.position_world_m)
+        gaps_m = np.linalg.norm(np.maximum(np.maximum(boxes_m[:, :3] - place_m, place_m - boxes_m[:, 3:]), 0.0), axis=1)
+        is_clear = place_m[2] > environment.grid.origin_m[2] + radius_m + _CLEAR_M
+        if is_clear and (not len(gaps_m) or gaps_m.min() > radius_m + _CLEAR_M):
+            return np.array(rows)
+        if body.phase not in ("on_ground", "taking_off"):
+            return np.array(rows)
