@@ -9,9 +9,9 @@ from gslcosim.errors import ScenarioError
 from gslcosim.fields.gas_field import GasField
 from gslcosim.fields.gas_setup import GasSetup, gas_field_of_block, gases_in, release_m3_s, wind_at_first_source_m_s
 from gslcosim.fields.models.formula_fields import FormulaField, FormulaPlume
+from gslcosim.fields.models.formula_plume_kernels import PLUME
 from gslcosim.fields.models.gaussian_plume import OPEN_COUNTRY, GaussianPlume, MeanderingPlume
 from gslcosim.fields.models.numpy_loop_kernels import loop_address
-from gslcosim.fields.models.plume_kernels import PLUME
 from gslcosim.scenario.models.gas import FormulaGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
 
 
@@ -54,7 +54,7 @@ def _meandering_field(gas: MeanderingPlumeGasSpec, setup: GasSetup) -> GasField:
 
 
 def plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void]:
-    """Return the (n,) mean plumes of the sources as records of `plume_kernels.PLUME`, for kernels.
+    """Return the (n,) mean plumes of the sources as records of `formula_plume_kernels.PLUME`, for kernels.
 
     Raises:
         ScenarioError: the air is calm.

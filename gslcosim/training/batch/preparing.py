@@ -15,8 +15,8 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import UsageError
 from gslcosim.fields.gas_setup import GasSetup, gases_in
+from gslcosim.fields.models.formula_plume_kernels import PLUME
 from gslcosim.fields.models.plume_gas import plume_records
-from gslcosim.fields.models.plume_kernels import PLUME
 from gslcosim.fields.timing import gas_timing
 from gslcosim.generation import prepare_environment
 from gslcosim.scenario import Scenario
@@ -28,8 +28,8 @@ from gslcosim.search.learned.observing import ObservationVector
 from gslcosim.sensing.briefings import briefing_of
 from gslcosim.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.training.batch import batch_records
-from gslcosim.training.batch.instruments import Instruments
-from gslcosim.training.batch.rooms import Rooms
+from gslcosim.training.batch.batch_instruments import BatchInstruments
+from gslcosim.training.batch.batch_rooms import BatchRooms
 from gslcosim.training.batch.stepping_kernels import Cases
 from gslcosim.vehicles import vehicle_of
 from gslcosim.world.core import WorldCore, physics_step_ms
@@ -91,13 +91,13 @@ class _Preparing:
 
     def __init__(self, hold_s: float | None) -> None:
         self._hold_s = hold_s
-        self.rooms = Rooms()
+        self.rooms = BatchRooms()
         self._environments: dict[str, Environment] = {}
         self._starts: dict[tuple[Any, ...], tuple[int, int]] = {}
         self.cases: list[NDArray[np.void]] = []
         self.vehicles: list[NDArray[np.void]] = []
         self.plumes: list[NDArray[np.void]] = []
-        self.instruments: list[Instruments] = []
+        self.instruments: list[BatchInstruments] = []
         self.start_rows: list[NDArray[np.float64]] = []
         self.sources_m: list[tuple[float, float, float]] = []
         self.n_start_rows = self.n_name = self.n_plumes = 0
@@ -110,7 +110,7 @@ class _Preparing:
             raise UsageError(f"{scenario.name}: {refusal}")
         agent, environment = scenario.agents[0], self._environment(loaded)
         names = self._names(agent, scenario, environment)
-        instruments = Instruments(agent, scenario, gases_in(scenario.gas), names, self.n_name)
+        instruments = BatchInstruments(agent, scenario, gases_in(scenario.gas), names, self.n_name)
         self.n_name += len(instruments.names)
         self.instruments.append(instruments)
         self._add_case(scenario, agent, environment)

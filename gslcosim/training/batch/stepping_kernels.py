@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from gslcosim.fields.models.plume_kernels import steady_ppm
+from gslcosim.fields.models.formula_plume_kernels import steady_ppm
 from gslcosim.training.batch.batch_records import (
     MOST_GASES,
     NO_TASK,

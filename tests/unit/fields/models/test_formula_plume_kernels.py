@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gslcosim.errors import ModelError
+from gslcosim.fields.models.formula_plume_kernels import PLUME, steady_ppm_at
 from gslcosim.fields.models.gaussian_plume import OPEN_COUNTRY, GaussianPlume
 from gslcosim.fields.models.numpy_loop_kernels import loop_address
-from gslcosim.fields.models.plume_kernels import PLUME, steady_ppm_at
 
 
 @pytest.mark.parametrize("has_ground", [True, False])

@@ -19,7 +19,7 @@ from gslcosim.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.training.batch import batch_records as records
 
 
-class Instruments:
+class BatchInstruments:
     """The sensors of one agent as records of `INSTRUMENT`, the places where they are, and their streams' names.
 
     Args:

@@ -35,7 +35,7 @@ def spreads_at(plume, downwind_m):
     Source:
         Briggs 1973; see `gaussian_plume.spreads_m`.
     Held by:
-        tests/unit/fields/models/test_plume_kernels.py
+        tests/unit/fields/models/test_formula_plume_kernels.py
     """
     x_m = downwind_m if downwind_m > 0.0 else 1.0
     a, b, c, p = plume.spread[0], plume.spread[1], plume.spread[2], plume.spread[3]
@@ -84,7 +84,7 @@ def plume_ppm(plume, along_m, across_m, z_m, rise_m, sigma_y_m, sigma_z_m):
         sigma_z_m: Standard deviation upward [m].
 
     Held by:
-        tests/unit/fields/models/test_plume_kernels.py
+        tests/unit/fields/models/test_formula_plume_kernels.py
     """
     if not along_m > 0.0:
         return 0.0
@@ -108,7 +108,7 @@ def steady_ppm(plume, x_m, y_m, z_m):
         z_m: Place, world frame [m].
 
     Held by:
-        tests/unit/fields/models/test_plume_kernels.py
+        tests/unit/fields/models/test_formula_plume_kernels.py
     """
     along_m, across_m = along_and_across(plume, x_m, y_m)
     if not along_m > 0.0:

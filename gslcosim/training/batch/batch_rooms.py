@@ -16,7 +16,7 @@ _ROUNDING_M = 1e-6
 
 
 @dataclass
-class Rooms:
+class BatchRooms:
     """Rooms by what decides them; `kept` holds the arrays that the records point into."""
 
     rows: list[NDArray[np.void]] = field(default_factory=list[NDArray[np.void]])
