@@ -1,7 +1,8 @@
 """What tests of all folders share."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,10 @@ from hypothesis import HealthCheck, settings
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, WindFrames
+from gslcosim.environment.of_scenario.room_origin import room_of
+from gslcosim.environment.room import with_wind
+from gslcosim.environment.situations import scenario_in, situations_of
+from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 
 # The same examples every time: a law that fails must fail for everyone, and a slow machine is no failure.
@@ -98,3 +103,21 @@ def make_scenario() -> Callable[..., Scenario]:
         )
 
     return build
+
+
+@pytest.fixture
+def room_with_gate() -> Callable[..., tuple[Scenario, Environment]]:
+    """Return a function that makes `event_door` with given events, and its rooms in still air, as cores know them."""
+
+    def build(*events: str, changes: Sequence[str] = ()) -> tuple[Scenario, Environment]:
+        overrides = [f"events=[{', '.join(events)}]", *changes]
+        scenario = load_scenario("event_door", overrides=overrides).scenario
+        first, *later = (in_still_air(scenario_in(scenario, each)) for each in situations_of(scenario))
+        return scenario, replace(first, later_rooms=dict(zip(situations_of(scenario)[1:], later, strict=True)))
+
+    return build
+
+
+def in_still_air(scenario: Scenario) -> Environment:
+    room = room_of(scenario.environment, scenario.wind)
+    return with_wind(room, WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32)))

@@ -17,7 +17,9 @@ from gslcosim.cameras.ports import cameras_spec
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrame, CameraFrames, CameraImage, Quaternion
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.environment.doors import boxes_of_doors
 from gslcosim.environment.model import Environment, Light
+from gslcosim.environment.room_in_time import RoomInTime
 from gslcosim.frames import quaternion_from_rotation, rotation_from_rpy
 from gslcosim.scenario.models.onboard import CameraSensorSpec, ColourCameraSpec, DepthCameraSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
@@ -52,12 +54,13 @@ class _Camera:
 class CamerasCore:
     """Takes pictures of colours and of depths for all cameras of a run, in a MuJoCo scene of its own.
 
-    Reads `truth/bodies` of the same tick; writes `truth/images` every tick, with the pictures of the cameras whose
-    period is over. A camera does not see its own vehicle. Wheels do not turn in pictures. Lamps of the room shine
-    without shadows, seven of them at most, evenly chosen, beside a dim one at the camera.
+    Reads `truth/bodies` of the same tick, and `truth/events` of the last one where doors have some. Writes
+    `truth/images` every tick, with the pictures of the cameras whose period is over. A camera does not see its own
+    vehicle. Wheels do not turn in pictures. Lamps of the room shine without shadows, seven of them at most, evenly
+    chosen, beside a dim one at the camera.
 
-    State: none between ticks. Draws no random numbers. One driver gives the same pictures run after run; another driver
-    may differ in single pixels.
+    State: which doors are closed. Draws no random numbers. One driver gives the same pictures run after run; another
+    driver may differ in single pixels.
     Raises ModelError when built where neither EGL nor OSMesa works.
 
     Held by:
@@ -69,6 +72,8 @@ class CamerasCore:
         self._agents = scenario.agents
         self._model = _model(scenario, environment)
         self._data = mujoco.MjData(self._model)
+        self._room = RoomInTime(environment, scenario)
+        self._doors = [(box, int(self._model.geom(box.name).id)) for box in boxes_of_doors(environment)]
         self._qpos = {a.name: self._model.joint(f"{a.name}/free").qposadr[0] for a in self._agents}
         self._cameras = [self._camera(agent, sensor, scenario.tick_ns) for agent, sensor in scenario.cameras]
         sizes = [sensor.camera for _, sensor in scenario.cameras]
@@ -82,15 +87,18 @@ class CamerasCore:
         return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
-        """Do nothing: pictures depend on the poses only."""
+        """Close and open the doors as at the start: else pictures depend on the poses only."""
         del episode
+        self._room.reset()
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Take the pictures that are due at the end of the tick."""
+        self._room.obey(inbox)
         due = [camera for camera in self._cameras if tick % camera.period_ticks == 0]
         if due:
             self._place(cast(BodyPoses, inbox[keys.BODIES]))
+            self._show_doors()
         return {keys.IMAGES: CameraFrames(tick=tick, frames=tuple(self._frame(camera, tick) for camera in due))}
 
     def close(self) -> None:
@@ -117,6 +125,10 @@ class CamerasCore:
             self._data.qpos[i : i + 7] = (*body.position_world_m, *body.quaternion_wxyz)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
+
+    def _show_doors(self) -> None:
+        for box, i in self._doors:
+            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.situation.closed else 0.0
 
     def _frame(self, camera: _Camera, tick: int) -> CameraFrame:
         opacity = self._model.geom_rgba[camera.own_geoms, 3].copy()

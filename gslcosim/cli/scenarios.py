@@ -80,12 +80,13 @@ def _pace_override(arguments: argparse.Namespace) -> list[str]:
 def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
     """Return what is wrong with the room of a scenario and with the places in it."""
     from gslcosim.environment.of_scenario.places import problems_of_places, problems_of_places_in
+    from gslcosim.environment.situations import scenarios_of_rooms
     from gslcosim.generation import made_environment
 
     # To build a room once more would take a third of a second, most of it for the compiler of its kernels.
-    made = made_environment(scenario, scenario_dir=directory)
-    if made is not None:
-        return problems_of_places_in(scenario, made)
+    made = [made_environment(each, scenario_dir=directory) for each in scenarios_of_rooms(scenario)]
+    if made[0] is not None and all(made):
+        return problems_of_places_in(scenario, made[0])
     return problems_of_places(scenario, scenario_dir=directory)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,14 +98,32 @@ class WindFrames:
         return index % n_frames if self.is_looping else min(index, n_frames - 1)
 
 
+OWN_WIND = -1
+"""In place of the number of an event: the wind is that of the scenario."""
+
+
+Closed = tuple[str, ...]
+"""The names of the doors that are closed, sorted."""
+
+AT_START: Closed = ("at start",)
+"""In place of names: as at the start of a run. It is no name, which has no blank."""
+
+
+class Situation(NamedTuple):
+    """Which doors are closed, and the place of the event whose inlet makes the wind."""
+
+    closed: Closed = ()
+    i_wind: int = OWN_WIND
+
+
 @dataclass(frozen=True, kw_only=True)
 class Environment:
     """A room with its wind. The grid covers the air exactly; walls lie outside it unless an importer says otherwise.
 
     `occupancy` is (nx, ny, nz) uint8 of `Cell`; OUTLET marks free cells that touch an outlet.
-    `content_hash` identifies everything in here but `later_winds`, which events of a run bring, by the place of the
-    event in its scenario. `meshes` are what the boxes were made from, where they were made from
-    anything; `load_environment` reads them only on demand.
+    `content_hash` identifies everything in here but `later_rooms`: what events of a run make of it, on the same grid,
+    by situation. `meshes` are what the boxes were made from, where they were made from anything; `load_environment`
+    reads them only on demand.
     """
 
     name: str
@@ -117,4 +135,14 @@ class Environment:
     content_hash: str
     lights: tuple[Light, ...] = ()
     meshes: tuple[VisualMesh, ...] = ()
-    later_winds: Mapping[int, WindFrames] = field(default_factory=dict[int, WindFrames])
+    later_rooms: Mapping[Situation, Self] = field(default_factory=dict[Situation, Self])
+
+    def by_doors(self) -> dict[Closed, Self]:
+        """Return the room at the start as `AT_START`, and later rooms by their closed doors, whatever their wind.
+
+        Doors that are closed at the start, and only they, may lack a room of their own: it is that at the start.
+        """
+        rooms: dict[Closed, Self] = {AT_START: self}
+        for situation, room in self.later_rooms.items():
+            rooms.setdefault(situation.closed, room)
+        return rooms

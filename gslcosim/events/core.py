@@ -10,7 +10,7 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.errors import ModelError
 from gslcosim.events.ports import events_spec
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.event_kinds import TriggerSpec
+from gslcosim.scenario.models.event_base import TriggerSpec
 from gslcosim.ticks import ticks_from_seconds
 
 

@@ -19,7 +19,7 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.record import unchecked
 from gslcosim.environment.driven_wind import DrivenWind
-from gslcosim.environment.model import Environment
+from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.errors import ModelError
 from gslcosim.fields.assembly import gas_field_of
 from gslcosim.fields.filament.downwash import Downwash
@@ -92,6 +92,7 @@ class FieldsCore:
         """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
         if self._wind is not None:
             self._wind.reset()
+        self._beams.close_doors(AT_START)
         self._gas.reset(gas_seed(self._scenario, episode.seed))
         self._gas_events.reset()
         is_short = episode.is_rehearsal and self._gas_ahead is not None and self._gas_ahead.is_live
@@ -101,8 +102,8 @@ class FieldsCore:
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Bring the gas to the end of the tick and sample it there."""
         bodies = cast(BodyPoses, inbox[keys.BODIES])
-        if self._wind is not None:
-            self._wind.obey(inbox)
+        if self._wind is not None and self._wind.obey(inbox):
+            self._close_doors(self._wind.room.situation.closed)
         self._gas_events.obey(inbox)
         self._advance(self._timing.steps_at(tick), bodies)
         outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
@@ -113,6 +114,12 @@ class FieldsCore:
     def work_ahead(self) -> bool:
         """Move the gas while nothing else can be done; see `WorksAhead`."""
         return self._gas_ahead is not None and self._gas_ahead.go_ahead()
+
+    def _close_doors(self, closed: Closed) -> None:
+        self._beams.close_doors(closed)
+        if not isinstance(self._gas, FilamentField):
+            raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
+        self._gas.close_doors(closed)
 
     # Jets are those of the tick's end; a filament is first carried by the room's air, then by them.
     def _advance(self, n_steps: int, bodies: BodyPoses) -> None:

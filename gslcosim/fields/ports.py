@@ -6,7 +6,7 @@ from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.due_events import reads_of_events
-from gslcosim.scenario.models.event_kinds import SourceEventSpec, WindChangesSpec
+from gslcosim.scenario.models.event_kinds import DoorEventSpec, SourceEventSpec, WindChangesSpec
 from gslcosim.ticks import exact_ticks_from_seconds
 
 
@@ -16,9 +16,10 @@ def fields_spec(scenario: Scenario) -> ParticipantSpec:
         scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
     )
     wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
+    events = reads_of_events(scenario, SourceEventSpec, WindChangesSpec, DoorEventSpec)
     return ParticipantSpec(
         name="fields",
-        reads=(Read(port=keys.BODIES), *wind, *reads_of_events(scenario, SourceEventSpec, WindChangesSpec)),
+        reads=(Read(port=keys.BODIES), *wind, *events),
         writes=(
             Write(port=keys.SAMPLES, message_type=FieldSamples),
             Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=snapshot_ticks),

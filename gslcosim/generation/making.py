@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim import flow
+from gslcosim.environment.doors import without_still_air
 from gslcosim.environment.exchange.mjcf import mjcf_of
 from gslcosim.environment.exchange.picture import top_view_png
 from gslcosim.environment.model import Environment
@@ -59,7 +60,8 @@ def generate_environment(
     progress = progress or no_progress
     progress("Building the room", 0.0)
     room = room_of(spec, wind, scenario_dir=scenario_dir)
-    made = wind_of(room, spec, wind, scenario_dir=scenario_dir, progress=progress)
+    blown = without_still_air(room) if any(not door.is_open for door in spec.doors) else room
+    made = wind_of(blown, spec, wind, scenario_dir=scenario_dir, progress=progress)
     notices = (*room.notices, *made.notices)
     for notice in notices:
         _log.info(notice)

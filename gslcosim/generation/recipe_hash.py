@@ -46,7 +46,10 @@ def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
     if wind.solver == "auto" and environment.folder_key is None:
         wind_values["solver"] = "built_in"
     packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves or not is_own else {}
-    made_from = environment.model_dump(mode="json", exclude_none=True)
+    made_from = environment.model_dump(mode="json", exclude_none=True, exclude={"doors"})
+    # One that is open is not there.
+    doors = [door.model_dump(mode="json", exclude={"is_open"}) for door in environment.doors if not door.is_open]
+    made_from |= {"doors": doors} if doors else {}
     return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
 
 

@@ -19,6 +19,7 @@ SUMMARY = "summary"
 LEGEND = "legend"
 SEEN = "seen"
 MESHES = "room/geometry"
+DOORS = "room/doors"
 BELIEFS = "beliefs"
 NUMBERS = "numbers"
 

@@ -5,7 +5,7 @@ from gslcosim.contract.participant import ParticipantSpec, Read
 from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.due_events import reads_of_events
-from gslcosim.scenario.models.event_kinds import EventSpec
+from gslcosim.scenario.models.event_base import EventSpec
 
 # The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
 RECORDER_WINDOW_TICKS = 512

@@ -25,6 +25,7 @@ from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.rows.agents import AgentRows
 from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
 from gslcosim.recording.rows.contacts import ContactNotes
+from gslcosim.recording.rows.drawn_doors import DrawnDoors
 from gslcosim.recording.rows.event_marks import EventMarks
 from gslcosim.recording.rows.service_curves import ServiceRows
 from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
@@ -55,13 +56,17 @@ class RunRecording:
         self._file = file
         self._scenario = scenario
         self._environment = environment
-        self._wind_layer = wind_layer
         self._is_over = False
         gases, tick_ns = gases_in(scenario), scenario.tick_ns
         self._agents = {names.agent.name: AgentRows(names, gases, tick_ns) for names in entities_of(scenario)}
         self._filaments = FilamentRows(entities.FILAMENTS, scenario)
         self._slices: dict[str, SliceRows] = {}
-        self._wind = WindRows(entities.WIND, wind_layer)
+        self._doors = DrawnDoors(scenario, environment)
+        later = {
+            situation: WindLayer(room, scenario.slice_height_m, like=wind_layer)
+            for situation, room in environment.later_rooms.items()
+        }
+        self._wind = WindRows(entities.WIND, wind_layer, later)
         self._events = TextRows(entities.EVENTS)
         self._contact_log = TextRows(entities.CONTACTS)
         self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
@@ -84,7 +89,9 @@ class RunRecording:
             RecordingWriteError: what was sent before could not be written.
         """
         self._file.check()
-        self._wind.add(tick, self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns))
+        self._doors.add(tick, inbox)
+        time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
+        self._wind.add(tick, time_s, self._doors.room.situation)
         self._note_truth(tick, inbox)
         self._event_marks.add(tick, inbox)
         self._note_agents(tick, inbox)
@@ -107,7 +114,7 @@ class RunRecording:
         """Send the rows that wait."""
         logs = (self._events, self._contact_log, self._radio)
         rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
-        rows += [*self._services.all(), *self._event_marks.all()]
+        rows += [*self._services.all(), *self._event_marks.all(), *self._doors.all()]
         for agent in self._agents.values():
             rows += agent.all()
         for item in rows:
@@ -130,7 +137,8 @@ class RunRecording:
         draw_room(self._file, self._environment)
         draw_sources(self._file, self._scenario)
         draw_map(self._file, self._environment, GasScale.of(self._scenario), self._scenario.slice_height_m)
-        self._wind_layer.draw(self._file, entities.WIND)
+        self._doors.draw(self._file)
+        self._wind.draw(self._file)
         for name, agent in self._agents.items():
             agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
         self._file.draw(entities.LEGEND, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN))

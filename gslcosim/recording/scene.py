@@ -1,12 +1,14 @@
-"""What stands still in the recording: room, openings, source, wind and scale."""
+"""What stands still in the recording: room, openings, source, wind and scale; and how doors look."""
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from gslcosim.environment.doors import boxes_of_doors
 from gslcosim.environment.model import Box, Environment, Opening
 from gslcosim.recording import colors
 from gslcosim.recording.colors import GasScale
@@ -102,7 +104,7 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
     depth_m = float(high_m[1] - low_m[1])
     x0, y0, x1, y1 = float(low_m[0]), float(low_m[1]), float(high_m[0]), float(high_m[1])
     outline_m = [(x, y, drawn_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
-    line_m = 0.002 * max(x1 - x0, depth_m)
+    line_m = _map_line_m(environment)
     file.draw("map/outline", rr.LineStrips3D([outline_m], colors=[colors.EDGES], radii=[line_m]))
     boxes = _seen_boxes(environment)
     cut = [box for box in boxes if box.min_m[2] <= height_m < box.max_m[2]]
@@ -185,7 +187,37 @@ def _encloses(corners_m: NDArray[np.float32], environment: Environment) -> NDArr
 # A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
 def _seen_boxes(environment: Environment) -> list[Box]:
     low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
-    return [box for box in environment.boxes if box.kind == "obstacle" or _stands_inside(box, low_m, high_m)]
+    moving = {box.name for box in boxes_of_doors(environment)}
+    return [
+        box
+        for box in environment.boxes
+        if box.name not in moving and (box.kind == "obstacle" or _stands_inside(box, low_m, high_m))
+    ]
+
+
+def flat_box(environment: Environment, box: Box, height_m: float) -> Box:
+    """Return a box as the map of a height [m] shows it: flat, a little above the slice."""
+    drawn_m = slice_height_m(height_m) + _map_line_m(environment)
+    (x0, y0, _), (x1, y1, _) = box.min_m, box.max_m
+    return replace(box, min_m=(x0, y0, drawn_m), max_m=(x1, y1, drawn_m))
+
+
+def door_look(box: Box) -> rr.Boxes3D:
+    """Return how a door looks, without where it is."""
+    is_flat = box.min_m[2] == box.max_m[2]
+    rgb = [round(255 * channel) for channel in box.rgba[:3]]
+    return rr.Boxes3D.from_fields(
+        colors=[rgb if is_flat else (*rgb, OBSTACLE_ALPHA)],
+        radii=[0.2 * EDGE_RADIUS_M if is_flat else EDGE_RADIUS_M],
+        fill_mode=SOLID if is_flat else GLASS,
+        labels=[box.name],
+        show_labels=False,
+    )
+
+
+def _map_line_m(environment: Environment) -> float:
+    (x0, y0, _), (x1, y1, _) = environment.grid.origin_m, environment.grid.max_m
+    return 0.002 * max(x1 - x0, y1 - y0)
 
 
 def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> bool:

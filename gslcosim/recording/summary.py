@@ -63,6 +63,8 @@ def legend_text(scenario: Scenario) -> str:
                                 "publish beliefs"))  # fmt: skip
     if any(agent.sensors and any(hasattr(sensor, "max_range_m") for sensor in agent.sensors) for agent in agents):
         rows.append(("thin rays, points", "what range finders, lasers and lidars see"))
+    if scenario.environment.doors:
+        rows.append(("brown boxes", "doors, while they are closed"))
     if scenario.events:
         rows.append(("named points", "events of the scenario, where they happen"))
     if scenario.channels:

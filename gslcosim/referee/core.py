@@ -20,6 +20,7 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.contract.record import unchecked
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
+from gslcosim.environment.room_in_time import RoomInTime
 from gslcosim.errors import ModelError
 from gslcosim.quantities import Vec3
 from gslcosim.referee.case import AgentCase, Outcome, Rules
@@ -70,13 +71,13 @@ class RefereeCore:
     agent that ended last (of several in one tick: the last in the scenario).
 
     Where a scenario has events it reads `truth/events` of the last tick too: it tells each, and follows sources that
-    move. Distances are to where the sources are; in the result to where they were when the agent ended.
+    move and doors. Distances are to where the sources are; in the result to where they were when the agent ended.
 
     Raises ModelError when the truth lacks an agent; the runtime then stops the run.
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        self._environment = environment
+        self._room = RoomInTime(environment, scenario)
         self._limit_s = scenario.referee.stop.time_limit_s
         self._rules = _rules(scenario, environment)
         self._names = tuple(agent.name for agent in scenario.agents)
@@ -96,6 +97,7 @@ class RefereeCore:
     def reset(self, episode: Episode) -> Outbox:
         """Forget the last run; the referee draws no random numbers and writes nothing before tick 0."""
         del episode
+        self._room.reset()
         self._run = _Judged.of(self._names, self._rules)
         return {}
 
@@ -129,6 +131,8 @@ class RefereeCore:
     # The sources of cases that are closed stay where they were then.
     def _obey_events(self, tick: int, inbox: Inbox) -> list[RefereeEvent]:
         told: list[RefereeEvent] = []
+        if self._room.obey(inbox):
+            self._measure_ways_again()
         for i, event in due_events(self._scenario, inbox):
             if isinstance(event, SourceMovesSpec):
                 self._move_source(event.source, event.to_m)
@@ -145,8 +149,13 @@ class RefereeCore:
         for case in run.cases:
             if case.outcome is None:
                 case.move_sources(run.sources_m)
-                if (start_m := case.start_m) is not None:
-                    run.shortest_m[case.name] = self._shortest_way_m(case.name, start_m)
+        self._measure_ways_again()
+
+    # Of cases that are closed it is the way that there was then.
+    def _measure_ways_again(self) -> None:
+        for case in self._run.cases:
+            if case.outcome is None and (start_m := case.start_m) is not None:
+                self._run.shortest_m[case.name] = self._shortest_way_m(case.name, start_m)
 
     def _bodies(self, tick: int, inbox: Inbox) -> dict[str, BodyState]:
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
@@ -200,7 +209,7 @@ class RefereeCore:
             return None
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
         ways_m = (
-            way_to(self._environment, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
+            way_to(self._room.now, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
             for source_m in self._run.sources_m
         )
         return min((way_m for way_m in ways_m if way_m is not None), default=None)

@@ -5,7 +5,7 @@ from gslcosim.contract.messages import Score, Verdict
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.due_events import reads_of_events
-from gslcosim.scenario.models.event_kinds import EventSpec
+from gslcosim.scenario.models.event_base import EventSpec
 
 
 def referee_spec(scenario: Scenario) -> ParticipantSpec:

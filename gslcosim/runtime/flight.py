@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import MachineError, RecordingError, UsageError
 from gslcosim.generation import prepare_environment
-from gslcosim.generation.later_winds import prepare_later_winds, with_later_winds
+from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
@@ -170,13 +170,13 @@ def fly_into_folder(
 
     def outcome_of_flight(report: Report) -> Outcome:
         run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
-        later_winds = prepare_later_winds(scenario, scenario_dir=directory, progress=_telling(report))
+        later_rooms = prepare_later_rooms(scenario, scenario_dir=directory, progress=_telling(report))
         setup = Setup(
             run_dir=run_dir,
             scenario=scenario,
             environment_dir=environment_dir.resolve(),
-            environment=with_later_winds(load_environment(environment_dir), later_winds),
-            later_winds=later_winds,
+            environment=with_later_rooms(load_environment(environment_dir), later_rooms),
+            later_rooms=later_rooms,
             directory=directory.absolute(),
             paced_from_tick=paced_from_tick,
             snapshot=snapshot,

@@ -4,9 +4,10 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.model import Environment
+from gslcosim.environment.model import Environment, Situation
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.run_dir import RunDir
@@ -21,8 +22,8 @@ class Setup:
     `directory` is where relative paths of agents and participants start; `past` has the commands that count whatever
     agents answer, where the run is a fork; services do not need it.
     `paced_from_tick` is the first tick that keeps the scenario's pace; absent: none does, as in a replay.
-    `snapshot` is where the run goes on; absent: it begins at tick 0. `later_winds` are the environments whose winds
-    `environment` has besides, by the place of the event that brings them.
+    `snapshot` is where the run goes on; absent: it begins at tick 0. `later_rooms` are the folders of what events make
+    of `environment`, by situation.
     """
 
     run_dir: RunDir
@@ -33,7 +34,7 @@ class Setup:
     past: Past | None = None
     paced_from_tick: int | None = None
     snapshot: Snapshot | None = None
-    later_winds: Mapping[int, Path] = field(default_factory=dict[int, Path])
+    later_rooms: Mapping[Situation, Path] = field(default_factory=dict[Situation, Path])
 
     @property
     def episode(self) -> Episode:
@@ -42,9 +43,12 @@ class Setup:
 
     def save(self) -> None:
         """Write `setup.json` beside the resolved scenario, for the services of the run."""
-        places: dict[str, str | int | dict[str, str]] = {"environment": str(self.environment_dir)}
-        if self.later_winds:
-            places["later_winds"] = {str(i): str(folder) for i, folder in self.later_winds.items()}
+        places: dict[str, Any] = {"environment": str(self.environment_dir)}
+        if self.later_rooms:
+            places["later_rooms"] = [
+                {"closed": each.closed, "i_wind": each.i_wind, "folder": str(folder)}
+                for each, folder in self.later_rooms.items()
+            ]
         if self.directory is not None:
             places["directory"] = str(self.directory)
         if self.paced_from_tick is not None:
@@ -61,17 +65,20 @@ class Setup:
         saved = json.loads(run_dir.setup.read_text())
         environment_dir = Path(saved["environment"])
         environment = load_environment(environment_dir)
-        later_winds = {int(i): Path(folder) for i, folder in saved.get("later_winds", {}).items()}
-        if later_winds:
-            from gslcosim.generation.later_winds import with_later_winds
+        later_rooms = {
+            Situation(tuple(each["closed"]), each["i_wind"]): Path(each["folder"])
+            for each in saved.get("later_rooms", ())
+        }
+        if later_rooms:
+            from gslcosim.generation.later_rooms import with_later_rooms
 
-            environment = with_later_winds(environment, later_winds)
+            environment = with_later_rooms(environment, later_rooms)
         return cls(
             run_dir=run_dir,
             scenario=scenario,
             environment_dir=environment_dir,
             environment=environment,
-            later_winds=later_winds,
+            later_rooms=later_rooms,
             paced_from_tick=saved.get("paced_from_tick"),
             directory=Path(saved["directory"]) if "directory" in saved else None,
             snapshot=Snapshot.at(Path(saved["snapshot"]), scenario) if "snapshot" in saved else None,

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gslcosim.contract.event_notes import EVENTS, EventsBeginning
 from gslcosim.contract.participant import Inbox, Read
-from gslcosim.scenario.models.event_kinds import EventSpec
+from gslcosim.scenario.models.event_base import EventSpec
 from gslcosim.scenario.models.scenario import Scenario
 
 

@@ -23,6 +23,7 @@ def problems_of_events(values: dict[str, Any]) -> Iterator[Problem]:
     Args:
         values: The scenario as dicts, lists and scalars.
     """
+    yield from _wrong_doors(values)
     for i, event in blocks_in(values, "events"):
         path = f"events[{i}]"
         yield from _wrong_times(event, values, path)
@@ -32,6 +33,8 @@ def problems_of_events(values: dict[str, Any]) -> Iterator[Problem]:
             yield from _wrong_source(event, values, path)
         elif what == "wind_changes":
             yield from _wrong_wind(event, values, path)
+        elif what.startswith("door_"):
+            yield from _wrong_door(event, values, path)
         elif what.startswith("sensor_"):
             yield from _wrong_sensor(event, values, path)
         elif what == "rotor_weakens":
@@ -82,16 +85,55 @@ def _deaf_gas(values: dict[str, Any], path: str, of: str) -> Iterator[Problem]:
 # Another inlet makes another wind only where the wind is made here.
 def _wrong_wind(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     yield from _deaf_gas(values, path, "the wind")
-    environment, solver = block_in(values, "environment"), block_in(values, "wind").get("solver", "auto")
-    has_own_wind = not ({"layout", "geometry"} & environment.keys()) and solver in ("auto", "stored")
-    if event.get("inlet_velocity_m_s") is not None and (
-        isinstance(solver, dict) or solver == "stored" or "path" in environment or has_own_wind
-    ):
+    if event.get("inlet_velocity_m_s") is not None and _has_stored_wind(values):
         yield Problem(
             path=f"{path}.inlet_velocity_m_s",
             expected="none where the wind is stored, and not made of an inlet",
             found="one",
             remedy="Take share, or a wind.solver that makes the wind: built_in, uniform or openfoam.",
+        )
+
+
+def _has_stored_wind(values: dict[str, Any]) -> bool:
+    environment, solver = block_in(values, "environment"), block_in(values, "wind").get("solver", "auto")
+    comes_with_room = not ({"layout", "geometry"} & environment.keys()) and solver in ("auto", "stored")
+    return isinstance(solver, dict) or solver == "stored" or "path" in environment or comes_with_room
+
+
+# With a door the wind is another, so it has to be made here.
+def _wrong_doors(values: dict[str, Any]) -> Iterator[Problem]:
+    if blocks_in(block_in(values, "environment"), "doors") and _has_stored_wind(values):
+        yield Problem(
+            path="environment.doors",
+            expected="none where the wind is stored: with a door it would be another",
+            found="some",
+            remedy="Take environment.layout or geometry, and a wind.solver that makes the wind: built_in or uniform.",
+        )
+
+
+def _wrong_door(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    yield from _deaf_gas(values, path, "a door")
+    doors = {str(door.get("name")): door for _, door in blocks_in(block_in(values, "environment"), "doors")}
+    name = event.get("door")
+    if not isinstance(name, str):
+        return
+    if name not in doors:
+        yield _not_there(f"{path}.door", "door in environment.doors", name, list(doors))
+        return
+    own = [each for _, each in blocks_in(values, "events") if each.get("door") == name]
+    times = {id(each): at_s for each in own if (at_s := _real(each.get("at_s"))) is not None}
+    if len(times) < len(own):
+        return  # which comes first is known in the run only
+    in_order = sorted(own, key=lambda each: times[id(each)])
+    last = in_order[: next(i for i, each in enumerate(in_order) if each is event)][-1:]
+    is_open = last[0].get("what") == "door_opens" if last else doors[name].get("is_open", False)
+    if is_open is (event.get("what") == "door_opens"):
+        since = f"since {times[id(last[0])]:g} s" if last else "from the start"
+        yield Problem(
+            path=f"{path}.what",
+            expected=f"an event of a door that is {'closed' if is_open else 'open'} then",
+            found=f"{event.get('what')} of {name}, which is {'open' if is_open else 'closed'} {since}",
+            remedy=f"Leave it out, or write is_open: {'false' if is_open else 'true'} at the door.",
         )
 
 

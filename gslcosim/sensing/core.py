@@ -20,6 +20,7 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.record import unchecked
 from gslcosim.environment.model import Environment
+from gslcosim.environment.room_in_time import RoomInTime
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.quantities import Vec3
@@ -107,7 +108,7 @@ class SensingCore:
     """Reads all instruments every tick and tells each agent what its own show.
 
     Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio`, where they have cameras,
-    `truth/images` of the same tick, and where sensors have events `truth/events` of the last one. Writes a
+    `truth/images` of the same tick, and where sensors or doors have events `truth/events` of the last one. Writes a
     briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact, unless
     the vehicle has a `pose` sensor: then it is what the first of them said last.
 
@@ -130,7 +131,8 @@ class SensingCore:
         self._scenario = scenario
         self._environment = environment
         self._spec = sensing_spec(scenario)
-        self._scene = RayScene(scenario, environment)
+        self._room = RoomInTime(environment, scenario)
+        self._scenes = {closed: RayScene(scenario, room) for closed, room in self._room.by_doors().items()}
         self._faults = SensorFaults(scenario) if reads_of_events(scenario, SensorEventSpec) else None
         # Built once already to refuse here, and not in the run, what does not fit together.
         self._panels = self._new_panels(scenario.seed)
@@ -144,6 +146,7 @@ class SensingCore:
         """Switch all instruments on and return the agents' briefings."""
         if self._faults is not None:
             self._faults.reset()
+        self._room.reset()
         self._panels = self._new_panels(episode.seed)
         return {
             keys.briefing(agent.name): briefing_of(agent, self._scenario, self._environment, seed=episode.seed)
@@ -154,6 +157,8 @@ class SensingCore:
         """Read every instrument at the end of the tick."""
         if self._faults is not None:
             self._faults.obey(tick, inbox)
+        self._room.obey(inbox)
+        scene = self._scenes[self._room.situation.closed]
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
         traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
@@ -163,7 +168,7 @@ class SensingCore:
             if agent not in bodies:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
             others = tuple(body for name, body in bodies.items() if name != agent)
-            surroundings = Surroundings(bodies[agent], self._scene, others, images.get(agent, {}))
+            surroundings = Surroundings(bodies[agent], scene, others, images.get(agent, {}))
             readings = tuple(panel.read(surroundings, samples, tick))
             outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)
         return outbox

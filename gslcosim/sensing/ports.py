@@ -5,7 +5,7 @@ from gslcosim.contract.messages import Briefing, Observation
 from gslcosim.contract.participant import WINDOW_TICKS, ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.due_events import reads_of_events
-from gslcosim.scenario.models.event_kinds import SensorEventSpec
+from gslcosim.scenario.models.event_kinds import DoorEventSpec, SensorEventSpec
 
 # Pictures are large: no more of them wait in memory.
 PICTURES_WINDOW_TICKS = 64
@@ -24,7 +24,7 @@ def sensing_spec(scenario: Scenario) -> ParticipantSpec:
         Read(port=keys.SAMPLES),
         *radio,
         *images,
-        *reads_of_events(scenario, SensorEventSpec),
+        *reads_of_events(scenario, SensorEventSpec, DoorEventSpec),
     )
     window_ticks = PICTURES_WINDOW_TICKS if scenario.cameras else WINDOW_TICKS
     return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes), window_ticks=window_ticks)

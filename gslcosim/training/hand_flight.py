@@ -11,7 +11,7 @@ from gslcosim.contract.messages import AgentScore, Briefing, Command, Ending, Me
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import SimulationFault, UsageError
 from gslcosim.generation import prepare_environment
-from gslcosim.generation.later_winds import prepare_later_winds, with_later_winds
+from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.runtime.agents.desk import Desk, desk_of
 from gslcosim.runtime.agents.events import AgentEvent, CommandCame, CommandRefused
 from gslcosim.runtime.agents.links import Seen
@@ -81,13 +81,13 @@ class HandFlight:
         recording = loaded.scenario.recording.model_copy(update={"enabled": False})
         scenario = loaded.scenario.model_copy(update={"recording": recording})
         environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
-        later_winds = prepare_later_winds(scenario, scenario_dir=loaded.directory)
+        later_rooms = prepare_later_rooms(scenario, scenario_dir=loaded.directory)
         self._scratch = ScratchFolder("training")
         setup = Setup(
             run_dir=RunDir(self._scratch.path),
             scenario=scenario,
             environment_dir=environment_dir,
-            environment=with_later_winds(load_environment(environment_dir), later_winds),
+            environment=with_later_rooms(load_environment(environment_dir), later_rooms),
             directory=loaded.directory,
         )
         self._setup = setup

@@ -33,6 +33,7 @@ from gslcosim.world.guidance.starts import check_overlaps, check_starts
 from gslcosim.world.paths.routes import Routes, routes_of
 from gslcosim.world.paths.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.physics import records
+from gslcosim.world.physics.door_geoms import DoorGeoms
 from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
 from gslcosim.world.physics.kept_data import keep_mujoco_data
 from gslcosim.world.physics.mujoco_kernels import step_address
@@ -72,7 +73,8 @@ class WorldCore:
         self._warm_up_s = scenario.gas.warm_up_s
         self._agents = scenario.agents
         models = [vehicle_of(agent.vehicle.model) for agent in self._agents]
-        spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m) for model in models]
+        doors = self._wind.room if scenario.environment.doors else None
+        spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m, doors=doors) for model in models]
         self._least_m = _distances_to_keep_m(self._agents, [space.radius_m for space in spaces])
         step_ms = physics_step_ms(models, scenario.tick_ms)
         self._n_substeps = scenario.tick_ms // step_ms
@@ -80,6 +82,7 @@ class WorldCore:
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
         self._data = mujoco.MjData(self._scene.model)
         self._constants = _constants(self._scene, self._agents, models, dt_s)
+        self._door_geoms = DoorGeoms(environment, self._scene, doors)
         self._rotor_faults = RotorFaults(scenario, self._constants)
         self._states = np.zeros(len(self._agents), records.STATE)
         has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
@@ -131,6 +134,7 @@ class WorldCore:
         """Put every vehicle at rest at its start; nothing is written once."""
         del episode
         self._wind.reset()
+        self._door_geoms.show()
         self._rotor_faults.reset()
         for craft in self._crafts:
             craft.reset()
@@ -159,6 +163,7 @@ class WorldCore:
                 craft.stand()
         else:
             self._wind.obey(inbox)
+            self._door_geoms.show()
             self._rotor_faults.obey(inbox)
             for craft in self._crafts:
                 command = inbox.get(keys.command(craft.name))
@@ -182,7 +187,9 @@ class WorldCore:
         ground = None if height_m is None else (height_m, height_m - abilities.standing_height_m)
         key = (mode, space.radius_m, ground)
         if key not in self._routes:
-            self._routes[key] = routes_of(self._environment, mode, radius_m=space.radius_m, ground=ground)
+            self._routes[key] = routes_of(
+                self._environment, mode, radius_m=space.radius_m, ground=ground, doors=space.doors
+            )
         routes, has_wheels = self._routes[key], abilities.has_wheels
         return Avoidance(routes=routes, limits=abilities.limits, tick_ns=self._tick_ns, has_wheels=has_wheels)
 
@@ -265,7 +272,7 @@ class WorldCore:
 
 # One compiled kernel serves all winds: read-only, as they come from a memory map.
 def _wind_of(environment: Environment, scenario: Scenario) -> DrivenWind:
-    for frames in (environment.wind, *environment.later_winds.values()):
+    for frames in (environment.wind, *(room.wind for room in environment.later_rooms.values())):
         wind = frames.velocity_m_s
         if wind.dtype != np.float32 or not wind.flags.c_contiguous:
             raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")

@@ -6,7 +6,7 @@ from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.contract.ventilation import WIND
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.due_events import reads_of_events
-from gslcosim.scenario.models.event_kinds import RotorWeakensSpec, WindChangesSpec
+from gslcosim.scenario.models.event_kinds import DoorEventSpec, RotorWeakensSpec, WindChangesSpec
 
 
 def world_spec(scenario: Scenario) -> ParticipantSpec:
@@ -15,6 +15,6 @@ def world_spec(scenario: Scenario) -> ParticipantSpec:
     wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
     return ParticipantSpec(
         name="world",
-        reads=(*commands, *wind, *reads_of_events(scenario, RotorWeakensSpec, WindChangesSpec)),
+        reads=(*commands, *wind, *reads_of_events(scenario, RotorWeakensSpec, WindChangesSpec, DoorEventSpec)),
         writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
     )

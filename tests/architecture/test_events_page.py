@@ -25,10 +25,11 @@ def test_the_page_has_every_event():
 @pytest.mark.end_to_end
 def test_the_example_flies_and_tells_what_the_page_shows(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (line,) = re.findall(r"```sh\n(gslcosim up .*)\n```", PAGE)
-    assert main([*shlex.split(line)[1:], "--in-process", "--quiet"]) in (0, 1)
+    first, second = re.findall(r"```sh\n(gslcosim up .*)\n```", PAGE)
+    assert main([*shlex.split(first)[1:], "--in-process", "--quiet"]) in (0, 1)
+    assert main([*shlex.split(second)[1:], "--in-process", "--quiet"]) == 0
     capsys.readouterr()
-    (path,) = (tmp_path / "runs").glob("*/result.json")
+    (path,) = (tmp_path / "runs").glob("event_source*/result.json")
     (shown,) = re.findall(r'```json\n"events": (\[.*\])\n```', PAGE)
     assert json.loads(path.read_text())["events"][:1] == json.loads(shown)
 

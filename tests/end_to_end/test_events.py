@@ -12,6 +12,7 @@ HAPPEN = {
     "event_sensor": ["sensor_biased", "sensor_drifts", "sensor_sticks", "sensor_drops_out", "sensor_recovers"],
     "event_rotor": ["rotor_weakens"],
     "event_wind": ["wind_changes", "wind_changes", "wind_changes"],
+    "event_door": ["door_opens"],
     "event_radio": ["radio_lost", "radio_returns", "radio_lost"],
 }
 
@@ -38,6 +39,8 @@ def test_an_example_flies_with_one_digest_in_one_process_and_in_many(tmp_path, p
             assert any(event["text"] in text for text in texts["/sources/0/events"] + texts["/sources/1/events"])
         elif event["agent"]:
             assert any(event["text"] in text for text in texts[f"/markers/{event['agent']}"])
+        elif event["what"].startswith("door_"):
+            assert any(event["text"] in text for text in texts["/room/doors/gate/events"])
 
 
 def test_without_its_events_a_scenario_is_another_run(tmp_path):
@@ -46,6 +49,38 @@ def test_without_its_events_a_scenario_is_another_run(tmp_path):
     calm = fly_here(path, tmp_path / "calm", "--set", "events=[]")
     assert eventful.result["digest"] != calm.result["digest"]
     assert "events" not in calm.result
+
+
+def test_the_source_is_found_behind_the_door_once_that_is_open(tmp_path):
+    """Behind a closed one nobody comes to it, and nothing is smelt of it."""
+    path = ROOT / "scenarios" / "event_door.yaml"
+    opened = fly_here(path, tmp_path / "opened", "--set", "referee.stop.time_limit_s=40", is_recorded=True)
+    closed = fly_here(
+        path, tmp_path / "closed", "--set", "referee.stop.time_limit_s=40", "--set", "events=[]", is_recorded=True
+    )
+    (found,), (kept_out,) = opened.result["agents"], closed.result["agents"]
+    assert found["success"]
+    assert found["time_to_source_s"] > 10.0
+    assert found["shortest_path_m"] == pytest.approx(3.66, abs=0.9)
+    assert not kept_out["success"]
+    assert kept_out["shortest_path_m"] is None
+    assert peak_ppm(opened) > 1.0
+    assert peak_ppm(closed) == 0.0
+
+
+def test_doors_go_on_as_they_are_in_snapshots_and_replays(tmp_path):
+    """From a snapshot with the door open, and from one with the door closed, the run has the digest of the whole."""
+    keeping = ("--set", "snapshots.every_s=8", "--set", "referee.stop.time_limit_s=24")
+    moves = "events=[{what: door_opens, at_s: 5, door: gate}, {what: door_closes, at_s: 10, door: gate}]"
+    flown = fly_here(ROOT / "scenarios" / "event_door.yaml", tmp_path / "flown", *keeping, "--set", moves)
+    assert [event["what"] for event in flown.result["events"]] == ["door_opens", "door_closes"]
+    for at_s in (0, 9, 17):
+        assert replay(flown.run_dir, tmp_path / f"from_{at_s}", *(("--from", str(at_s)) if at_s else ())) == 0
+
+
+def peak_ppm(flown):
+    (series,) = [each for each in open_run(flown.run_dir).samples if each.quantity == "mixing_ratio"]
+    return float(series.values.max())
 
 
 def test_a_run_with_events_replays_to_the_bit(tmp_path):
@@ -63,10 +98,10 @@ def test_vehicles_and_noses_are_in_the_wind_that_an_event_brings(tmp_path):
     assert speeds[150] == pytest.approx(0.5, abs=1e-6)
 
 
-def replay(run_dir, runs_dir):
+def replay(run_dir, runs_dir, *options):
     from gslcosim.cli.main import main
 
-    return main(["replay", str(run_dir), "--runs-dir", str(runs_dir)])
+    return main(["replay", str(run_dir), "--runs-dir", str(runs_dir), *options])
 
 
 def texts_in(recording):

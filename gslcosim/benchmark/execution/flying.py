@@ -16,7 +16,7 @@ from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError
-from gslcosim.generation.later_winds import prepare_later_winds, with_later_winds
+from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.runtime.flight import fly
 from gslcosim.runtime.in_process import fly_in_process
 from gslcosim.runtime.joining import Network
@@ -66,8 +66,8 @@ def fly_trial(trial: Trial, environment_dir: Path, rooms: Rooms) -> Flown:
     """
     began = time.perf_counter()
     scenario = trial.resolved
-    later_winds = prepare_later_winds(scenario, scenario_dir=trial.directory)
-    environment = with_later_winds(rooms.load(environment_dir), later_winds)
+    later_rooms = prepare_later_rooms(scenario, scenario_dir=trial.directory)
+    environment = with_later_rooms(rooms.load(environment_dir), later_rooms)
     watch = Watch(scenario)
     with _scratch_run_dir() as run_dir:
         setup = Setup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)

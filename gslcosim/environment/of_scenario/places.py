@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import point_text
 from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.of_scenario.moving_doors import boxes_in_the_way, problems_of_moving_doors
 from gslcosim.environment.room import Room
+from gslcosim.environment.situations import scenarios_of_rooms
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
@@ -32,7 +34,9 @@ def problems_of_places(scenario: Scenario, *, scenario_dir: Path | None = None) 
 
     spec = scenario.environment
     if spec.path is None:
-        problems = problems_of_source(spec, scenario.wind, scenario_dir=scenario_dir)
+        rooms = [each.environment for each in scenarios_of_rooms(scenario)]
+        found = [each for room in rooms for each in problems_of_source(room, scenario.wind, scenario_dir=scenario_dir)]
+        problems = list(dict.fromkeys(found))
         return problems or problems_of_places_in(scenario, room_of(spec, scenario.wind, scenario_dir=scenario_dir))
     try:
         environment = load_environment(folder_of(spec, scenario_dir))
@@ -67,6 +71,7 @@ def problems_of_places_in(scenario: Scenario, room: Room | Environment) -> list[
         ],
         room,
     )
+    problems += problems_of_moving_doors(scenario, room)
     for i, agent in enumerate(scenario.agents):
         problems += _problems_of_vehicle(agent.vehicle, room, f"agents[{i}].vehicle")
     return problems + _problems_of_neighbours(scenario.agents)
@@ -106,7 +111,7 @@ def _is_between(values: NDArray[np.float64], limits: tuple[float, float]) -> NDA
 def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: Room | Environment) -> bool:
     """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
     is_free = _what_is_at(start_m, room) is None
-    return is_free and not _boxes_in_the_way(np.asarray([start_m]), vehicle, room)[0]
+    return is_free and not boxes_in_the_way(np.asarray([start_m]), vehicle, room)[0]
 
 
 # Air whose six neighbours are air too; the walls around the grid are solid.
@@ -187,7 +192,7 @@ def _problem_of_height(vehicle: VehicleSpec, room: Room | Environment, path: str
 def _problem_of_start(vehicle: VehicleSpec, room: Room | Environment, path: str) -> Problem | None:
     expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
     if found is None:
-        hits = _boxes_in_the_way(np.asarray([vehicle.start_m]), vehicle, room)[0]
+        hits = boxes_in_the_way(np.asarray([vehicle.start_m]), vehicle, room)[0]
         if not hits:
             return None
         expected = (
@@ -204,25 +209,6 @@ def _problem_of_start(vehicle: VehicleSpec, room: Room | Environment, path: str)
     )
 
 
-# The names of the boxes, except the floor, that reach into the column from each start up to the search height.
-def _boxes_in_the_way(starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: Room | Environment) -> list[list[str]]:
-    body = vehicle.facts.body
-    radius_m, half_height_m = body.radius_m, body.half_height_m
-    # A search height above the ceiling is another problem.
-    search_height_m = min(vehicle.search_height_m, room.grid.max_m[2] - radius_m)
-    bottom_m = starts_m[:, 2]
-    top_m = np.maximum(bottom_m, search_height_m) + half_height_m
-    hits: list[list[str]] = [[] for _ in starts_m]
-    for box in (box for box in room.boxes if box.kind != "floor"):
-        low, high = np.asarray(box.min_m), np.asarray(box.max_m)
-        beside_m = np.maximum(np.maximum(low[:2] - starts_m[:, :2], starts_m[:, :2] - high[:2]), 0.0)
-        is_near = np.hypot(beside_m[:, 0], beside_m[:, 1]) < radius_m - 1e-9
-        # What ends below the start carries the vehicle; only what rises above it is in the way.
-        for i in np.flatnonzero(is_near & (high[2] > bottom_m + 1e-9) & (low[2] < top_m)):
-            hits[i].append(box.name)
-    return hits
-
-
 def nearest_start_m(vehicle: VehicleSpec, room: Room | Environment) -> Vec3 | None:
     """Return the place nearest to a vehicle's start, at the same height, where it could start; nothing without one."""
     start_m = np.asarray(vehicle.start_m)
@@ -231,7 +217,7 @@ def nearest_start_m(vehicle: VehicleSpec, room: Room | Environment) -> Vec3 | No
         if room.grid.origin_m[2] <= start_m[2] < room.grid.max_m[2]:
             candidates_m[:, 2] = start_m[2]
         distances_m = np.linalg.norm(candidates_m - start_m, axis=1)
-        hits = _boxes_in_the_way(candidates_m, vehicle, room)
+        hits = boxes_in_the_way(candidates_m, vehicle, room)
         free = [i for i in np.argsort(distances_m, kind="stable") if not hits[i] and distances_m[i] <= reach_m]
         if free:
             return _as_vec3(candidates_m[free[0]])

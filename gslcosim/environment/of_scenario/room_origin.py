@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from gslcosim.environment.doors import DOORS_PATH, problems_of_cut_air, problems_of_doors, with_doors
 from gslcosim.environment.exchange.gaden import import_gaden, load_gaden_room
 from gslcosim.environment.exchange.gsl_bench import import_gsl_bench, load_gsl_bench_room
 from gslcosim.environment.geometry.solid_room import room_of_geometry
@@ -46,9 +47,20 @@ def room_of(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | Non
         ScenarioError: the layout is impossible; the text lists all reasons.
         EnvironmentDataError: a folder is not what it should be.
     """
+    room = _room_without_doors(spec, wind, scenario_dir)
+    if spec.doors:
+        raise_if_any(_problems_with_doors(room, spec))
+    return with_doors(room, spec.doors)
+
+
+def _problems_with_doors(room: Room, spec: EnvironmentSpec) -> list[Problem]:
+    return problems_of_doors(room, spec.doors) or problems_of_cut_air(with_doors(room, spec.doors), DOORS_PATH)
+
+
+def _room_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Room:
     if spec.geometry is not None:
         return room_of_geometry(spec.geometry, wind, base_dir=scenario_dir or Path())
-    raise_if_any(problems_of_source(spec, wind, scenario_dir=scenario_dir))
+    raise_if_any(_problems_without_doors(spec, wind, scenario_dir))
     if spec.layout is not None:
         return build_room(spec.layout, wind)
     return with_inflow(_read_room(spec, scenario_dir), wind)
@@ -56,6 +68,14 @@ def room_of(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | Non
 
 def problems_of_source(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> list[Problem]:
     """Return all that keeps a room from being made or read, with the places in the scenario."""
+    problems = _problems_without_doors(spec, wind, scenario_dir)
+    if problems or not spec.doors:
+        return problems
+    room = _room_without_doors(spec, wind, scenario_dir)
+    return _problems_with_doors(room, spec)
+
+
+def _problems_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> list[Problem]:
     if spec.layout is not None:
         return problems_of_room(spec.layout, wind)
     if spec.geometry is not None:

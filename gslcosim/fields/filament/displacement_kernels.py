@@ -31,7 +31,7 @@ def find_reach(is_open, cell_m, n, cell, work):
     A place on a face may count to either cell here: from both, the neighbours of neighbours are out of reach.
 
     Args:
-        is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `plume.open_cells`).
+        is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `room_cells.open_cells`).
         cell_m: Edge of the cubic cells [m].
         n: How many filaments, at most BATCH.
         cell: (BATCH,) int64 working memory.

@@ -1,6 +1,7 @@
 """Room for a number of filaments, a row each."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class LivingFilaments:
@@ -13,6 +14,14 @@ class LivingFilaments:
         self.birth_steps = np.zeros(capacity)
         self.filament_id = np.zeros(capacity, np.int64)
         self.source_index = np.zeros(capacity, np.int32)
+
+    def keep(self, is_kept: NDArray[np.bool_]) -> int:
+        """Keep some of the first n filaments, (n,), in their order, as the first rows; return how many."""
+        kept = np.flatnonzero(is_kept)
+        n = len(kept)
+        for column in (self.position_m, self.sigma_m, self.birth_steps, self.filament_id, self.source_index):
+            column[:n] = column[kept]
+        return n
 
     def grown(self, capacity: int, n: int) -> "LivingFilaments":
         """Return a table with more room, and the same first n filaments."""

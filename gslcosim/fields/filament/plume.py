@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.model import AT_START, Cell, Closed, Environment
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.fields.filament.buoyancy import NEUTRAL, Buoyancy
 from gslcosim.fields.filament.downwash import Jets
@@ -16,6 +16,7 @@ from gslcosim.fields.filament.living_filaments import LivingFilaments
 from gslcosim.fields.filament.normal_kernels import uniforms
 from gslcosim.fields.filament.plume_kernels import NOT_FINITE, move_filaments_inplace
 from gslcosim.fields.filament.release import ReleasePlan
+from gslcosim.fields.filament.room_cells import RoomCells
 from gslcosim.fields.filament.source_shapes import POINT, SourceShape
 from gslcosim.fields.filament.taps import SourceChange, Tap
 from gslcosim.fields.filament.trace_kernels import trace_displacement
@@ -88,15 +89,6 @@ def amount_of_filament_mol(ppm: float, sigma_m: float, air_mol_m3: float | None 
     return ppm * 1e-6 * density * (2.0 * math.pi) ** 1.5 * sigma_m**3
 
 
-def open_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return 1 where a cell and its 26 neighbours are free (the border of the grid counts as a wall), else 0."""
-    is_free = np.pad(occupancy == Cell.FREE, 1, constant_values=False)
-    for axis in range(3):
-        ahead, behind = np.roll(is_free, 1, axis), np.roll(is_free, -1, axis)
-        is_free = is_free & ahead & behind
-    return np.ascontiguousarray(is_free[1:-1, 1:-1, 1:-1]).astype(np.uint8)
-
-
 # All that a run draws: the keys of the movements and of the places of birth, and the births of each source.
 class _Draws:
     def __init__(self, sources: tuple[GasSource, ...], seed: int) -> None:
@@ -149,8 +141,8 @@ class FilamentPlume:
         self._step_s = step_s
         self._growth_m2_s = growth_m2_s
         self._noise_std_m = math.sqrt(2.0 * diffusivity_m2_s * step_s) if noise_std_m is None else noise_std_m
-        self._occupancy = np.ascontiguousarray(environment.occupancy, np.uint8)
-        self._is_open = open_cells(self._occupancy)
+        self._cells = RoomCells.by_doors(environment)
+        self._room = self._cells[AT_START]
         self._wind_m_s = np.asarray(environment.wind.velocity_m_s)
         self._amount_mol = np.array([source.amount_mol for source in sources])
         self._gas_index = np.array([source.gas_index for source in sources], np.int32)
@@ -168,6 +160,7 @@ class FilamentPlume:
     def reset(self, seed: int) -> None:
         """Return to a room without gas at time 0, and to the sources as they began."""
         self._draws = _Draws(self._sources, seed)
+        self._room = self._cells[AT_START]
         self._place_m = _places_m(self._sources)
         self._taps = [Tap() for _ in self._sources]
         self._n_born = [0] * len(self._sources)
@@ -211,6 +204,12 @@ class FilamentPlume:
         if change.position_world_m is not None:
             self._place_m[i_source] = change.position_world_m
 
+    def close_doors(self, closed: Closed) -> None:
+        """Let these doors of the room be closed and all others open; filaments in a closed one are gone."""
+        self._room = self._cells.get(closed, self._cells[AT_START])
+        cells = self._environment.grid.cell_of(self._table.position_m[: self._n])
+        self._n = self._table.keep(self._room.occupancy[tuple(cells.T)] != Cell.SOLID)
+
     def advance(self, n_steps: int = 1) -> None:
         """Advance by steps: wind of the step's start, births spread over the step.
 
@@ -229,7 +228,7 @@ class FilamentPlume:
             jets.centre_world_m,
             jets.motor_distance_m,
             jets.outflow_m_s,
-            self._occupancy,
+            self._room.occupancy,
             grid.origin_m,
             grid.cell_m,
             self._step_s,
@@ -252,8 +251,8 @@ class FilamentPlume:
             self._buoyancy,
             self._buoyancy_power,
             self._wind_at(start_s),
-            self._occupancy,
-            self._is_open,
+            self._room.occupancy,
+            self._room.is_open,
             grid.origin_m,
             grid.cell_m,
             self._step,
@@ -300,7 +299,7 @@ class FilamentPlume:
         grid = self._environment.grid
         for i, (place_m, offset_m) in enumerate(zip(places_m.tolist(), offsets_m.tolist(), strict=True)):
             x, y, z, has_left = trace_displacement(
-                self._occupancy, grid.origin_m, grid.cell_m, *place_m, *offset_m, reflects=False
+                self._room.occupancy, grid.origin_m, grid.cell_m, *place_m, *offset_m, reflects=False
             )
             if not has_left:
                 places_m[i] = x, y, z

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from gslcosim.environment.model import Environment
+from gslcosim.environment.model import AT_START, Environment
 from gslcosim.errors import ScenarioError
 from gslcosim.fields.filament.buoyancy import NEUTRAL, Buoyancy, gaden_3, terminal_velocity
 from gslcosim.fields.filament.plume import FilamentPlume, GasSource, WindAt, amount_of_filament_mol
@@ -51,6 +51,11 @@ def _filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
         sight=setup.sight or Sight(walls=Walls.of(setup.environment), cutoff_sigma=model.cutoff_sigma),
         n_readings_per_step=setup.n_readings_per_step,
         wind_at=setup.wind_at,
+        later_sights={
+            closed: Sight(walls=Walls.of(room), cutoff_sigma=model.cutoff_sigma)
+            for closed, room in setup.environment.by_doors().items()
+            if closed != AT_START
+        },
     )
 
 

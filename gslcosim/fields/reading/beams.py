@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import BodyPoses
-from gslcosim.environment.model import Environment
+from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.errors import ModelError
 from gslcosim.fields.reading.beam_kernels import distance_to_wall_m
 from gslcosim.fields.reading.concentration import float3
@@ -36,7 +36,9 @@ class Beams:
     """All beams of a scenario in its room. Vehicles neither reflect nor block them."""
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        self._occupancy = np.ascontiguousarray(environment.occupancy, np.uint8)
+        rooms = environment.by_doors()
+        self._rooms = {closed: np.ascontiguousarray(room.occupancy, np.uint8) for closed, room in rooms.items()}
+        self._occupancy = self._rooms[AT_START]
         self._origin_m = float3(environment.grid.origin_m)
         self._cell_m = float(environment.grid.cell_m)
         self._beams = {
@@ -55,6 +57,10 @@ class Beams:
     def __len__(self) -> int:
         """Return the number of beams."""
         return len(self._beams)
+
+    def close_doors(self, closed: Closed) -> None:
+        """Let these doors of the room be closed and all others open; or all as at the start."""
+        self._occupancy = self._rooms.get(closed, self._rooms[AT_START])
 
     def points_of(self, bodies: BodyPoses) -> dict[tuple[str, str], tuple[float, NDArray[np.float64]]]:
         """Return for each (agent, sensor) with a beam its length [m] and (n, 3) points evenly along it [m].

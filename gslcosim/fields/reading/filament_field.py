@@ -1,12 +1,15 @@
 """Gas made of filaments, from whatever moves them, as the sensors see it."""
 
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import AT_START, Closed
 from gslcosim.environment.wind_kernels import trilinear_wind_at_points
+from gslcosim.errors import ModelError
 from gslcosim.fields.filament.downwash import Jets
 from gslcosim.fields.filament.plume import Filaments, WindAt
 from gslcosim.fields.gas_field import PointGrid, Sight
@@ -58,6 +61,15 @@ class GoesAhead(Protocol):
         ...
 
 
+@runtime_checkable
+class FollowsDoors(Protocol):
+    """A source that can do with other doors closed."""
+
+    def close_doors(self, closed: Closed) -> None:
+        """Let these doors of the room be closed and all others open."""
+        ...
+
+
 class FilamentField:
     """Readings of filaments; see `GasField`.
 
@@ -74,6 +86,7 @@ class FilamentField:
         sight: Sight,
         n_readings_per_step: int = READINGS_WORTH_AN_INDEX,
         wind_at: WindAt | None = None,
+        later_sights: Mapping[Closed, Sight] | None = None,
     ) -> None:
         """Look at filaments.
 
@@ -85,11 +98,13 @@ class FilamentField:
             n_readings_per_step: How many readings a step will be asked for; few do without sorting.
             wind_at: The model's own wind at a time [s], (nx, ny, n, 3) at cell centres, n = 1 when it is the same at
                 all heights; absent: the room's.
+            later_sights: What is seen with certain doors closed, by their names.
         """
         self._source = source
         self._goes_ahead = source if isinstance(source, GoesAhead) else None
         self._gases = gases
         self._grid = grid
+        self._sights = {AT_START: sight, **(later_sights or {})}
         self._sight = sight
         self._uses_index = n_readings_per_step >= READINGS_WORTH_AN_INDEX
         self._index = FilamentIndex(min_m=grid.origin_m, max_m=grid.max_m)
@@ -132,6 +147,19 @@ class FilamentField:
     def reset(self, seed: int) -> None:
         """Return to time 0."""
         self._source.reset(seed)
+        self._sight = self._sights[AT_START]
+        self._seen = None
+
+    def close_doors(self, closed: Closed) -> None:
+        """Let these doors of the room be closed and all others open.
+
+        Raises:
+            ModelError: the filaments cannot follow.
+        """
+        if not isinstance(self._source, FollowsDoors):
+            raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
+        self._source.close_doors(closed)
+        self._sight = self._sights.get(closed, self._sights[AT_START])
         self._seen = None
 
     def advance(self, n_steps: int = 1) -> None:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from gslcosim.environment.model import WindFrames
+from gslcosim.environment.model import Environment, WindFrames
 from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.environment.room import with_wind
+from gslcosim.environment.situations import scenario_in, situations_of
 from gslcosim.runtime.assembly import build_core
 from gslcosim.runtime.participants import services_of
 from gslcosim.runtime.run_dir import RunDir
@@ -37,11 +38,15 @@ def rehearse_in_still_air(scenario: Scenario, directory: Path) -> None:
         scenario: Its environment is any but one with a `path`.
         directory: Where its relative paths start.
     """
-    room = room_of(scenario.environment, scenario.wind, scenario_dir=directory)
-    still = WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32))
-    later_winds = dict.fromkeys(range(len(scenario.events)), still)
-    environment = replace(with_wind(room, still), later_winds=later_winds)
+    first, *later = situations_of(scenario)
+    later_rooms = {situation: _in_still_air(scenario_in(scenario, situation), directory) for situation in later}
+    environment = replace(_in_still_air(scenario_in(scenario, first), directory), later_rooms=later_rooms)
     setup = Setup(run_dir=RunDir(directory), scenario=scenario, environment_dir=directory, environment=environment)
     rehearsed = [kind.name for kind in services_of(scenario) if kind.is_rehearsed]
     for name in sorted(rehearsed, key=lambda name: name != _FIRST):
         build_core(name, setup)
+
+
+def _in_still_air(scenario: Scenario, directory: Path) -> Environment:
+    room = room_of(scenario.environment, scenario.wind, scenario_dir=directory)
+    return with_wind(room, WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32)))

@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.event_kinds import EventSpec, SourceStartsSpec, SourceStopsSpec
+from gslcosim.scenario.models.event_base import EventSpec
+from gslcosim.scenario.models.event_kinds import SourceStartsSpec, SourceStopsSpec
 from gslcosim.ticks import seconds_from_ticks, ticks_from_seconds
 
 

@@ -1,88 +1,13 @@
-"""The events of a scenario: when each happens, and a block for each thing that may happen."""
+"""The events of a scenario: a block for each thing that may happen."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, SerializeAsAny, model_validator
+from pydantic import Field, SerializeAsAny
 
 from gslcosim.quantities import Vec3
+from gslcosim.scenario.models.event_base import EventSpec
 from gslcosim.scenario.models.one_of import OneOf
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Fraction, Name, NonNegative, Positive, Spec, shown
-
-
-class TriggerSpec(Spec):
-    """A condition on the truth about one agent's vehicle; it counts when it holds for the first time.
-
-    With `gas_above_ppm`, any sensor of the vehicle is in more than that of the gas that is searched for; with
-    `within_m`, the vehicle is at most that far from `of_m`. The event follows `delay_s` after it, in the next tick at
-    the earliest.
-    """
-
-    agent: Name = Field(description="whose vehicle")
-    gas_above_ppm: Positive | None = Field(
-        default=None, description="true mixing ratio at any of its sensors that has to be exceeded"
-    )
-    within_m: Positive | None = Field(default=None, description="distance to `of_m` that has to be reached")
-    of_m: Vec3 | None = Field(default=None, description="the place in the world that `within_m` is measured from")
-    delay_s: NonNegative = Field(default=0.0, description="time from there until the event")
-
-    @model_validator(mode="after")
-    def _check_one(self) -> Self:
-        given = [key for key in ("gas_above_ppm", "within_m") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise broken_rule(
-                expected="exactly one of gas_above_ppm and within_m",
-                found=" and ".join(given) or "none",
-                remedy="For example when: {agent: beetle, gas_above_ppm: 1}.",
-            )
-        if (self.within_m is None) != (self.of_m is None):
-            raise broken_rule(
-                key="of_m",
-                expected="a place beside within_m, and none without it",
-                found="one" if self.of_m else "none",
-                remedy="For example when: {agent: beetle, within_m: 1, of_m: [2, 3, 1]}.",
-            )
-        return self
-
-    @property
-    def text(self) -> str:
-        """The condition in words."""
-        what = (
-            f"{self.agent} is in more than {self.gas_above_ppm:g} ppm"
-            if self.gas_above_ppm is not None
-            else f"{self.agent} is within {self.within_m:g} m of {shown(self.of_m or (0.0, 0.0, 0.0))} m"
-        )
-        return f"{self.delay_s:g} s after {what}" if self.delay_s else f"once {what}"
-
-
-class EventSpec(Spec):
-    """Something that happens during a run: at a time, or once a condition holds; each event happens at most once."""
-
-    what: str = Field(description="what happens")
-    at_s: Positive | None = Field(default=None, description="simulated time at which it happens")
-    when: TriggerSpec | None = Field(default=None, description="condition upon which it happens, in place of `at_s`")
-
-    drives_wind: ClassVar[bool] = False
-
-    @model_validator(mode="after")
-    def _check_one_time(self) -> Self:
-        if (self.at_s is None) == (self.when is None):
-            raise broken_rule(
-                expected="exactly one of at_s and when",
-                found="none" if self.at_s is None else "both",
-                remedy="For example at_s: 30.",
-            )
-        return self
-
-    @property
-    def about_agent(self) -> str | None:
-        """The agent that it happens to, if it happens to one."""
-        return None
-
-    @property
-    def text(self) -> str:
-        """What happens, in words."""
-        raise NotImplementedError
+from gslcosim.scenario.models.spec import Fraction, Name, NonNegative, Positive, shown
 
 
 class SourceEventSpec(EventSpec):
@@ -167,6 +92,43 @@ class WindChangesSpec(EventSpec):
         inlet = self.inlet_velocity_m_s
         of = "the scenario's" if inlet is None else f"that of an inlet of {shown(inlet)} m/s"
         return f"the wind is {of}" if self.share == 1.0 else f"the wind is {self.share:g} times {of}"
+
+
+class DoorEventSpec(EventSpec):
+    """Something that happens to a door of `environment.doors`: walls, wind, gas and sight are others from then on."""
+
+    drives_wind: ClassVar[bool] = True
+
+    door: Name = Field(description="the door's name")
+
+    @property
+    def text(self) -> str:
+        """What happens, in words."""
+        return f"{self.door} {self._deed}"
+
+    @property
+    def _deed(self) -> str:
+        raise NotImplementedError
+
+
+class DoorOpensSpec(DoorEventSpec):
+    """A door opens: its box is gone. All of the air follows at once, as where the wind changes."""
+
+    what: Literal["door_opens"] = Field(default="door_opens", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @property
+    def _deed(self) -> str:
+        return "opens"
+
+
+class DoorClosesSpec(DoorEventSpec):
+    """A door closes: its box stands there, and gas that was in its place is gone. It waits for no vehicle."""
+
+    what: Literal["door_closes"] = Field(default="door_closes", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    @property
+    def _deed(self) -> str:
+        return "closes"
 
 
 class SensorEventSpec(EventSpec):
@@ -307,6 +269,8 @@ _OWN = {
         SourceMovesSpec,
         SourceRateSpec,
         WindChangesSpec,
+        DoorOpensSpec,
+        DoorClosesSpec,
         SensorDropsOutSpec,
         SensorSticksSpec,
         SensorDriftsSpec,

@@ -31,6 +31,12 @@ class BoxSpec(Spec):
         return self
 
 
+class DoorSpec(BoxSpec):
+    """A box that events take away and put back: closed it is solid, open it is not there."""
+
+    is_open: bool = Field(default=False, description="whether it is open at the start")
+
+
 class OpeningSpec(Spec):
     """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
 

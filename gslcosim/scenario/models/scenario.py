@@ -14,6 +14,7 @@ from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
 from gslcosim.scenario.models.layouts import BoxSpec as BoxSpec
+from gslcosim.scenario.models.layouts import DoorSpec
 from gslcosim.scenario.models.layouts import Layout as Layout
 from gslcosim.scenario.models.layouts import LayoutSpec as LayoutSpec
 from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
@@ -42,6 +43,8 @@ class EnvironmentSpec(Spec):
 
     One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
     AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`; the user's own `geometry`.
+
+    `doors` are boxes in that room which events open and close, see docs/events.md.
     """
 
     layout: Layout | None = Field(default=None, description="a room to generate")
@@ -53,6 +56,7 @@ class EnvironmentSpec(Spec):
         default=None, description="folder of an environment of GADEN, with its OccupancyGrid3D.csv"
     )
     geometry: GeometrySpec | None = Field(default=None, description="a room from files of geometry")
+    doors: tuple[DoorSpec, ...] = Field(default=(), description="boxes in the room that events open and close")
 
     @property
     def folder_key(self) -> str | None:
@@ -61,7 +65,7 @@ class EnvironmentSpec(Spec):
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        keys = list(type(self).model_fields)
+        keys = [key for key in type(self).model_fields if key != "doors"]
         given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
             raise broken_rule(

@@ -73,7 +73,7 @@ class Avoidance:
 
     def is_way_free(self, a_m: Vec3, b_m: Vec3) -> bool:
         """Return whether the straight way between two places, world frame [m], keeps clear."""
-        return self.routes.space.sees(a_m, b_m)
+        return self.routes.free.sees(a_m, b_m)
 
     def refusal_of_stop(self, name: str, state: NDArray[np.float64], stop: Trajectory) -> str | None:
         """Return why a vehicle must brake now that would come to rest on a path, or nothing while that keeps clear.
@@ -170,7 +170,7 @@ class Avoidance:
 
     def _is_clear(self, path: Trajectory) -> bool:
         speed_m_s = self.limits.max_speed_m_s
-        return self.routes.space.holds_curve(path.coefficients, path.duration_s, max_speed_m_s=speed_m_s)
+        return self.routes.free.holds_curve(path.coefficients, path.duration_s, max_speed_m_s=speed_m_s)
 
 
 def _bend(leg: Leg, place_m: Vec3) -> Leg:

@@ -24,7 +24,7 @@ def free_height_m(space: FlightSpace, place_m: Vec3, to_m: float) -> float:
         place_m: Where it is, world frame [m]; the cell it is in is not in its way.
         to_m: The height wanted, world frame [m].
     """
-    origin_m, cell_m = space.environment.grid.origin_m[2], space.environment.grid.cell_m
+    origin_m, cell_m = space.room.grid.origin_m[2], space.room.grid.cell_m
     keeps_m = space.radius_m + _MARGIN_M
     here = (place_m[2] - origin_m) / cell_m
     if to_m >= place_m[2]:
@@ -36,16 +36,16 @@ def free_height_m(space: FlightSpace, place_m: Vec3, to_m: float) -> float:
 
 def is_way_down_free(space: FlightSpace, place_m: Vec3, ground_m: float) -> bool:
     """Return whether a vehicle meets nothing solid between a place and the ground below it, world frame [m]."""
-    origin_m, cell_m = space.environment.grid.origin_m[2], space.environment.grid.cell_m
+    origin_m, cell_m = space.room.grid.origin_m[2], space.room.grid.cell_m
     low, high = ((height_m - origin_m) / cell_m for height_m in (ground_m, place_m[2]))
     return not len(_solid_layers(space, place_m, low, high))
 
 
 # Layers wholly between two heights, in cells, with something solid within the vehicle's radius of the vertical line.
 def _solid_layers(space: FlightSpace, place_m: Vec3, low: float, high: float) -> NDArray[np.int64]:
-    grid = space.environment.grid
+    grid = space.room.grid
     first = max(0, math.ceil(low - _SAME_CELLS))
-    layers = space.environment.occupancy[:, :, first : max(first, math.floor(high + _SAME_CELLS))] == Cell.SOLID
+    layers = space.room.occupancy[:, :, first : max(first, math.floor(high + _SAME_CELLS))] == Cell.SOLID
     x_gap_m, y_gap_m = (_gaps_m(grid, axis, place_m[axis]) for axis in (0, 1))
     is_near = np.add.outer(x_gap_m**2, y_gap_m**2) < space.radius_m**2
     return first + np.flatnonzero(layers[is_near].any(axis=0))

@@ -1,14 +1,16 @@
 """Routes of one vehicle through the free space of a room, in three dimensions or at its height."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import Environment
+from gslcosim.environment.model import Closed, Environment
 from gslcosim.environment.paths.planning import MARGIN_M, FreeSpace, free_space
+from gslcosim.environment.room_in_time import RoomInTime
 from gslcosim.quantities import Vec3
 
 
@@ -18,13 +20,25 @@ class Routes:
 
     In two dimensions it changes height evenly along the way, free of what stands between the two heights anywhere on
     it; where that leaves no way, it changes height at the end, or else at the start. On wheels it stays on the ground.
+    `space` is the free space at the start; `later_spaces` are those of rooms with other doors closed, by their names.
     """
 
     space: FreeSpace
     mode: Literal["2d", "3d"]
     clearance_m: float
     ground_height_m: float | None = None
-    _slabs: dict[tuple[int, int], FreeSpace] = field(default_factory=dict, repr=False, compare=False)
+    doors: RoomInTime | None = None
+    later_spaces: Mapping[Closed, FreeSpace] = field(default_factory=dict[Closed, FreeSpace], repr=False)
+    _slabs: dict[tuple[Closed, int, int], FreeSpace] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def free(self) -> FreeSpace:
+        """The free space of the room as it is now."""
+        return self.space if self.doors is None else self.later_spaces.get(self._closed, self.space)
+
+    @property
+    def _closed(self) -> Closed:
+        return () if self.doors is None else self.doors.situation.closed
 
     def level(self, place_m: Vec3) -> Vec3:
         """Return a place at the height at which the vehicle would be there, world frame [m]."""
@@ -32,7 +46,7 @@ class Routes:
 
     def is_free(self, place_m: Vec3) -> bool:
         """Return whether the vehicle may be at a place, world frame [m]."""
-        return self.space.is_free(place_m)
+        return self.free.is_free(place_m)
 
     def nearest_reachable_m(self, place_m: Vec3, from_m: Vec3) -> Vec3 | None:
         """Return the nearest place to one that is not free, among those that can be reached; world frame [m].
@@ -43,7 +57,7 @@ class Routes:
         if start_m is None:
             return None
         if self.mode == "3d":
-            return self.space.nearest_m(place_m, part=self.space.part_of(start_m))
+            return self.free.nearest_m(place_m, part=self.free.part_of(start_m))
         flat = self._slab(place_m[2], start_m[2])
         if not flat.is_free(_flat(start_m)):
             flat = self._slab(place_m[2], place_m[2])
@@ -65,22 +79,22 @@ class Routes:
 
     def way_out_m(self, start_m: Vec3) -> Vec3 | None:
         """Return the free place to which a start, world frame [m], is left: itself, or the nearest one in sight."""
-        if self.space.is_free(start_m):
+        if self.free.is_free(start_m):
             return start_m
         if self.ground_height_m is None:
-            return self.space.nearest_m(start_m, in_sight=True)
+            return self.free.nearest_m(start_m, in_sight=True)
         place_m = self._slab(start_m[2], start_m[2]).nearest_m(_flat(start_m), in_sight=True)
         return None if place_m is None else (place_m[0], place_m[1], start_m[2])
 
     def _route_3d(self, start_m: Vec3, goal_m: Vec3) -> list[Vec3] | None:
-        return _points(self.space.path(start_m, goal_m))
+        return _points(self.free.path(start_m, goal_m))
 
     def _route_2d(self, start_m: Vec3, goal_m: Vec3) -> list[Vec3] | None:
         (x0, y0, z0), (x1, y1, z1) = start_m, goal_m
         even_m = self._flat_route(self._slab(z0, z1), start_m, goal_m)
         if even_m is not None or z0 == z1:
             return even_m
-        column = self.space.sees
+        column = self.free.sees
         first_m = self._flat_route(self._slab(z0, z0), start_m, (x1, y1, z0))
         if first_m is not None and column((x1, y1, z0), goal_m):
             return [*first_m, goal_m]
@@ -98,15 +112,21 @@ class Routes:
         return [start_m, *(_points(points_m[1:-1]) or []), goal_m]
 
     def _slab(self, a_m: float, b_m: float) -> FreeSpace:
-        grid = self.space.grid
+        grid = self.free.grid
         low, high = (math.floor((z_m - grid.origin_m[2]) / grid.cell_m) for z_m in (min(a_m, b_m), max(a_m, b_m)))
-        if (low, high) not in self._slabs:
-            self._slabs[low, high] = self.space.slab(min(a_m, b_m), max(a_m, b_m))
-        return self._slabs[low, high]
+        key = (self._closed, low, high)
+        if key not in self._slabs:
+            self._slabs[key] = self.free.slab(min(a_m, b_m), max(a_m, b_m))
+        return self._slabs[key]
 
 
 def routes_of(
-    environment: Environment, mode: Literal["2d", "3d"], *, radius_m: float, ground: tuple[float, float] | None = None
+    environment: Environment,
+    mode: Literal["2d", "3d"],
+    *,
+    radius_m: float,
+    ground: tuple[float, float] | None = None,
+    doors: RoomInTime | None = None,
 ) -> Routes:
     """Return the routes of a vehicle.
 
@@ -115,10 +135,22 @@ def routes_of(
         mode: In how many dimensions it goes around.
         radius_m: The vehicle's radius [m].
         ground: On wheels, its height and that of what it stands on, world frame [m].
+        doors: How the room is now, where it has doors that events move.
     """
     height_m, ground_m = ground or (None, None)
-    space = free_space(environment, radius_m=radius_m, margin_m=MARGIN_M, ground_m=ground_m)
-    return Routes(space=space, mode=mode, clearance_m=radius_m + MARGIN_M, ground_height_m=height_m)
+    rooms = {(): environment} if doors is None else doors.by_doors()
+    spaces = {
+        closed: free_space(room, radius_m=radius_m, margin_m=MARGIN_M, ground_m=ground_m)
+        for closed, room in rooms.items()
+    }
+    return Routes(
+        space=next(iter(spaces.values())),
+        mode=mode,
+        clearance_m=radius_m + MARGIN_M,
+        ground_height_m=height_m,
+        doors=doors,
+        later_spaces=spaces,
+    )
 
 
 def _flat(place_m: Vec3) -> Vec3:

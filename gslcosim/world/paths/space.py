@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.room_in_time import RoomInTime
 from gslcosim.quantities import Vec3
 
 _SOLID = int(Cell.SOLID)
@@ -18,13 +19,20 @@ class FlightSpace:
     """The places a vehicle of a certain radius may be sent to.
 
     `ground_height_m` is the height of a vehicle that drives: heights of places only have to lie in the room.
-    `moves_places` says that a waypoint in a solid is no reason to refuse it: the vehicle goes beside it.
+    `moves_places` says that a waypoint in a solid is no reason to refuse it: the vehicle goes beside it. `doors` says
+    how the room is now, where it has doors that events move.
     """
 
     environment: Environment
     radius_m: float
     ground_height_m: float | None = None
     moves_places: bool = False
+    doors: RoomInTime | None = None
+
+    @property
+    def room(self) -> Environment:
+        """The room as it is now."""
+        return self.environment if self.doors is None else self.doors.now
 
     def refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a place is refused, or nothing when it is allowed.
@@ -48,10 +56,10 @@ class FlightSpace:
 
     def is_open(self, places_m: NDArray[np.float64]) -> bool:
         """Return whether (n, 3) places, world frame [m], all lie in the room and in free cells."""
-        cells = self.environment.grid.cell_of(places_m)
-        if not self.environment.grid.contains_cell(cells).all():
+        cells = self.room.grid.cell_of(places_m)
+        if not self.room.grid.contains_cell(cells).all():
             return False
-        return not (self.environment.occupancy[tuple(cells.T)] == _SOLID).any()
+        return not (self.room.occupancy[tuple(cells.T)] == _SOLID).any()
 
     def start_refusal(self, name: str, position_world_m: Vec3) -> str | None:
         """Return why a vehicle cannot start at a place; as `refusal`, but it may stand on the floor."""
@@ -62,7 +70,7 @@ class FlightSpace:
         return self.radius_m if self.ground_height_m is None else 0.0
 
     def _refusal_of_bounds(self, name: str, position_world_m: Vec3, margin_m: float) -> str | None:
-        grid = self.environment.grid
+        grid = self.room.grid
         margins_m = (0.0, 0.0, margin_m)
         for axis, value, low, high, margin in zip(
             "xyz", position_world_m, grid.origin_m, grid.max_m, margins_m, strict=True
@@ -72,11 +80,11 @@ class FlightSpace:
         return None
 
     def _refusal_of_cell(self, name: str, position_world_m: Vec3) -> str | None:
-        grid = self.environment.grid
+        grid = self.room.grid
         x_m, y_m, z_m = position_world_m
         place_m = (x_m, y_m, z_m if self.ground_height_m is None else self.ground_height_m)
         cell = np.minimum(grid.cell_of(np.array(place_m)), np.array(grid.shape) - 1)
-        if self.environment.occupancy[tuple(cell)] == Cell.SOLID:
+        if self.room.occupancy[tuple(cell)] == Cell.SOLID:
             return f"{name}: expected a free place, was {self._place_text(place_m)}."
         return None
 
@@ -90,7 +98,7 @@ class FlightSpace:
             stop_world_m: Where it would come to rest, world frame [m].
             velocity_world_m_s: How it moves now, world frame [m/s].
         """
-        grid = self.environment.grid
+        grid = self.room.grid
         for axis, stop, speed, low, high in zip(
             "xyz", stop_world_m, velocity_world_m_s, grid.origin_m, grid.max_m, strict=True
         ):
@@ -100,7 +108,7 @@ class FlightSpace:
                     f"{name}: expected a stop at {axis} within {least:g} to {most:g} m, was heading for {stop:.2f} m."
                 )
         cell = np.clip(grid.cell_of(np.array(stop_world_m)), 0, np.array(grid.shape) - 1)
-        if self.environment.occupancy[tuple(cell)] == Cell.SOLID and any(velocity_world_m_s):
+        if self.room.occupancy[tuple(cell)] == Cell.SOLID and any(velocity_world_m_s):
             return f"{name}: expected a stop in a free place, was heading for {self._place_text(stop_world_m)}."
         return None
 
@@ -109,18 +117,18 @@ class FlightSpace:
         x_m, y_m, z_m = position_world_m
         tops_m = [
             box.max_m[2]
-            for box in self.environment.boxes
+            for box in self.room.boxes
             if box.kind in ("floor", "obstacle")
             and box.min_m[0] <= x_m <= box.max_m[0]
             and box.min_m[1] <= y_m <= box.max_m[1]
             and box.max_m[2] <= z_m + 1e-9
         ]
-        return max([self.environment.grid.origin_m[2], *tops_m])
+        return max([self.room.grid.origin_m[2], *tops_m])
 
     # Names the solid, where the cell belongs to a named one.
     def _place_text(self, position_world_m: Vec3) -> str:
         place = ", ".join(f"{value:.4g}" for value in position_world_m)
-        for box in self.environment.boxes:
+        for box in self.room.boxes:
             if all(a <= p <= b for a, p, b in zip(box.min_m, position_world_m, box.max_m, strict=True)):
                 return f"({place}) m, inside {box.name}"
         return f"({place}) m, inside a solid cell"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import mujoco
 
+from gslcosim.environment.doors import boxes_of_doors
 from gslcosim.environment.model import Box, Environment
 from gslcosim.environment.solids import solid_boxes
 from gslcosim.quantities import GRAVITY_M_S2
@@ -54,7 +55,7 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, Vehicle]
     """Return the scene of a room and its vehicles; all vehicles stand at the origin until they are placed.
 
     Args:
-        environment: The room; each of its boxes becomes a solid geom of the same name.
+        environment: The room; each of its boxes becomes a solid geom of the same name, and so do doors that are open.
         vehicles: Agent's name and vehicle model, in the order of the state vectors.
         dt_s: Length of a physics step [s].
 
@@ -86,7 +87,9 @@ def scene_spec(
     spec.option.timestep = dt_s
     spec.option.gravity = [0.0, 0.0, -GRAVITY_M_S2]
     spec.option.disableflags = int(_DISABLED)
-    for box in solid_boxes(environment):
+    boxes = solid_boxes(environment)
+    names = {box.name for box in boxes}
+    for box in (*boxes, *(door for door in boxes_of_doors(environment) if door.name not in names)):
         _add_box(spec, box)
     if any(vehicle.drives for _, vehicle in vehicles):
         spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)

@@ -8,15 +8,16 @@ import pytest
 from gslcosim.contract.event_notes import EVENTS, EventsBeginning
 from gslcosim.contract.ventilation import WIND, WindShare
 from gslcosim.environment.driven_wind import DrivenWind
-from gslcosim.environment.model import WindFrames
+from gslcosim.environment.model import Situation, WindFrames
 from gslcosim.errors import ModelError
 from gslcosim.scenario.models.event_kinds import WindChangesSpec
 
 FIRST, SECOND, THIRD = 0, 1, 2
 
 
-def driven(frames, scenario=None, **later_winds):
-    return DrivenWind(SimpleNamespace(wind=frames, later_winds=later_winds.get("later", {})), scenario)
+def driven(frames, scenario=None, later=None):
+    rooms = {Situation((), i): SimpleNamespace(wind=wind) for i, wind in (later or {}).items()}
+    return DrivenWind(SimpleNamespace(wind=frames, later_rooms=rooms), scenario or events())
 
 
 @pytest.fixture
@@ -58,7 +59,8 @@ def test_winds_are_handed_out_read_only_and_contiguous(frames, share):
 
 
 def events(*blocks):
-    return SimpleNamespace(events=tuple(WindChangesSpec(at_s=1.0, **block) for block in blocks))
+    changes = tuple(WindChangesSpec(at_s=1.0, **block) for block in blocks)
+    return SimpleNamespace(events=changes, environment=SimpleNamespace(doors=()), tick_ns=100_000_000)
 
 
 def begins(*places):
@@ -86,5 +88,5 @@ def test_a_service_scales_what_an_event_has_brought(frames):
 
 
 def test_a_wind_that_was_not_made_is_told(frames):
-    with pytest.raises(ModelError, match=r"expected the wind that events\[0\] brings"):
+    with pytest.raises(ModelError, match=r"no door closed and the wind of events\[0\], found none"):
         driven(frames, events({"inlet_velocity_m_s": (0, 1, 0)}))

@@ -87,3 +87,58 @@ def test_a_channel_that_is_not_there_is_refused():
     assert "events[0].channel: expected the name of a channel (radio), was 'radi'. Did you mean radio?" in str(
         caught.value
     )
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (["events=[{what: door_opens, at_s: 1, door: gat}]"],
+         "events[0].door: expected the name of a door in environment.doors (gate), was 'gat'. Did you mean gate?"),
+        (["events=[{what: door_closes, at_s: 1, door: gate}]"],
+         "events[0].what: expected an event of a door that is open then, was door_closes of gate, "
+         "which is closed from the start. Leave it out, or write is_open: true at the door."),
+        (["events=[{what: door_opens, at_s: 1, door: gate}, {what: door_opens, at_s: 3, door: gate}]"],
+         "events[1].what: expected an event of a door that is closed then, was door_opens of gate, "
+         "which is open since 1 s."),
+        (["gas.tape=true"],
+         "events[0].what: expected no event of a door with gas that cannot follow it, was gas.tape: true."),
+        (["environment.doors[0].max_m=[3.25, 2.75, 3]"],
+         "environment.doors[0]: expected a door inside the room, which reaches from [0, 0, 0] to [6, 4, 2.5] m, "
+         "was [3, 1.25, 0] to [3.25, 2.75, 3] m. Move it, or cut it to the room."),
+        (["environment.doors[0].min_m=[3, 0, 0]", "environment.doors[0].max_m=[3.25, 1, 2]"],
+         "environment.doors[0]: expected a door that closes a gap: at least one cell of air in it, "
+         "was [3, 0, 0] to [3.25, 1, 2] m, which is solid without it. Leave a gap in the wall where the door is."),
+        (["environment.doors[0].name=lintel", "events=[]"],
+         "environment.doors[0].name: expected a name that no other door or box of the room has, was 'lintel'."),
+        (["environment.doors[0].is_open=true", "events=[{what: door_closes, at_s: 1, door: gate}]",
+          "agents[0].vehicle.start_m=[3.1, 2, 0.2]"],
+         "events[0].door: expected a door that closes on no vehicle's start and on no source, was gate, which closes "
+         "on agents[0].vehicle.start_m. Move the door, or agents[0].vehicle.start_m."),
+        (["agents[0].vehicle.start_m=[3.1, 2, 0.2]"],
+         "agents[0].vehicle.start_m: expected a point in the room's air, was [3.1, 2, 0.2], inside gate."),
+        (["environment.layout.openings=[{name: out, kind: outlet, min_m: [6, 3, 1], max_m: [6, 4, 2]}]",
+          "environment.layout.outlet={min_m: [0.5, 0, 1], max_m: [1.5, 0, 2]}"],
+         "environment.doors: expected a way for the air from the inlet to the outlet, whichever doors are closed, "
+         "was none with gate closed."),
+        (["wind={solver: {file: ./wind.csv}}"],
+         "environment.doors: expected none where the wind is stored: with a door it would be another, was some."),
+    ],
+)  # fmt: skip
+def test_a_door_that_cannot_be_is_refused(changes, told):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("event_door", overrides=changes, checks=[check])
+    assert told in str(caught.value)
+
+
+def test_too_many_rooms_are_refused():
+    doors = [f"{{name: door_{i}, is_open: true, min_m: [3, {1.25 + 0.25 * i}, 0], max_m: [3.25, {1.5 + 0.25 * i}, 2]}}"
+             for i in range(5)]  # fmt: skip
+    events = [f"{{what: door_closes, door: door_{i}, when: {{agent: beetle, gas_above_ppm: 1}}}}" for i in range(5)]
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(
+            "event_door",
+            overrides=[f"environment.doors=[{', '.join(doors)}]", f"events=[{', '.join(events)}]"],
+            checks=[check],
+        )
+    assert "events: expected at most 16 combinations of closed doors and inlets" in str(caught.value)
+    assert "was 32. Give the events of doors and wind times (at_s)" in str(caught.value)

@@ -6,8 +6,9 @@ import pytest
 from gslcosim.environment.model import Cell
 from gslcosim.errors import ModelError, ScenarioError
 from gslcosim.fields.filament.buoyancy import Buoyancy
-from gslcosim.fields.filament.plume import FIRST_CAPACITY, amount_of_filament_mol, open_cells
+from gslcosim.fields.filament.plume import FIRST_CAPACITY, amount_of_filament_mol
 from gslcosim.fields.filament.release import ScheduledRelease
+from gslcosim.fields.filament.room_cells import open_cells
 from gslcosim.fields.filament.source_shapes import SourceShape
 
 

@@ -1,0 +1,37 @@
+"""A range finder sees a door while it is closed, and what is behind it from the tick on in which it opens."""
+
+import pytest
+
+from gslcosim.contract import keys
+from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples
+from gslcosim.contract.participant import Episode
+from gslcosim.sensing.core import SensingCore
+
+FINDER = "agents[0].sensors=[{model: range_finder, name: front, max_range_m: 10, noise_std: 0}]"
+
+
+def step(core, tick, *events):
+    at_rest = BodyState(
+        agent="beetle",
+        position_world_m=(1.5, 2.0, 1.0),
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+        phase="flying",
+        awaiting_command=False,
+        path_length_m=0.0,
+    )
+    inbox = {keys.BODIES: BodyPoses(tick=tick, bodies=(at_rest,)), keys.SAMPLES: FieldSamples(tick=tick, samples=())}
+    if tick:
+        inbox[EVENTS] = EventsBeginning(tick=tick - 1, beginning=events)
+    (reading,) = core.step(tick, inbox)["agents/beetle/observation"].readings
+    return reading.values[0]
+
+
+def test_what_is_seen_through_a_door(room_with_gate):
+    opens, closes = "{what: door_opens, at_s: 10, door: gate}", "{what: door_closes, at_s: 20, door: gate}"
+    core = SensingCore(*room_with_gate(opens, closes, changes=[FINDER]))
+    core.reset(Episode(seed=1))
+    seen_m = [step(core, tick, *events) for tick, events in enumerate([(), (), (0,), (), (1,)])]
+    assert seen_m == pytest.approx([1.5, 1.5, 4.5, 4.5, 1.5], abs=0.05)
