@@ -1,12 +1,13 @@
 """All rows of one agent: its vehicle, where it goes and was sent, and what its sensors report."""
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 
 import numpy as np
 import rerun as rr
 
-from gslcosim.contract.messages import BodyState, Command, MountSample, Observation, Waypoint
+from gslcosim.contract.messages import AgentScore, BodyState, Command, MountSample, Observation, Reading, Waypoint
 from gslcosim.quantities import Vec3
 from gslcosim.recording import colors
 from gslcosim.recording.entities import AgentEntities
@@ -65,6 +66,21 @@ class AgentRows:
             sensor.name: rows for sensor, _ in names.on_board_sensors if (rows := self._space_rows(sensor))
         }
         self._readings = self._reading_rows()
+        # Curves are made of many readings at once, other rows of each when it comes, when the pose is still known.
+        self._curves = {
+            sensor: [rows for rows in sinks if isinstance(rows, CurveRows)] for sensor, sinks in self._readings.items()
+        }
+        self._one_by_one = {
+            sensor: others
+            for sensor, sinks in self._readings.items()
+            if (others := [rows for rows in sinks if not isinstance(rows, CurveRows)])
+        }
+        self._has_poses = bool(self._in_space or self._beams)
+        # What was noted since rows were made of it, with its ticks.
+        self._bodies: list[tuple[int, BodyState]] = []
+        self._amounts: dict[tuple[str, str], list[tuple[int, float]]] = {place: [] for place in self._gas}
+        self._reported: dict[str, list[tuple[int, Reading]]] = defaultdict(list)
+        self._distances: list[tuple[int, float]] = []
 
     def all(self) -> list[Rows]:
         """Return the rows of every entity."""
@@ -91,12 +107,9 @@ class AgentRows:
     def note_body(self, tick: int, body: BodyState) -> None:
         """Take note of where the vehicle is."""
         self.position_m = body.position_world_m
-        self._poses.add(tick, body)
-        self.pose.add(tick, body.position_world_m, body.quaternion_wxyz)
-        self.track.add(tick, body.position_world_m)
-        self.plan.add(tick, body.position_world_m, body.planned_path_world_m)
-        if body.tracking_error_m is not None:
-            self.tracking_error.add(tick, body.tracking_error_m)
+        self._bodies.append((tick, body))
+        if self._has_poses:
+            self._poses.add(tick, body)
 
     def note_sample(self, tick: int, sample: MountSample) -> None:
         """Take note of the truth at a sensor."""
@@ -106,17 +119,53 @@ class AgentRows:
             wind.add(tick, math.sqrt(u * u + v * v + w * w), sample.wind_world_m_s)
             return
         for gas in sample.gases:
-            rows = self._gas.get((sample.sensor, gas.gas))
-            if rows is not None:
-                rows.add(tick, gas.mixing_ratio_ppm)
+            amounts = self._amounts.get((sample.sensor, gas.gas))
+            if amounts is not None:
+                amounts.append((tick, gas.mixing_ratio_ppm))
         if sample.beam_m is not None and sample.sensor in self._beams:
             self._beams[sample.sensor].add_ranges(tick, (sample.beam_m,), tick)
 
     def note_observation(self, tick: int, observation: Observation) -> None:
         """Take note of what the sensors report."""
         for reading in observation.readings:
-            for rows in self._readings.get(reading.sensor, ()):
+            self._reported[reading.sensor].append((tick, reading))
+            for rows in self._one_by_one.get(reading.sensor, ()):
                 rows.add(tick, reading)
+
+    def note_standing(self, tick: int, standing: AgentScore) -> None:
+        """Take note of what the referee says of it."""
+        self._distances.append((tick, standing.distance_to_source_m))
+        if standing.belief is not None:
+            self.belief.note_score(tick, standing.belief)
+
+    def take(self) -> None:
+        """Make rows of what was noted since the last call, column by column."""
+        self._take_bodies()
+        self.distance.extend(self._distances)
+        self._distances.clear()
+        for place, amounts in self._amounts.items():
+            self._gas[place].extend(amounts)
+            amounts.clear()
+        for sensor, reported in self._reported.items():
+            curves = self._curves.get(sensor, ())
+            meaningful = [noted for noted in reported if not noted[1].is_warming_up] if curves else []
+            for rows in curves:
+                rows.extend(meaningful)
+            reported.clear()
+
+    def _take_bodies(self) -> None:
+        noted, self._bodies = self._bodies, []
+        if not noted:
+            return
+        ticks, bodies = zip(*noted, strict=True)
+        positions_m = [body.position_world_m for body in bodies]
+        self.pose.extend(ticks, positions_m, [body.quaternion_wxyz for body in bodies])
+        self.track.extend(ticks, positions_m)
+        self.tracking_error.extend(
+            [(tick, body.tracking_error_m) for tick, body in noted if body.tracking_error_m is not None]
+        )
+        for tick, body in noted:
+            self.plan.add(tick, body.position_world_m, body.planned_path_world_m)
 
     def note_command(self, tick: int, command: Command) -> None:
         """Take note of where the vehicle is sent, of declarations and beliefs."""

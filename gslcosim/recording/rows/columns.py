@@ -53,6 +53,11 @@ class ScalarRows:
         self._ticks.append(tick)
         self._values.append(value)
 
+    def extend(self, noted: Sequence[tuple[int, float]]) -> None:
+        """Append the values at the ends of ticks."""
+        self._ticks += [tick for tick, _ in noted]
+        self._values += [value for _, value in noted]
+
     def send(self, file: RunFile) -> None:
         """Write the waiting rows, if any, and forget them."""
         if self._ticks:
@@ -72,13 +77,18 @@ class CurveRows:
     def add(self, tick: int, reading: Reading) -> None:
         """Append what is drawn of a reading, unless it means nothing yet."""
         if not reading.is_warming_up:
-            self._ticks.append(tick)
-            self._values.append(self._values_of(reading))
+            self.extend([(tick, reading)])
+
+    def extend(self, noted: Sequence[tuple[int, Reading]]) -> None:
+        """Append what is drawn of readings that mean something, at the ends of their ticks."""
+        values_of = self._values_of
+        self._ticks += [tick for tick, _ in noted]
+        self._values += [values_of(reading) for _, reading in noted]
 
     def send(self, file: RunFile) -> None:
         """Write the waiting rows, if any, and forget them."""
         if self._ticks:
-            columns = rr.Scalars.columns(scalars=np.concatenate(self._values))
+            columns = rr.Scalars.columns(scalars=[value for values in self._values for value in values])
             file.send(self._entity, self._ticks, columns.partition([len(values) for values in self._values]))
             self._ticks, self._values = [], []
 
@@ -92,11 +102,13 @@ class PoseRows:
         self._positions_m: list[Vec3] = []
         self._quaternions_wxyz: list[Quaternion] = []
 
-    def add(self, tick: int, position_world_m: Vec3, quaternion_wxyz: Quaternion) -> None:
-        """Append the pose at the end of a tick."""
-        self._ticks.append(tick)
-        self._positions_m.append(position_world_m)
-        self._quaternions_wxyz.append(quaternion_wxyz)
+    def extend(
+        self, ticks: Sequence[int], positions_world_m: Sequence[Vec3], quaternions_wxyz: Sequence[Quaternion]
+    ) -> None:
+        """Append the poses at the ends of ticks."""
+        self._ticks += ticks
+        self._positions_m += positions_world_m
+        self._quaternions_wxyz += quaternions_wxyz
 
     def send(self, file: RunFile) -> None:
         """Write the waiting rows, if any, and forget them."""
@@ -123,12 +135,16 @@ class TrackRows:
         self._open_strip_m: list[Vec3] = []
         self._last_tick = 0
 
-    def add(self, tick: int, position_world_m: Vec3) -> None:
-        """Append the position at the end of a tick."""
-        self._open_strip_m.append(position_world_m)
-        self._last_tick = tick
-        if len(self._open_strip_m) > TRACK_STRIP_TICKS:
-            self.end_strip()
+    def extend(self, ticks: Sequence[int], positions_world_m: Sequence[Vec3]) -> None:
+        """Append the positions at the ends of ticks."""
+        begin = 0
+        while begin < len(ticks):
+            end = min(begin + TRACK_STRIP_TICKS + 1 - len(self._open_strip_m), len(ticks))
+            self._open_strip_m += positions_world_m[begin:end]
+            self._last_tick = ticks[end - 1]
+            if len(self._open_strip_m) > TRACK_STRIP_TICKS:
+                self.end_strip()
+            begin = end
 
     def end_strip(self) -> None:
         """End the open strip here; the next one starts where it ends."""
@@ -241,7 +257,8 @@ class FilamentRows:
         self._birth_sigma_m = source.sigma_m
         self._birth_ppm = source.ppm
         self._scale = GasScale.of(scenario)
-        self._colors = gas_colors()
+        # Packed as 0xRRGGBB00, which Rerun takes with the opacity and without looking at every colour.
+        self._colors = gas_colors().astype(np.uint32) @ np.array([1 << 24, 1 << 16, 1 << 8], dtype=np.uint32)
         self._ticks: list[int] = []
         self._clouds: list[FilamentCloud] = []
 
@@ -269,13 +286,11 @@ class FilamentRows:
         file.send(self._entity, self._ticks, columns.partition(drawn))
         self._ticks, self._clouds = [], []
 
-    # Packed as 0xRRGGBBAA, which Rerun takes without looking at every colour.
     def _rgba(self, sigmas_m: NDArray[np.float32], strides: NDArray[np.int64]) -> NDArray[np.uint32]:
         shrink = np.float32(self._birth_sigma_m) / np.maximum(sigmas_m, np.float32(self._birth_sigma_m))
         levels = self._scale.levels(self._birth_ppm * shrink**3)
-        packed = self._colors.astype(np.uint32) @ np.array([1 << 24, 1 << 16, 1 << 8], dtype=np.uint32)
         alpha = np.clip(BIRTH_OPACITY * 255 * strides * shrink**2, 2, 255)
-        return packed[levels] | alpha.astype(np.uint32)
+        return self._colors[levels] | alpha.astype(np.uint32)
 
 
 class SliceRows:
@@ -284,7 +299,8 @@ class SliceRows:
     def __init__(self, entity: str, scale: GasScale) -> None:
         self._entity = entity
         self._scale = scale
-        self._colors = slice_colors()
+        # Packed, so that a cell's colour is taken at once.
+        self._colors = slice_colors().view(np.uint32)[:, 0]
         self._is_placed = False
         self._ticks: list[int] = []
         self._slices: list[ConcentrationSlice] = []
@@ -300,7 +316,7 @@ class SliceRows:
             return
         if not self._is_placed:
             self._place(file, self._slices[0])
-        pictures = [self._picture(item) for item in self._slices]
+        pictures = np.concatenate([self._picture(item) for item in self._slices]).reshape(len(self._ticks), -1)
         file.send(self._entity, self._ticks, rr.GridMap.columns(data=pictures))
         self._ticks, self._slices = [], []
 
@@ -315,6 +331,6 @@ class SliceRows:
         self._is_placed = True
 
     # Rows of a picture run from the far side (largest y) to the near one.
-    def _picture(self, concentration: ConcentrationSlice) -> bytes:
+    def _picture(self, concentration: ConcentrationSlice) -> NDArray[np.uint8]:
         levels = self._scale.levels(concentration.mixing_ratio_ppm.to_array())
-        return self._colors[levels.T[::-1]].tobytes()
+        return self._colors[levels.T[::-1].ravel()].view(np.uint8)
