@@ -12,6 +12,8 @@ from gslcosim.search.learned.policies.gated import GruPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.trainers.ppo_network import Segments, advantages, first_arrays, load_jax, updater
 
+# The observation that says that the last command was refused or changed.
+REFUSED = "refused"
 _OF_VALUES = ("value", "value_bias", "log_spread")
 
 
@@ -22,7 +24,8 @@ class PpoSettings:
     `rounds` is how many steps of the trainer make the whole training; a round flies `segments` times `horizon` steps in
     each environment and learns after each segment, `epochs` times from `parts` parts of the environments.
     `n_encoded` and `n_units` are the sizes of the network. `observations` are those that the policy gets, all where
-    it is absent.
+    it is absent. `refused_cost` is taken from the reward where a command was refused: an agent that is asked again at
+    once, in front of a wall for example, loses hardly any time by it, and learns slowly to leave.
     """
 
     rounds: int = 100
@@ -39,6 +42,7 @@ class PpoSettings:
     entropy_weight: float = 0.003
     value_weight: float = 0.5
     max_gradient: float = 0.5
+    refused_cost: float = 0.01
     observations: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -50,7 +54,7 @@ class PpoSettings:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
                 raise UsageError(f"recurrent_ppo.{name}: expected a number above 0 and up to {most:g}, was {value!r}.")
-        for name in ("entropy_weight", "value_weight", "max_gradient"):
+        for name in ("entropy_weight", "value_weight", "max_gradient", "refused_cost"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
                 raise UsageError(f"recurrent_ppo.{name}: expected a number from 0, was {value!r}.")
@@ -112,6 +116,7 @@ class RecurrentPpo:
             )
         self.observation_names = tuple(names)
         self._places = np.array([observation_names.index(name) for name in names])
+        self._refused = observation_names.index(REFUSED) if REFUSED in observation_names else None
         self._resets_at_once = "same" in str(envs.metadata.get("autoreset_mode", "")).lower()
         n_updates = settings.rounds * settings.segments * settings.epochs * settings.parts
         begin, self._values_of, self._update = updater(settings, n_updates)
@@ -133,7 +138,10 @@ class RecurrentPpo:
         return GruPolicy.of_arrays(self.observation_names, self.action, arrays, {})
 
     def step(self) -> dict[str, float]:
-        """Fly and learn for a round, and return its figures: reward and success of the searches that ended, losses."""
+        """Fly and learn for a round, and return its figures: losses, reward and success of the searches.
+
+        A search that has begun with the round and is not over at its end counts as one without success.
+        """
         self.n_rounds += 1
         rng = np.random.default_rng([self.seed, self.n_rounds])
         observed, _ = self.envs.reset(seed=int(rng.integers(2**31)))
@@ -150,7 +158,7 @@ class RecurrentPpo:
         return {
             "round": float(self.n_rounds), "steps": float(self.n_rounds * n_steps), "searches": float(len(flight.sums)),
             "reward": float(np.mean(flight.sums)) if flight.sums else float("nan"),
-            "success": float(np.mean(flight.successes)) if flight.successes else float("nan"), **told,
+            "success": flight.success, **told,
         }  # fmt: skip
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -196,7 +204,8 @@ class RecurrentPpo:
             ends = np.asarray(terminated) | np.asarray(truncated)
             # In the next step the environment starts again, and takes no action.
             is_step = ~flight.ends if not self._resets_at_once else np.ones(n, np.bool_)
-            rows.append((flight.observed, flight.starts, chosen, log_likely, rewards, ends, is_step))
+            paid = np.asarray(rewards) - self._cost(np.asarray(observed), ends)
+            rows.append((flight.observed, flight.starts, chosen, log_likely, paid, ends, is_step))
             flight.count(np.asarray(rewards), ends, infos)
             flight.starts = ends.copy() if self._resets_at_once else flight.ends.copy()
             flight.observed, flight.memory, flight.ends = np.asarray(observed)[:, self._places], after, ends
@@ -211,6 +220,12 @@ class RecurrentPpo:
             ends=np.stack(columns[5]),
             weights=np.stack(columns[6]).astype(np.float32),
         )
+
+    # Of an end the next search is seen already.
+    def _cost(self, observed: NDArray[np.float32], ends: NDArray[np.bool_]) -> NDArray[np.float64] | float:
+        if self._refused is None:
+            return 0.0
+        return np.where(ends, 0.0, self.settings.refused_cost * (observed[:, self._refused] > 0.5))
 
     def _learn(self, flown: Segments, rng: np.random.Generator) -> list[Mapping[str, Any]]:
         s = self.settings
@@ -242,11 +257,19 @@ class _Flight:
         self.sums: list[float] = []
         self.successes: list[bool] = []
         self._sum = np.zeros(len(starts))
+        self._has_ended = np.zeros(len(starts), np.bool_)
+
+    @property
+    def success(self) -> float:
+        """The share of successes among the searches that have ended, or had all the round for it."""
+        n = len(self.successes) + int((~self._has_ended).sum())
+        return sum(self.successes) / n
 
     def count(self, rewards: NDArray[Any], ends: NDArray[np.bool_], infos: Mapping[str, Any]) -> None:
         self._sum += rewards
         if not ends.any():
             return
+        self._has_ended |= ends
         self.sums += self._sum[ends].tolist()
         self._sum[ends] = 0.0
         found = infos.get("success", infos.get("final_info", {}).get("success"))

@@ -1,0 +1,32 @@
+"""The notebook about training runs from the first cell to the last, with a tiny budget."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="extra gym")
+pytest.importorskip("jax", reason="extra train")
+
+NOTEBOOK = Path(__file__).parents[3] / "docs" / "train.ipynb"
+BUDGET = {"ROUNDS": "2", "ENVS": "8", "CASES": "4"}
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+@pytest.mark.timeout(300)  # the first who flies a batch waits for its kernels to be compiled
+def test_every_cell_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, value in BUDGET.items():
+        monkeypatch.setenv(f"GSLCOSIM_TRAIN_{name}", value)
+    names: dict[str, Any] = {}
+    for cell in json.loads(NOTEBOOK.read_text())["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    told = capsys.readouterr().out
+    assert "round   2:" in told
+    assert "of 4 sources that it has never seen" in told
+    assert "4 pairs: " in told
+    assert len(names["results"]) == 12
+    assert (tmp_path / "mine.npz").is_file()
