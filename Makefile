@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-network attacks golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks golden docs contract setup
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -79,6 +79,9 @@ soak-network: .venv/ready-dev  # one run over links with delay, loss and cuts, a
 
 soak-restarts: .venv/ready-dev  # services killed at random ticks, and a table of what came of them; N=TRIALS
 	$(BIN)/python tests/soak/restart_campaign.py --trials $(N)
+
+soak-travel: .venv/ready-dev  # random runs replayed, gone on with at snapshots, forked, and a table of what came of them; N=TRIALS of each
+	$(BIN)/python tests/soak/travel_campaign.py --trials $(N)
 
 attacks: .venv/ready-dev    # what agents that try to cheat reach in each sandbox
 	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py

@@ -158,6 +158,16 @@ def test_a_snapshot_of_other_code_is_refused_in_a_sentence(past, tmp_path, monke
     assert_same(past, fork)
 
 
+def test_a_fork_with_other_events_says_that_it_cannot_use_a_snapshot(past, tmp_path):
+    sticks = ("--event", "{what: sensor_sticks, at_s: 6, agent: beetle, sensor: nose}")
+    fork = forked(past.run_dir, tmp_path / "fork", 5, *sticks)
+    told = f"The snapshot of {past.run_dir.name} at tick 40 cannot be used: it knows of the run's events only"
+    assert fork.errors.startswith(told)
+    assert fork.errors.rstrip().endswith("The run is repeated from its start.")
+    assert "snapshot_tick" not in fork.result["fork_of"]
+    assert forked(past.run_dir, tmp_path / "early", 1, *sticks).errors == ""
+
+
 def test_a_run_is_the_same_with_snapshots_and_without(past, tmp_path):
     assert fly_here(TINY_ROOM, tmp_path).result["digest"] == past.result["digest"]
 

@@ -97,9 +97,14 @@ def prepare_fork(
     past.check_inputs()
     loaded = _loaded(past, overrides, checks)
     check_changes(past.scenario, loaded.scenario, at_tick=at_tick)
+    snapshot, note = snapshot_before(past, at_tick) if uses_snapshots else (None, "")
     # A snapshot knows of the events that the run had.
-    has_its_events = past.scenario.events == loaded.scenario.events
-    snapshot, note = snapshot_before(past, at_tick) if uses_snapshots and has_its_events else (None, "")
+    if snapshot is not None and past.scenario.events != loaded.scenario.events:
+        note = (
+            f"The snapshot of {past.run_dir.run_id} at tick {snapshot.tick} cannot be used: "
+            "it knows of the run's events only, and those of the fork are others."
+        )
+        snapshot = None
     fork = Fork(past=past, at_tick=at_tick, loaded=loaded, snapshot=snapshot, note=note)
     _check_agents(fork)
     return fork
