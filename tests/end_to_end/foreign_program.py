@@ -7,8 +7,12 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 FAULT, AT = sys.argv[1:]
+MARKER = ""
+if FAULT == "exits_once":
+    AT, _, MARKER = AT.partition(":")
 
 
 def streams():
@@ -81,6 +85,9 @@ for line in heard:
     if str(tick) == AT:
         if FAULT == "exits":
             sys.stderr.write("the model has blown up\n")
+            sys.exit(7)
+        if FAULT == "exits_once" and not Path(MARKER).exists():
+            os.close(os.open(MARKER, os.O_CREAT))
             sys.exit(7)
         if FAULT == "is_killed":
             os.kill(os.getpid(), signal.SIGKILL)

@@ -1,8 +1,11 @@
 """Services that die are started again where the scenario asks for it, and the run is the same."""
 
+import json
 import os
 import random
 import signal
+import sys
+from pathlib import Path
 
 import pytest
 from flights import ROOT, TINY_ROOM, fly_here, start
@@ -94,6 +97,40 @@ def test_one_that_dies_at_the_same_tick_again_and_again_is_a_fault(tmp_path):
     else:
         assert ended.exit_code == 3
         assert "It was started again 2 times, and has come no further." in ended.errors
+
+
+def with_program(*words, **more):
+    """Return what adds a participant whose program fails: its core raises an error in the midst of a step."""
+    program = Path(__file__).parent / "foreign_program.py"
+    start = {"command": [sys.executable, str(program), *words], "format": "json"}
+    block = {"name": "model", "start": start, "reads": [{"port": "truth/samples"}], "writes": ["state"], **more}
+    return ("--set", f"participants=[{json.dumps(block)}]")
+
+
+def test_a_core_that_raises_an_error_once_is_started_again(tmp_path):
+    """Not only a process that is killed: an error in a step ends the process too, and the next one has none."""
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    once = with_program("exits_once", f"120:{marks / 'has_failed'}", may_write=[str(marks)])
+    ended = start(TINY_ROOM, tmp_path / "once", *RESTART, *once).end()
+    assert ended.result["valid"], ended.errors
+    assert ended.result["faults"] == []
+    (restart,) = ended.result["restarts"]
+    assert restart["process"] == "model"
+    assert "its process ended with exit code 7" in restart["how"]
+    whole = fly_here(TINY_ROOM, tmp_path / "whole", *LONG, *once)
+    assert whole.result["valid"], whole.errors
+    assert ended.result["digest"] == whole.result["digest"]
+
+
+def test_a_core_that_raises_the_same_error_each_time_is_the_fault_of_the_run(tmp_path):
+    ended = start(TINY_ROOM, tmp_path, *RESTART, *with_program("exits", "120")).end()
+    assert ended.exit_code == 3
+    assert [restart["process"] for restart in ended.result["restarts"]] == ["model", "model"]
+    (fault,) = ended.result["faults"]
+    assert fault["participant"] == "model"
+    assert "expected an answer to the inputs of tick 120, but its process ended with exit code 7" in fault["text"]
+    assert "It was started again 2 times, and has come no further." in fault["text"]
 
 
 def test_restart_without_snapshots_is_refused(tmp_path):

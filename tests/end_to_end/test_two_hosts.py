@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from flights import TINY_ROOM, fly_here, start
+from flights import ROOT, TINY_ROOM, fly_here, start
 from two_hosts import HERE, Quality, make_certificates, two_hosts, why_not
 
 from gslcosim._kernel_cache import cache_root
@@ -20,6 +20,8 @@ MUTUAL_TLS = (
 # Longer than any test: it ends because of what the test does to it.
 ENDLESS = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
 BAD = Quality(delay_s=0.1, loss_frac=0.05, reorder_frac=0.05)
+
+EVENT_DOOR = ROOT / "scenarios" / "event_door.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +105,21 @@ def test_services_on_another_host_need_the_join_file_and_a_certificate_only(host
     assert (part["services"], part["is_whole"], part["recording"]) == (["fields", "sensing"], True, None)
     assert Path(part["run_dir"]).is_relative_to("runs")
     assert list((tmp_path / "there" / "cache" / "environments").glob("*/wind.npy"))
+
+
+def test_what_events_make_of_the_room_is_fetched_too(hosts, there, tmp_path):
+    """A door opens while the gas is elsewhere: that host needs the room with the door and without."""
+    short = ("--set", "referee.stop.time_limit_s=15")
+    alone = fly_here(EVENT_DOOR, tmp_path / "alone", *short).result["digest"]
+    options = (f"--join-dir={tmp_path / 'join'}", "--elsewhere=fields", f"--listen=tcp/{HERE}:7447", "--insecure")
+    flight = start(EVENT_DOOR, tmp_path / "runs", *options, *short, prefix=hosts.run_here)
+    file = tmp_path / "join" / "services" / "fields.json"
+    flight.wait_for(file.exists)
+    joined = there(file, "fields")
+    ended = flight.end()
+    assert joined.wait(timeout=30) == 0
+    assert ended.result.get("digest") == alone, ended.errors
+    assert len(list((tmp_path / "there" / "cache" / "environments").glob("*/wind.npy"))) == 2
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])

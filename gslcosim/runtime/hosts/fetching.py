@@ -11,7 +11,7 @@ from gslcosim._kernel_cache import cache_root
 from gslcosim.bus.port import Bus
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError, RunTimeoutError, SimulationFault
-from gslcosim.runtime.hosts.offering import OFFER_KEY, PIECE_BYTES, PIECE_KEY, PieceRequest, RunOffer
+from gslcosim.runtime.hosts.offering import OFFER_KEY, PIECE_BYTES, PIECE_KEY, OfferedRoom, PieceRequest, RunOffer
 
 ANSWER_WITHIN_S = 15.0
 # What has not come by then is asked for again, as often as `ANSWER_WITHIN_S` allows.
@@ -42,8 +42,8 @@ def fetch_offer(bus: Bus) -> RunOffer:
     )
 
 
-def room_here(offer: RunOffer) -> Path | None:
-    """Return a folder of this host with the room of a run; None where there is none."""
+def room_here(offer: OfferedRoom) -> Path | None:
+    """Return a folder of this host with a room of a run; None where there is none."""
     here = cache_root() / "environments"
     named = Path(offer.environment_dir)
     for folder in (named, here / named.name, here / offer.environment_hash):
@@ -55,8 +55,8 @@ def room_here(offer: RunOffer) -> Path | None:
     return None
 
 
-def fetch_room(bus: Bus, offer: RunOffer, say: Say) -> Path:
-    """Return a folder in the cache of this host with the room of a run, fetched piece by piece.
+def fetch_room(bus: Bus, offer: OfferedRoom, say: Say) -> Path:
+    """Return a folder in the cache of this host with a room of a run, fetched piece by piece.
 
     Args:
         bus: The connection to the run.
@@ -77,7 +77,7 @@ def fetch_room(bus: Bus, offer: RunOffer, say: Say) -> Path:
         filling.mkdir()
         for name, size in offer.room_files.items():
             with (filling / name).open("wb") as file:
-                for offset, piece in _pieces(bus, name, size):
+                for offset, piece in _pieces(bus, offer.room, name, size):
                     file.seek(offset)
                     file.write(piece)
                     n_bytes += len(piece)
@@ -100,13 +100,13 @@ def fetch_room(bus: Bus, offer: RunOffer, say: Say) -> Path:
 
 
 # In any order, several on their way at once; what does not come is asked for again.
-def _pieces(bus: Bus, file: str, size: int) -> Iterator[tuple[int, bytes]]:
+def _pieces(bus: Bus, room: int, file: str, size: int) -> Iterator[tuple[int, bytes]]:
     came: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
 
     def ask(offset: int) -> None:
         bus.ask(
             PIECE_KEY,
-            PieceRequest(file=file, offset=offset).to_bytes(),
+            PieceRequest(room=room, file=file, offset=offset).to_bytes(),
             lambda _, payload: came.put((offset, payload)),
         )
 

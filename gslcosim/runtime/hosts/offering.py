@@ -17,19 +17,29 @@ PIECE_BYTES = 1 << 18
 ROOM_FILES = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
 
 
-class RunOffer(control.Control):
+class OfferedRoom(control.Control):
+    """A room that a run needs: where it is on the run's host, its content, and its files with their sizes [bytes].
+
+    `room` is its number among the rooms of the run: 0 is that of the start.
+    """
+
+    room: int = 0
+    environment_dir: str
+    environment_hash: str
+    room_files: dict[str, int]
+
+
+class RunOffer(OfferedRoom):
     """What another host is told of a run before it takes part.
 
-    `scenario` is the YAML text as resolved; `room_files` are the files of the environment's folder with their sizes
-    [bytes]; `expected` are the services that are started elsewhere, `present` those of them that have come.
-    `paced_from_tick` is as in `Setup`.
+    It offers the room of the start, and those that events make of it in `later_rooms`, in the order of their
+    situations. `scenario` is the YAML text as resolved; `expected` are the services that are started elsewhere,
+    `present` those of them that have come. `paced_from_tick` is as in `Setup`.
     """
 
     run_id: str
     scenario: str
-    environment_dir: str
-    environment_hash: str
-    room_files: dict[str, int]
+    later_rooms: tuple[OfferedRoom, ...] = ()
     expected: list[str]
     present: list[str]
     software: Software
@@ -37,8 +47,9 @@ class RunOffer(control.Control):
 
 
 class PieceRequest(control.Control):
-    """Ask for a piece of a file of the room."""
+    """Ask for a piece of a file of a room."""
 
+    room: int = 0
     file: str
     offset: int
 
@@ -57,8 +68,11 @@ class Offering:
         self._present: frozenset[str] = frozenset()
         self._changed = threading.Condition()
         self._software = Software.here()
-        folder = setup.environment_dir
-        self._files = {name: folder / name for name in ROOM_FILES if (folder / name).is_file()}
+        later = [(setup.environment.later_rooms[each].content_hash, at) for each, at in setup.later_rooms.items()]
+        self._rooms = [
+            OfferedRoom(room=i, environment_dir=str(folder), environment_hash=content, room_files=_files_in(folder))
+            for i, (content, folder) in enumerate([(setup.environment.content_hash, setup.environment_dir), *later])
+        ]
 
     def answer_on(self, bus: Bus) -> None:
         """Answer from now on."""
@@ -79,12 +93,12 @@ class Offering:
 
     def _offer(self) -> bytes:
         present = self._present
+        first, *later = self._rooms
         return RunOffer(
+            **first.model_dump(),
+            later_rooms=tuple(later),
             run_id=self._setup.run_dir.run_id,
             scenario=self._setup.run_dir.scenario.read_text(),
-            environment_dir=str(self._setup.environment_dir),
-            environment_hash=self._setup.environment.content_hash,
-            room_files={name: _size(path) for name, path in self._files.items()},
             expected=list(self._expected),
             present=[name for name in self._expected if name in present],
             software=self._software,
@@ -96,13 +110,15 @@ class Offering:
             request: PieceRequest = PieceRequest.from_bytes(question)
         except ContractError:
             return []
-        path = self._files.get(request.file)
-        if path is None or request.offset < 0:
+        if not 0 <= request.room < len(self._rooms) or request.offset < 0:
             return []
-        with path.open("rb") as file:
+        room = self._rooms[request.room]
+        if request.file not in room.room_files:
+            return []
+        with (Path(room.environment_dir) / request.file).open("rb") as file:
             file.seek(request.offset)
             return [file.read(PIECE_BYTES)]
 
 
-def _size(path: Path) -> int:
-    return path.stat().st_size
+def _files_in(folder: Path) -> dict[str, int]:
+    return {name: (folder / name).stat().st_size for name in ROOM_FILES if (folder / name).is_file()}

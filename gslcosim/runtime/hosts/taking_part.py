@@ -10,8 +10,10 @@ from pathlib import Path
 from gslcosim.bus.port import Join
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract.participant import Core
+from gslcosim.environment.situations import situations_of
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import UsageError
+from gslcosim.generation.later_rooms import with_later_rooms
 from gslcosim.runtime.assembly import build_core, dataflow_of
 from gslcosim.runtime.hosts.fetching import Say, fetch_offer, fetch_room, room_here
 from gslcosim.runtime.hosts.offering import RunOffer
@@ -108,9 +110,7 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: Software) -> None:
 
 
 def _setup_of(join: Join, offer: RunOffer, bus: ZenohBus, runs_dir: Path, say: Say) -> Setup:
-    room = room_here(offer)
-    if room is None:
-        room = fetch_room(bus, offer, say)
+    room, *later = (room_here(each) or fetch_room(bus, each, say) for each in (offer, *offer.later_rooms))
     shared = Path(join.run_dir) if join.run_dir is not None else None
     if shared is not None and _is_run(shared, offer):
         run_dir = RunDir(shared)
@@ -118,11 +118,14 @@ def _setup_of(join: Join, offer: RunOffer, bus: ZenohBus, runs_dir: Path, say: S
         run_dir = RunDir(runs_dir / offer.run_id)
         (run_dir.path / "logs").mkdir(parents=True, exist_ok=True)
         run_dir.replace(run_dir.scenario.name, offer.scenario)
+    scenario = run_dir.load_scenario()
+    later_rooms = dict(zip(situations_of(scenario)[1:], later, strict=True))
     return Setup(
         run_dir=run_dir,
-        scenario=run_dir.load_scenario(),
+        scenario=scenario,
         environment_dir=room.resolve(),
-        environment=load_environment(room),
+        environment=with_later_rooms(load_environment(room), later_rooms),
+        later_rooms=later_rooms,
         directory=Path.cwd(),
         paced_from_tick=offer.paced_from_tick,
     )

@@ -37,7 +37,7 @@ class Restarts:
     start: Callable[[Group, str], object]
     told: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     _deaths: dict[str, _Deaths] = field(default_factory=dict[str, _Deaths])
-    _faults: dict[str, str] = field(default_factory=dict[str, str])
+    _faults: dict[str, control.FaultNote] = field(default_factory=dict[str, control.FaultNote])
     _awaited: set[str] = field(default_factory=set[str])
 
     def covers(self, process: str) -> bool:
@@ -49,7 +49,7 @@ class Restarts:
         process = next((process_name(group) for group in self.groups if note.participant in group), "")
         if not process or not self.covers(process):
             return False
-        self._faults[process] = note.text.strip()
+        self._faults[process] = note
         return True
 
     def begin(self, process: str, how: str, tick: int) -> bool:
@@ -63,13 +63,19 @@ class Restarts:
         spec = self.scenario.restart
         if spec is None or not self.covers(process):
             return False
+        # Who tells of an error knows its tick; of others the last that they have told is known.
+        fault = self._faults.get(process)
+        if fault is not None:
+            tick = max(tick, fault.tick)
         deaths = self._deaths.setdefault(process, _Deaths())
         deaths.n = 1 if tick > deaths.tick else deaths.n + 1
         deaths.tick = max(tick, deaths.tick)
         if deaths.n > spec.tries:
             return False
+        self._faults.pop(process, None)
         self._awaited |= set(self._group(process))
-        self.told.append({"process": process, "tick": tick, "how": self._faults.pop(process, how).splitlines()[-1]})
+        told = how if fault is None else fault.text.strip()
+        self.told.append({"process": process, "tick": tick, "how": told.splitlines()[-1]})
         self.start(self._group(process), how)
         return True
 
@@ -86,7 +92,8 @@ class Restarts:
 
     def reason(self, process: str, how: str) -> str:
         """Return why the end of a process ends the run."""
-        text = self._faults.get(process) or f"{how}; the run is not valid without it."
+        fault = self._faults.get(process)
+        text = f"{how}; the run is not valid without it." if fault is None else fault.text.strip()
         if self.scenario.restart is None:
             return text
         if not self.covers(process):

@@ -14,6 +14,7 @@ from PIL import Image
 from gslcosim.cameras import offscreen
 from gslcosim.cameras.core import CamerasCore
 from gslcosim.contract import codec
+from gslcosim.contract.event_notes import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import ModelError
@@ -188,3 +189,23 @@ def test_either_way_to_draw_works_alone(way, environment):
     call = [sys.executable, "-W", "error", "-c", ALONE]
     done = subprocess.run(call, env=kept | environment, capture_output=True, text=True, check=False)
     assert done.stdout.split() == [f"mujoco.{way}", "2.0"], done.stderr
+
+
+def test_a_door_is_seen_while_it_is_closed(room_with_gate):
+    """Before it is 1.5 m away, behind it the wall of the room 4.5 m away."""
+    eye = "agents[0].sensors=[{model: depth_camera, name: eye, max_range_m: 9}]"
+    moves = ("{what: door_opens, at_s: 10, door: gate}", "{what: door_closes, at_s: 20, door: gate}")
+    try:
+        core = CamerasCore(*room_with_gate(*moves, changes=[eye]))
+    except ModelError as error:
+        pytest.skip(str(error))
+    core.reset(Episode(seed=0))
+    seen_mm = []
+    for tick, events in enumerate([(), (0,), (), (1,)]):
+        at_rest = poses(((1.5, 2.0, 1.0), (1.0, 0.0, 0.0, 0.0)), tick=tick)["truth/bodies"].bodies[0]
+        bodies = BodyPoses(tick=tick, bodies=(at_rest.model_copy(update={"agent": "beetle"}),))
+        inbox = {"truth/bodies": bodies, EVENTS: EventsBeginning(tick=max(0, tick - 1), beginning=events)}
+        depths_mm = pixels(core.step(tick, inbox)["truth/images"].frames[0].image)
+        seen_mm.append(int(depths_mm[depths_mm.shape[0] // 2, depths_mm.shape[1] // 2]))
+    core.close()
+    assert seen_mm == pytest.approx([1500, 4500, 4500, 1500], abs=5)

@@ -7,10 +7,11 @@ import pytest
 
 from gslcosim.bus.in_memory import InMemoryHub
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.environment.model import Environment, Situation, WindFrames
 from gslcosim.environment.room import content_hash_of
 from gslcosim.environment.store import WIND_FILE, load_environment, save_environment
 from gslcosim.errors import RunTimeoutError, SimulationFault, UsageError
+from gslcosim.generation.later_rooms import with_later_rooms
 from gslcosim.runtime.hosts import fetching, offering
 from gslcosim.runtime.hosts.fetching import fetch_offer, fetch_room, room_here
 from gslcosim.runtime.hosts.offering import Offering
@@ -21,9 +22,9 @@ from gslcosim.runtime.over_bus import control
 SHAPE = (7, 6, 5)
 
 
-def small_room():
+def small_room(seed=4):
     """A room whose wind is different everywhere, so that no piece may be at another's place."""
-    rng = np.random.default_rng(4)
+    rng = np.random.default_rng(seed)
     wind = WindFrames(velocity_m_s=rng.random((2, *SHAPE, 3), np.float32), period_s=1.0, is_looping=True)
     facts = {
         "name": "small", "grid": Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=SHAPE),
@@ -44,12 +45,16 @@ def run(tmp_path, monkeypatch):
     Software.here()
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
     folder = tmp_path / "host" / "room"
+    later = {Situation((), i): tmp_path / "host" / f"later_{i}" for i in (3, 1)}
     save_environment(small_room(), folder)
+    for situation, its in later.items():
+        save_environment(small_room(situation.i_wind), its)
     (tmp_path / "scenario.yaml").write_text("name: small\n")
     setup = SimpleNamespace(
         run_dir=SimpleNamespace(run_id="small-seed1", scenario=tmp_path / "scenario.yaml"),
         environment_dir=folder,
-        environment=load_environment(folder),
+        environment=with_later_rooms(load_environment(folder), later),
+        later_rooms=later,
         paced_from_tick=None,
     )
     hub = InMemoryHub()
@@ -75,6 +80,15 @@ def test_the_room_is_fetched_in_pieces_and_then_known_by_its_content(run):
     assert room_here(offer) == folder
     assert "fetching the room" in said[0]
     assert [path.name for path in run.cache.iterdir()] == [folder.name], "nothing half is left"
+
+
+def test_what_events_make_of_the_room_is_fetched_too_in_its_order(run):
+    offer = fetch_offer(run.bus)
+    assert [each.room for each in offer.later_rooms] == [1, 2]
+    for each, seed in zip(offer.later_rooms, (3, 1), strict=True):
+        far = each.model_copy(update={"environment_dir": "/on/the/other/host/room"})
+        fetched = load_environment(fetch_room(run.bus, far, lambda _: None), check_hash=True)
+        np.testing.assert_array_equal(fetched.wind.velocity_m_s, small_room(seed).wind.velocity_m_s)
 
 
 def test_a_room_that_lies_at_the_same_place_is_not_fetched(run):
