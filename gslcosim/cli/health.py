@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from gslcosim._code_identity import COMPUTING_PACKAGES
+
 if TYPE_CHECKING:
     from gslcosim.bus.port import Bus
 
@@ -25,7 +27,8 @@ MIN_PYTHON = (3, 11)
 MIN_MEMORY_GB, GOOD_MEMORY_GB = 0.5, 2.0
 MIN_DISK_GB, GOOD_DISK_GB = 0.2, 2.0
 PROBE_LIMIT_S = 30.0
-COMPILED_MODULES = ("zenoh", "numpy", "numba", "mujoco", "rerun", "msgpack", "pydantic")
+# All that computes has compiled code, and is imported by the name of its package.
+COMPILED_MODULES = (*COMPUTING_PACKAGES, "zenoh", "rerun")
 ROUND_TRIPS = 50
 ROUND_TRIP_LIMIT_S = 5.0
 

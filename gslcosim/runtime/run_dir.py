@@ -18,6 +18,7 @@ from typing import Any
 import yaml
 
 import gslcosim
+from gslcosim._code_identity import COMPUTING_PACKAGES
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
@@ -30,7 +31,8 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 RESERVE = ".reserve"
 INPUTS = "inputs.log"
 RESERVE_BYTES = 32 * 1024
-PACKAGES = ("eclipse-zenoh", "numpy", "numba", "mujoco", "rerun-sdk", "msgpack", "pyyaml", "pydantic")
+# What computes a flight, and what carries and records it.
+PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
 
 
 @dataclass(frozen=True)

@@ -107,11 +107,12 @@ def fork(past, tick: int, rng: random.Random, folder: Path) -> tuple[str, bool, 
     """Fork a run at a tick, with a change or none."""
     change = rng.choice(CHANGES)
     at_s = f"{tick / 10:g}"
+    limit_s = max(tick / 10 + rng.randint(1, 5), last_event_s(past))
     options = {
         "nothing": (),
         "seed": ("--set", "agents[0].seed=4711"),
         "method": ("--agent", f"{first_agent(past)}=spiral"),
-        "time limit": ("--set", f"referee.stop.time_limit_s={tick / 10 + rng.randint(1, 5):g}"),
+        "time limit": ("--set", f"referee.stop.time_limit_s={limit_s:g}"),
         "event": ("--event", f"{{what: sensor_sticks, at_s: {tick / 10 + 0.5:g}, agent: {first_agent(past)}, "
                              f"sensor: {first_sensor(past)}}}"),
     }[change]  # fmt: skip
@@ -152,6 +153,11 @@ def first_agent(past) -> str:
 def first_sensor(past) -> str:
     """Return the name of the first sensor of the first agent of a run."""
     return _scenario(past).agents[0].sensors[0].name
+
+
+def last_event_s(past) -> float:
+    """Return the time of the last event of a run that has one [s]: a scenario has no event after its end."""
+    return max((event.at_s or 0.0 for event in _scenario(past).events), default=0.0)
 
 
 def time_limit_s(past) -> float:

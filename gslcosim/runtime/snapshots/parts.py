@@ -13,7 +13,7 @@ from typing import Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 import gslcosim
-from gslcosim._code_identity import code_hash, package_files
+from gslcosim._code_identity import COMPUTING_PACKAGES, code_hash, package_files
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import SnapshotError
 from gslcosim.runtime.run_dir import cpu_flags, package_version
@@ -24,7 +24,6 @@ _CODE = (
     "cameras", "contract", "environment", "events", "fields", "radio", "referee", "scenario", "sensing", "states",
     "vehicles", "world", "runtime/snapshots", "runtime/gate.py", "runtime/stepper.py", "rng.py", "ticks.py",
 )  # fmt: skip
-_PACKAGES = ("numpy", "numba", "mujoco", "pydantic")
 _msgpack: Any = msgpack
 
 
@@ -47,7 +46,7 @@ class Identity:
             contract=contract_hash(),
             code=code_hash(package_files(*_CODE)),
             processor=hashlib.blake2b(processor, digest_size=8).hexdigest(),
-            packages=", ".join(f"{name} {package_version(name)}" for name in _PACKAGES),
+            packages=", ".join(f"{name} {package_version(name)}" for name in COMPUTING_PACKAGES),
             version=gslcosim.__version__,
         )
 
