@@ -2,11 +2,13 @@
 
 import threading
 from collections.abc import Callable
+from fnmatch import fnmatchcase
 from typing import Self
 
 import numpy as np
 
 from gslcosim.bus.port import Answerer, Handler
+from gslcosim.bus.queued_mailbox import QueuedMailbox
 
 
 class InMemoryHub:
@@ -93,6 +95,13 @@ class InMemoryBus:
         """Call `handler(key, payload)` for each message whose key matches."""
         self._hub.add_subscriber(key, handler)
 
+    def mailbox(self, key: str | None = None) -> QueuedMailbox:
+        """Return a mailbox that gets each message whose key matches."""
+        mailbox = QueuedMailbox()
+        if key is not None:
+            self.subscribe(key, mailbox.put)
+        return mailbox
+
     def answer(self, key: str, answerer: Answerer) -> None:
         """Answer each question put to a key."""
         self._hub.add_answerer(key, answerer)
@@ -123,7 +132,7 @@ class InMemoryBus:
 
 
 def matches(pattern: str, key: str) -> bool:
-    """Return whether a key expression (`*` one segment, `**` any number of segments) includes a key."""
+    """Return whether a key expression (`*` one segment, `**` any number, `$*` a part of one) includes a key."""
     return _matches(pattern.split("/"), key.split("/"))
 
 
@@ -132,4 +141,5 @@ def _matches(pattern: list[str], key: list[str]) -> bool:
         return not key
     if pattern[0] == "**":
         return any(_matches(pattern[1:], key[i:]) for i in range(len(key) + 1))
-    return bool(key) and pattern[0] in ("*", key[0]) and _matches(pattern[1:], key[1:])
+    is_same = bool(key) and (pattern[0] in ("*", key[0]) or fnmatchcase(key[0], pattern[0].replace("$*", "*")))
+    return is_same and _matches(pattern[1:], key[1:])

@@ -36,6 +36,15 @@ class Certificate:
     client_ca: Path | None = None
 
 
+class Mesh(BaseModel):
+    """How services of one host reach each other past the router: where one listens, and whom it calls."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    listen: str
+    connect: tuple[str, ...]
+
+
 class Join(BaseModel):
     """How a process joins a run: where, as whom, and under which namespace.
 
@@ -44,6 +53,7 @@ class Join(BaseModel):
     they are several; otherwise it flies the one of its `name`. `is_watched` says that whoever starts the run sees
     whether the process ends or is stopped, so that nobody has to conclude it from silence. Others are given up after
     `lease_s` [s] of silence. `window_ticks` is given to services only, where it is not the usual one.
+    `mesh` is given to services that share the router's host.
     Where the router lets nobody in without a client certificate, `needs_tls_client` says so, and
     `tls_client_certificate` and `tls_client_key` are PEM texts that the host that joins has added.
     """
@@ -61,6 +71,7 @@ class Join(BaseModel):
     is_watched: bool = False
     lease_s: float | None = None
     window_ticks: int | None = None
+    mesh: Mesh | None = None
     needs_tls_client: bool = False
     tls_client_certificate: str | None = None
     tls_client_key: str | None = None
@@ -127,6 +138,29 @@ def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) 
     return text
 
 
+class Mailbox(Protocol):
+    """What one thread of a member reads, whoever puts it there: the transport, or other threads."""
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Add a message; may be called on any thread."""
+        ...
+
+    def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
+        """Return the next message as (key, payload), and wait for it.
+
+        Args:
+            timeout_s: For how long [s]; absent: until there is one.
+
+        Raises:
+            queue.Empty: there was none within that time.
+        """
+        ...
+
+    def get_nowait(self) -> tuple[str, bytes] | None:
+        """Return the next message, or None where there is none."""
+        ...
+
+
 class Bus(Protocol):
     """One member's connection to a run. Keys are relative to the run's namespace.
 
@@ -139,6 +173,10 @@ class Bus(Protocol):
 
     def subscribe(self, key: str, handler: Handler) -> None:
         """Call `handler(key, payload)` for each message whose key matches (`*` one segment, `**` any)."""
+        ...
+
+    def mailbox(self, key: str | None = None) -> Mailbox:
+        """Return a mailbox that gets each message whose key matches (`$*` any part of a segment, besides)."""
         ...
 
     def answer(self, key: str, answerer: Answerer) -> None:

@@ -17,7 +17,9 @@ from typing import Any, Self
 import zenoh
 import zenoh.handlers
 
-from gslcosim.bus.port import Answerer, Certificate, Handler, Join
+from gslcosim.bus.port import Answerer, Certificate, Handler, Join, Mailbox, Mesh
+from gslcosim.bus.queued_mailbox import QueuedMailbox
+from gslcosim.bus.zenoh_mailbox import ZenohMailbox
 from gslcosim.bus.zenoh_sessions import open_session, set_unread_limit
 from gslcosim.errors import SimulationFault
 
@@ -32,7 +34,12 @@ PATIENCE_MS = 24 * 60 * 60 * 1000
 # stopped. Meanwhile others wait, too.
 UNREAD_LIMIT_MS = 10_000
 CLOSE_LIMIT_S = 5.0
+# How long a service tries to reach the router, and how soon it tries again those that have not started yet.
+MESH_LIMIT_MS = 2000
+MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
 SERVICE_USER = "service"
+# Stands for a segment of a key that no participant has.
+WAKE = "-"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +90,13 @@ class ZenohBus:
             set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
         if not join.is_watched:
             _compress(config)
-        config.insert_json5("mode", '"client"')
-        config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
-        config.insert_json5("listen/endpoints", "[]")
+        accounts = None
+        if join.mesh is None:
+            config.insert_json5("mode", '"client"')
+            config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
+            config.insert_json5("listen/endpoints", "[]")
+        else:
+            accounts = _join_mesh(config, join, join.mesh)
         if join.tls_root_ca is not None:
             _insert_base64(config, "root_ca_certificate_base64", join.tls_root_ca)
         if join.tls_client_certificate is not None and join.tls_client_key is not None:
@@ -101,6 +112,10 @@ class ZenohBus:
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
                 f"ended, or {_what_is_refused(join)} refused. ({error})"
             ) from error
+        finally:
+            if accounts is not None:
+                # The session has read it; agents of the same user could.
+                accounts.unlink(missing_ok=True)
 
     @classmethod
     def open_router(
@@ -197,6 +212,12 @@ class ZenohBus:
         callback: Any = zenoh.handlers.Callback(on_sample, indirect=True)
         self._held.append(self._session.declare_subscriber(key, callback))
 
+    def mailbox(self, key: str | None = None) -> Mailbox:
+        """Return a mailbox; see `Bus`."""
+        if key is None:
+            return QueuedMailbox()
+        return ZenohMailbox(self._session, self._prefix, key, key.replace("$*", "").replace("*", WAKE))
+
     def answer(self, key: str, answerer: Answerer) -> None:
         """Answer each question put to a key; see `Bus`."""
 
@@ -242,7 +263,7 @@ class ZenohBus:
         """Call `handler()` when the link to the router is lost."""
         self._held.append(
             self._session.info.declare_transport_events_listener(
-                lambda event: handler() if event.kind == zenoh.SampleKind.DELETE else None
+                lambda event: handler() if _is_router_lost(event) else None
             )
         )
 
@@ -264,6 +285,10 @@ class ZenohBus:
 
     def _relative(self, key: object) -> str:
         return str(key).removeprefix(self._prefix)
+
+
+def _is_router_lost(event: zenoh.TransportEvent) -> bool:
+    return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
 
 
 def new_password() -> str:
@@ -290,6 +315,21 @@ def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.
     config.insert_json5("transport/link/tx/lease", str(lease_ms))
     config.insert_json5("transport/link/tx/keep_alive", "4")
     return config
+
+
+# What services send each other takes one hop in place of two: a router forwards nothing between peers.
+def _join_mesh(config: zenoh.Config, join: Join, mesh: Mesh) -> Path:
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("listen/endpoints", json.dumps([mesh.listen]))
+    endpoints = [f"{join.endpoint}#exit_on_failure=true", *(f"{other}#exit_on_failure=false" for other in mesh.connect)]
+    config.insert_json5("connect/endpoints", json.dumps(endpoints))
+    config.insert_json5("connect/timeout_ms", str(MESH_LIMIT_MS))
+    config.insert_json5("connect/retry", json.dumps(MESH_RETRY))
+    accounts = Path(f"{mesh.listen.partition('/')[2]}.accounts")
+    accounts.touch(mode=0o600)
+    accounts.write_text(f"{join.user}:{join.password}\n")
+    config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
+    return accounts
 
 
 # Used on a link whose both ends have it: keys of messages come again and again.

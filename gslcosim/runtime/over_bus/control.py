@@ -1,5 +1,6 @@
 """What the runtime's own processes tell each other: never part of a run's results."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
@@ -14,6 +15,7 @@ START = "ctl/start"
 STOP = "ctl/stop"
 CLOSE = "ctl/close"
 FAULT = "ctl/fault"
+BUNDLES = "bundle/"
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
 
@@ -40,9 +42,22 @@ def bye(name: str) -> str:
     return f"ctl/bye/{name}"
 
 
-def bundle(name: str) -> str:
-    """Return the key on which a participant sends the messages of several ports and ticks in one."""
-    return f"bundle/{name}"
+def bundle(writer: str, readers: Iterable[str]) -> str:
+    """Return the key on which a participant sends the messages of several ports and ticks in one, to its readers.
+
+    They are named so that each gets all that concerns it, and no more, with one subscription.
+    """
+    return f"{BUNDLES}{writer}/.{'.'.join(sorted(readers))}."
+
+
+def bundles_for(reader: str) -> str:
+    """Return the keys on which others send bundles to a participant."""
+    return f"{BUNDLES}*/$*.{reader}.$*"
+
+
+def bundles_of(writer: str) -> str:
+    """Return the keys on which a participant sends bundles, whoever reads them."""
+    return f"{BUNDLES}{writer}/*"
 
 
 def is_for_agents(port: str) -> bool:

@@ -1,5 +1,6 @@
 """Hosts the cores of a process behind a bus: collects inputs, steps when allowed, publishes, repairs losses."""
 
+import contextlib
 import queue
 import time
 import traceback
@@ -25,6 +26,10 @@ BYE_EVERY_S = 0.5
 _Event = tuple[str, bytes]
 _LOST_LINK = "link lost"
 _READER_TOLD = "reader told"
+_READER_CAME = "reader came"
+# Links between services may come up later than those to the router. Whoever is not there by then asks again for what it
+# has missed.
+READERS_LIMIT_S = 5.0
 
 
 class Host:
@@ -61,11 +66,14 @@ class Host:
         self._hosted = [
             Hosted(bus, core, dataflow, names, pace if core.spec.name == PACED else None, keeping) for core in cores
         ]
+        self._is_paced = pace is not None
         self._keeping = keeping
         self._readers = {
             port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
         }
-        self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
+        # A process of one participant is woken by what it waits for most, without a callback between.
+        self._has_channel = len(self._hosted) == 1
+        self._events = bus.mailbox(control.bundles_for(self._hosted[0].name) if self._has_channel else None)
         self._once: list[tuple[Hosted, list[Sent]]] = []
         # Who is at fault where something goes wrong now.
         self._acting = self._hosted[0]
@@ -77,6 +85,14 @@ class Host:
             control.CLOSE: lambda _: self._set_dismissed(),
             _LOST_LINK: lambda _: self._on_lost_link(),
             _READER_TOLD: self._on_reader_told,
+            _READER_CAME: lambda payload: self._awaited_readers.discard(payload.decode()),
+        }
+        self._outer_readers = set[str]().union(*(hosted.outer_readers for hosted in self._hosted))
+        # Agents are heard and told at their doors, which are there already.
+        self._awaited_readers = {
+            name
+            for name in self._outer_readers
+            if not all(control.is_for_agents(read.port) for read in dataflow.by_name[name].reads)
         }
         self._is_started = False
         self._is_dismissed = False
@@ -96,10 +112,13 @@ class Host:
         for port in ports:
             if not control.is_for_agents(port):
                 self._listen(port, lambda payload, port=port: self._on_input(port, payload))
-        for writer in sorted({self._dataflow.writer_of[port] for port in ports}):
-            self._listen(control.bundle(writer), self._on_bundle)
-        for reader in sorted(set[str]().union(*(hosted.outer_readers for hosted in self._hosted))):
+        if not self._has_channel:
+            for writer in sorted({self._dataflow.writer_of[port] for port in ports}):
+                self._bus.subscribe(control.bundles_of(writer), self._events.put)
+        for reader in sorted(self._outer_readers):
             self._listen(control.progress(reader), lambda payload, name=reader: self._on_progress(name, payload))
+        for reader in sorted(self._awaited_readers):
+            self._bus.watch_alive(control.alive(reader), self._on_reader_alive)
         for key in (control.START, control.STOP, control.CLOSE):
             self._listen(key, self._handlers[key])
         for hosted in self._hosted:
@@ -113,13 +132,14 @@ class Host:
 
     def link_lost(self) -> None:
         """Tell the host, from any thread, that the link to the router is gone."""
-        self._events.put((_LOST_LINK, b""))
+        self._events.put(_LOST_LINK, b"")
 
     def run(self) -> None:
         """Take part in the run from the start signal to the goodbye."""
         try:
             while not self._is_started and not self._is_dismissed:
                 self._handle(self._events.get())
+            self._await_readers()
             if self._is_started:
                 for hosted, outputs in self._once:
                     self._pass_on(hosted, outputs)
@@ -129,6 +149,17 @@ class Host:
         except Exception as error:
             self._report(error)
             raise
+
+    # What is sent before a reader listens is lost.
+    def _await_readers(self) -> None:
+        deadline_s = time.monotonic() + READERS_LIMIT_S
+        while self._awaited_readers and not self._is_dismissed and (left_s := deadline_s - time.monotonic()) > 0:
+            with contextlib.suppress(queue.Empty):
+                self._handle(self._events.get(left_s))
+
+    def _on_reader_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
+        if is_alive:
+            self._events.put(_READER_CAME, key.rpartition("/")[2].encode())
 
     def _reset(self, several: Sequence[Hosted]) -> None:
         try:
@@ -195,8 +226,8 @@ class Host:
 
     def _drain(self) -> None:
         started = time.perf_counter_ns()
-        while not self._events.empty():
-            self._handle(self._events.get())
+        while (event := self._events.get_nowait()) is not None:
+            self._handle(event)
         self._timing.receiving_ns += time.perf_counter_ns() - started
 
     def _flush(self) -> None:
@@ -212,15 +243,19 @@ class Host:
             self._was_resent = False
             for hosted in self._hosted:
                 self._ask_again(hosted, only_lost=False)
-        while not (self._are_finished or any(hosted.may_step() for hosted in self._hosted)):
+        # Nobody could step just now; where time alone is waited for, that may have changed.
+        is_known_to_wait = not self._is_paced
+        while not self._are_finished and (is_known_to_wait or not any(hosted.may_step() for hosted in self._hosted)):
+            is_known_to_wait = False
             for hosted in self._hosted:
                 if hosted.gate.holds_any:
                     self._ask_again(hosted, only_lost=True)
-            while self._events.empty() and self._work_ahead():
-                pass
-            early_s = self._early_s()
+            event = self._events.get_nowait()
+            while event is None and self._work_ahead():
+                event = self._events.get_nowait()
+            early_s = self._early_s() if self._is_paced else 0.0
             try:
-                self._handle(self._events.get(timeout=early_s or patience_s))
+                self._handle(event or self._events.get(early_s or patience_s))
             except queue.Empty:
                 if early_s:
                     continue
@@ -228,7 +263,7 @@ class Host:
                 for hosted in self._hosted:
                     hosted.tell_progress()
                     self._ask_again(hosted, only_lost=False)
-                    hosted.ask_readers(lambda payload: self._events.put((_READER_TOLD, payload)))
+                    hosted.ask_readers(lambda payload: self._events.put(_READER_TOLD, payload))
                     hosted.tell_waiting()
                 patience_s = min(2 * patience_s, LONGEST_RESEND_AFTER_S)
         self._timing.waiting_ns += time.perf_counter_ns() - started
@@ -263,7 +298,7 @@ class Host:
             hosted.gate.grant(note.name, note.tick)
 
     def _on_resent(self, port: str, payload: bytes) -> None:
-        self._events.put((f"resent:{port}", payload))
+        self._events.put(f"resent:{port}", payload)
 
     def _report(self, error: Exception) -> None:
         tell_fault(self._bus, self._acting.name, error, tick=self._acting.last_tick)
@@ -280,13 +315,13 @@ class Host:
             resend_at = time.monotonic() + BYE_EVERY_S
             while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
                 try:
-                    self._handle(self._events.get(timeout=left_s))
+                    self._handle(self._events.get(left_s))
                 except queue.Empty:
                     break
 
     def _listen(self, key: str, handler: Callable[[bytes], object]) -> None:
         self._handlers[key] = handler
-        self._bus.subscribe(key, lambda at, payload: self._events.put((at, payload)))
+        self._bus.subscribe(key, self._events.put)
 
     def _handle(self, event: _Event) -> None:
         key, payload = event
@@ -294,6 +329,8 @@ class Host:
             is_new = self._on_input(key.removeprefix("resent:"), payload)
             self._timing.n_resends += is_new
             self._was_resent = self._was_resent or is_new
+        elif key.startswith(control.BUNDLES):
+            self._on_bundle(payload)
         else:
             self._handlers[key](payload)
 

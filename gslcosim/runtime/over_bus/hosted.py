@@ -103,6 +103,7 @@ class Hosted:
         self.outer_ports_read = {port for port in self.ports_read if dataflow.writer_of[port] not in neighbours}
         self._neighbours_read = {reader.name for reader in dataflow.readers_of(self.name) if reader.name in neighbours}
         self.outer_readers = {reader.name for reader in dataflow.readers_of(self.name)} - self._neighbours_read
+        self._bundle_key = control.bundle(self.name, self.outer_readers)
         self._ports_that_leave = {
             write.port
             for write in self.stepper.spec.writes
@@ -191,7 +192,7 @@ class Hosted:
         """Send what waits."""
         bundled = [(sent.port, sent.payload) for sent in self._bundle if control.fits_in_bundle(sent)]
         if bundled:
-            self._bus.publish(control.bundle(self.name), control.pack_bundle(bundled))
+            self._bus.publish(self._bundle_key, control.pack_bundle(bundled))
         for sent in self._bundle:
             if control.travels_alone(sent):
                 self._publish_alone(sent)

@@ -78,7 +78,8 @@ def fly_over_bus(
             fork_server = stack.enter_context(ForkServer())
         children = stack.enter_context(Children(on_exit))
         stack.enter_context(ProcessWatch(lambda: _pids(children, fork_server), on_stopped))
-        router = RunRouter(setup.run_dir, network, socket_dir, crews)
+        here = [process_name(group) for group in groups if not network.is_elsewhere(group[0])]
+        router = RunRouter(setup.run_dir, network, socket_dir, crews, mesh=here)
         bus = stack.enter_context(router.open())
 
         def start_again(group: Group, how: str) -> None:

@@ -1,9 +1,10 @@
 """The router of a run, and the accounts with which services and agents join it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
-from gslcosim.bus.port import Join
+from gslcosim.bus.port import Join, Mesh
 from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, ZenohBus, new_password
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.run_dir import RunDir
@@ -17,16 +18,23 @@ class RunRouter:
         network: Where else the router listens.
         socket_dir: A private folder for the socket.
         crews: The agents of each process that joins the bus, by the process's name.
+        mesh: The processes of services on this host, which reach each other past the router.
     """
 
     def __init__(
-        self, run_dir: RunDir, network: Network, socket_dir: Path, crews: Mapping[str, tuple[str, ...]]
+        self,
+        run_dir: RunDir,
+        network: Network,
+        socket_dir: Path,
+        crews: Mapping[str, tuple[str, ...]],
+        mesh: Sequence[str],
     ) -> None:
         self._run_dir = run_dir
         self._network = network
         self._socket_dir = socket_dir
         self._crews = crews
         self.socket = socket_dir / "router.sock"
+        self._mesh_endpoints = {name: f"unixsock-stream/{socket_dir}/{i}.mesh" for i, name in enumerate(mesh)}
         self._endpoint = f"unixsock-stream/{self.socket}"
         self._namespace = f"gsl/{run_dir.run_id}"
         self._service_password = new_password()
@@ -60,6 +68,16 @@ class RunRouter:
             run_dir=str(self._run_dir.path.resolve()),
             window_ticks=self._network.window_ticks,
             is_watched=is_watched,
+            mesh=self._mesh_of(name),
+        )
+
+    # Of any two one calls the other.
+    def _mesh_of(self, name: str) -> Mesh | None:
+        if name not in self._mesh_endpoints:
+            return None
+        earlier = takewhile(lambda other: other != name, self._mesh_endpoints)
+        return Mesh(
+            listen=self._mesh_endpoints[name], connect=tuple(self._mesh_endpoints[other] for other in earlier)
         )
 
     def join_of_process(self, process: str, *, is_watched: bool) -> Join:

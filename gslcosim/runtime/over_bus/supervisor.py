@@ -120,7 +120,7 @@ class Supervisor:
         for link in self._bus_links.values():
             link.listen()
         for name in ("sensing", "referee"):
-            bus.subscribe(control.bundle(name), lambda _, payload: put(BundleCame(payload)))
+            bus.subscribe(control.bundles_of(name), lambda _, payload: put(BundleCame(payload)))
         bus.subscribe(control.FAULT, lambda _, payload: put(FaultTold("", payload)))
         for key, notice in (
             (control.progress("*"), ProgressTold),

@@ -138,7 +138,7 @@ def measure(shape: str, n_ticks: int) -> dict[str, float]:
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         run_dir = RunDir.create(folder, name="ring", seed=0)
         children = stack.enter_context(Children(lambda name, exit_code, _: watch.exited(name, exit_code)))
-        router = RunRouter(run_dir, Network(), folder, {})
+        router = RunRouter(run_dir, Network(), folder, {}, mesh=NAMES)
         bus = stack.enter_context(router.open())
         watch = Watch(bus, run_dir)
         watch.listen()
