@@ -10,16 +10,17 @@ import secrets
 import sys
 import threading
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import zenoh
 import zenoh.handlers
 
-from gslcosim.bus.port import Answerer, Certificate, Handler, Join, Mailbox, Mesh
+from gslcosim.bus.access import SERVICE_USER, AgentUser, access_control
+from gslcosim.bus.port import Answerer, Certificate, Handler, Join, Mailbox
 from gslcosim.bus.queued_mailbox import QueuedMailbox
 from gslcosim.bus.zenoh_mailbox import ZenohMailbox
+from gslcosim.bus.zenoh_mesh import is_router_lost, joining_mesh
 from gslcosim.bus.zenoh_sessions import open_session, set_unread_limit
 from gslcosim.errors import SimulationFault
 
@@ -34,28 +35,8 @@ PATIENCE_MS = 24 * 60 * 60 * 1000
 # stopped. Meanwhile others wait, too.
 UNREAD_LIMIT_MS = 10_000
 CLOSE_LIMIT_S = 5.0
-# How long a service tries to reach the router, and how soon it tries again those that have not started yet.
-MESH_LIMIT_MS = 2000
-MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
-SERVICE_USER = "service"
 # Stands for a segment of a key that no participant has.
 WAKE = "-"
-
-
-@dataclass(frozen=True, kw_only=True)
-class AgentUser:
-    """The account of a process that flies an agent: the agent's keys, and those of `others` if there are, are all it
-    can reach.
-    """
-
-    agent: str
-    password: str
-    others: tuple[str, ...] = ()
-
-    @property
-    def user(self) -> str:
-        """The account's name."""
-        return f"agent_{self.agent}"
 
 
 # A callback waits for the interpreter until its holder gives way; Python's 5 ms would be the latency of a run.
@@ -90,13 +71,9 @@ class ZenohBus:
             set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
         if not join.is_watched:
             _compress(config)
-        accounts = None
-        if join.mesh is None:
-            config.insert_json5("mode", '"client"')
-            config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
-            config.insert_json5("listen/endpoints", "[]")
-        else:
-            accounts = _join_mesh(config, join, join.mesh)
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
+        config.insert_json5("listen/endpoints", "[]")
         if join.tls_root_ca is not None:
             _insert_base64(config, "root_ca_certificate_base64", join.tls_root_ca)
         if join.tls_client_certificate is not None and join.tls_client_key is not None:
@@ -106,16 +83,13 @@ class ZenohBus:
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
         try:
-            return cls(open_session(config), join.namespace)
+            with joining_mesh(config, join):
+                return cls(open_session(config), join.namespace)
         except zenoh.ZError as error:
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
                 f"ended, or {_what_is_refused(join)} refused. ({error})"
             ) from error
-        finally:
-            if accounts is not None:
-                # The session has read it; agents of the same user could.
-                accounts.unlink(missing_ok=True)
 
     @classmethod
     def open_router(
@@ -160,7 +134,7 @@ class ZenohBus:
         config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_USER))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
-        config.insert_json5("access_control", json.dumps(_access_control(namespace, agents)))
+        config.insert_json5("access_control", json.dumps(access_control(namespace, agents)))
         try:
             return cls(open_session(config), namespace)
         except zenoh.ZError as error:
@@ -263,7 +237,7 @@ class ZenohBus:
         """Call `handler()` when the link to the router is lost."""
         self._held.append(
             self._session.info.declare_transport_events_listener(
-                lambda event: handler() if _is_router_lost(event) else None
+                lambda event: handler() if is_router_lost(event) else None
             )
         )
 
@@ -285,10 +259,6 @@ class ZenohBus:
 
     def _relative(self, key: object) -> str:
         return str(key).removeprefix(self._prefix)
-
-
-def _is_router_lost(event: zenoh.TransportEvent) -> bool:
-    return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
 
 
 def new_password() -> str:
@@ -317,21 +287,6 @@ def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.
     return config
 
 
-# What services send each other takes one hop in place of two: a router forwards nothing between peers.
-def _join_mesh(config: zenoh.Config, join: Join, mesh: Mesh) -> Path:
-    config.insert_json5("mode", '"peer"')
-    config.insert_json5("listen/endpoints", json.dumps([mesh.listen]))
-    endpoints = [f"{join.endpoint}#exit_on_failure=true", *(f"{other}#exit_on_failure=false" for other in mesh.connect)]
-    config.insert_json5("connect/endpoints", json.dumps(endpoints))
-    config.insert_json5("connect/timeout_ms", str(MESH_LIMIT_MS))
-    config.insert_json5("connect/retry", json.dumps(MESH_RETRY))
-    accounts = Path(f"{mesh.listen.partition('/')[2]}.accounts")
-    accounts.touch(mode=0o600)
-    accounts.write_text(f"{join.user}:{join.password}\n")
-    config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
-    return accounts
-
-
 # Used on a link whose both ends have it: keys of messages come again and again.
 def _compress(config: zenoh.Config) -> None:
     config.insert_json5("transport/unicast/compression/enabled", "true")
@@ -344,47 +299,3 @@ def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:
 def _what_is_refused(join: Join) -> str:
     account = f"user {join.user!r} and its password"
     return f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"
-
-
-# Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only
-# what its egress rule lets through.
-def _access_control(namespace: str, agents: list[AgentUser]) -> dict[str, Any]:
-    rules: list[dict[str, Any]] = [
-        {
-            "id": "everything",
-            "permission": "allow",
-            "flows": ["ingress", "egress"],
-            "messages": [
-                "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
-                "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
-            ],
-            "key_exprs": ["**"],
-        }
-    ]  # fmt: skip
-    subjects: list[dict[str, Any]] = [{"id": SERVICE_USER, "usernames": [SERVICE_USER]}]
-    policies: list[dict[str, Any]] = [{"rules": ["everything"], "subjects": [SERVICE_USER]}]
-    for agent in agents:
-        homes = [f"{namespace}/agents/{name}" for name in (agent.agent, *agent.others)]
-        everything = [f"{home}/**" for home in homes]
-        commands, tokens = [f"{home}/command" for home in homes], [f"{home}/alive" for home in homes]
-        mine = [
-            _rule(f"{agent.user}_hears", "egress", ["put", "delete", "reply"], everything),
-            _rule(f"{agent.user}_asks", "ingress", ["declare_subscriber", "query"], ["**"]),
-            _rule(f"{agent.user}_is_asked", "egress", ["declare_subscriber"], commands),
-            _rule(f"{agent.user}_acts", "ingress", ["put"], commands),
-            _rule(f"{agent.user}_lives", "ingress", ["liveliness_token"], tokens),
-        ]
-        rules += mine
-        subjects.append({"id": agent.user, "usernames": [agent.user]})
-        policies.append({"rules": [rule["id"] for rule in mine], "subjects": [agent.user]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
-
-
-def _rule(rule_id: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Any]:
-    return {"id": rule_id, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}

@@ -11,8 +11,9 @@ from typing import Any, Self
 import zenoh
 import zenoh.handlers
 
+from gslcosim.bus.access import SERVICE_USER, AgentUser
 from gslcosim.bus.port import Handler
-from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, new_password, session_config
+from gslcosim.bus.zenoh_bus import new_password, session_config
 from gslcosim.bus.zenoh_sessions import open_session
 from gslcosim.errors import SimulationFault
 

@@ -207,8 +207,9 @@ def zenoh_round_trip_s() -> float:
     Raises:
         TimeoutError: no answer came.
     """
+    from gslcosim.bus.access import SERVICE_USER
     from gslcosim.bus.port import Join
-    from gslcosim.bus.zenoh_bus import SERVICE_USER, ZenohBus, new_password
+    from gslcosim.bus.zenoh_bus import ZenohBus, new_password
     from gslcosim.scratch import ScratchFolder
 
     password = new_password()

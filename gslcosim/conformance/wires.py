@@ -3,8 +3,9 @@
 import queue
 
 from gslcosim.agent_kit.framed import AGENT_VARIABLE
+from gslcosim.bus.access import AgentUser
 from gslcosim.bus.port import Join
-from gslcosim.bus.zenoh_bus import AgentUser, new_password
+from gslcosim.bus.zenoh_bus import new_password
 from gslcosim.bus.zenoh_witness import ZenohWitness
 from gslcosim.conformance.orphans import Orphans
 from gslcosim.conformance.scripted_world import AGENT, OTHER_AGENT

@@ -5,8 +5,9 @@ import threading
 
 import pytest
 
+from gslcosim.bus.access import AgentUser
 from gslcosim.bus.port import Join
-from gslcosim.bus.zenoh_bus import AgentUser, ZenohBus
+from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.errors import SimulationFault
 
 # Routes between real sessions are there after a moment, which on a busy machine can be longer than it is waited for; of

@@ -19,7 +19,8 @@ from gslcosim.runtime.hosts.fetching import Say, fetch_offer, fetch_room, room_h
 from gslcosim.runtime.hosts.offering import RunOffer
 from gslcosim.runtime.hosts.software import Software
 from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.host import Host, tell_fault
+from gslcosim.runtime.over_bus.fault_telling import tell_fault
+from gslcosim.runtime.over_bus.host import Host
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup

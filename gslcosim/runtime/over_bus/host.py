@@ -3,7 +3,6 @@
 import contextlib
 import queue
 import time
-import traceback
 from collections.abc import Callable, Sequence
 
 from gslcosim.bus.port import Bus
@@ -11,11 +10,12 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.errors import RunTimeoutError
-from gslcosim.machine import fault_text
 from gslcosim.runtime.clock_pace import PACED, ClockPace
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.gate import Missing
 from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.over_bus.absent_readers import AbsentReaders
+from gslcosim.runtime.over_bus.fault_telling import tell_fault
 from gslcosim.runtime.over_bus.hosted import Hosted
 from gslcosim.runtime.snapshots.taking import Keeping
 from gslcosim.runtime.stepper import Sent
@@ -23,13 +23,9 @@ from gslcosim.runtime.stepper import Sent
 FIRST_RESEND_AFTER_S = 0.2
 LONGEST_RESEND_AFTER_S = 2.0
 BYE_EVERY_S = 0.5
-_Event = tuple[str, bytes]
 _LOST_LINK = "link lost"
 _READER_TOLD = "reader told"
 _READER_CAME = "reader came"
-# Links between services may come up later than those to the router. Whoever is not there by then asks again for what it
-# has missed.
-READERS_LIMIT_S = 5.0
 
 
 class Host:
@@ -72,8 +68,7 @@ class Host:
             port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
         }
         # A process of one participant is woken by what it waits for most, without a callback between.
-        self._has_channel = len(self._hosted) == 1
-        self._events = bus.mailbox(control.bundles_for(self._hosted[0].name) if self._has_channel else None)
+        self._events = bus.mailbox(control.bundles_for(self._hosted[0].name) if len(names) == 1 else None)
         self._once: list[tuple[Hosted, list[Sent]]] = []
         # Who is at fault where something goes wrong now.
         self._acting = self._hosted[0]
@@ -85,15 +80,10 @@ class Host:
             control.CLOSE: lambda _: self._set_dismissed(),
             _LOST_LINK: lambda _: self._on_lost_link(),
             _READER_TOLD: self._on_reader_told,
-            _READER_CAME: lambda payload: self._awaited_readers.discard(payload.decode()),
+            _READER_CAME: lambda payload: self._absent.came(payload.decode()),
         }
         self._outer_readers = set[str]().union(*(hosted.outer_readers for hosted in self._hosted))
-        # Agents are heard and told at their doors, which are there already.
-        self._awaited_readers = {
-            name
-            for name in self._outer_readers
-            if not all(control.is_for_agents(read.port) for read in dataflow.by_name[name].reads)
-        }
+        self._absent = AbsentReaders(self._outer_readers, dataflow)
         self._is_started = False
         self._is_dismissed = False
         self._has_end = False
@@ -112,13 +102,11 @@ class Host:
         for port in ports:
             if not control.is_for_agents(port):
                 self._listen(port, lambda payload, port=port: self._on_input(port, payload))
-        if not self._has_channel:
-            for writer in sorted({self._dataflow.writer_of[port] for port in ports}):
-                self._bus.subscribe(control.bundles_of(writer), self._events.put)
+        for writer in sorted({self._dataflow.writer_of[port] for port in ports if len(self._hosted) > 1}):
+            self._bus.subscribe(control.bundles_of(writer), self._events.put)
         for reader in sorted(self._outer_readers):
             self._listen(control.progress(reader), lambda payload, name=reader: self._on_progress(name, payload))
-        for reader in sorted(self._awaited_readers):
-            self._bus.watch_alive(control.alive(reader), self._on_reader_alive)
+        self._absent.watch(self._bus, lambda name: self._events.put(_READER_CAME, name.encode()))
         for key in (control.START, control.STOP, control.CLOSE):
             self._listen(key, self._handlers[key])
         for hosted in self._hosted:
@@ -139,7 +127,9 @@ class Host:
         try:
             while not self._is_started and not self._is_dismissed:
                 self._handle(self._events.get())
-            self._await_readers()
+            while not self._is_dismissed and (left_s := self._absent.left_s(time.monotonic())) > 0:
+                with contextlib.suppress(queue.Empty):
+                    self._handle(self._events.get(left_s))
             if self._is_started:
                 for hosted, outputs in self._once:
                     self._pass_on(hosted, outputs)
@@ -149,17 +139,6 @@ class Host:
         except Exception as error:
             self._report(error)
             raise
-
-    # What is sent before a reader listens is lost.
-    def _await_readers(self) -> None:
-        deadline_s = time.monotonic() + READERS_LIMIT_S
-        while self._awaited_readers and not self._is_dismissed and (left_s := deadline_s - time.monotonic()) > 0:
-            with contextlib.suppress(queue.Empty):
-                self._handle(self._events.get(left_s))
-
-    def _on_reader_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
-        if is_alive:
-            self._events.put(_READER_CAME, key.rpartition("/")[2].encode())
 
     def _reset(self, several: Sequence[Hosted]) -> None:
         try:
@@ -323,7 +302,7 @@ class Host:
         self._handlers[key] = handler
         self._bus.subscribe(key, self._events.put)
 
-    def _handle(self, event: _Event) -> None:
+    def _handle(self, event: tuple[str, bytes]) -> None:
         key, payload = event
         if key.startswith("resent:"):
             is_new = self._on_input(key.removeprefix("resent:"), payload)
@@ -369,10 +348,3 @@ class Host:
 
     def _set_dismissed(self) -> None:
         self._is_dismissed = True
-
-
-def tell_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
-    """Tell the supervisor what has ended a participant."""
-    text = fault_text(error, "".join(traceback.format_exception(error)))
-    note = control.FaultNote(participant=participant, tick=tick, text=text)
-    bus.publish(control.FAULT, note.to_bytes(), urgent=True)

@@ -4,8 +4,10 @@ from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 
+from gslcosim.bus.access import SERVICE_USER, AgentUser
 from gslcosim.bus.port import Join, Mesh
-from gslcosim.bus.zenoh_bus import SERVICE_USER, AgentUser, ZenohBus, new_password
+from gslcosim.bus.zenoh_bus import ZenohBus, new_password
+from gslcosim.bus.zenoh_mesh import is_possible
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.run_dir import RunDir
 
@@ -34,7 +36,8 @@ class RunRouter:
         self._socket_dir = socket_dir
         self._crews = crews
         self.socket = socket_dir / "router.sock"
-        self._mesh_endpoints = {name: f"unixsock-stream/{socket_dir}/{i}.mesh" for i, name in enumerate(mesh)}
+        meshed = mesh if is_possible() else ()
+        self._mesh_endpoints = {name: f"unixsock-stream/{socket_dir}/{i}.mesh" for i, name in enumerate(meshed)}
         self._endpoint = f"unixsock-stream/{self.socket}"
         self._namespace = f"gsl/{run_dir.run_id}"
         self._service_password = new_password()
@@ -76,9 +79,7 @@ class RunRouter:
         if name not in self._mesh_endpoints:
             return None
         earlier = takewhile(lambda other: other != name, self._mesh_endpoints)
-        return Mesh(
-            listen=self._mesh_endpoints[name], connect=tuple(self._mesh_endpoints[other] for other in earlier)
-        )
+        return Mesh(listen=self._mesh_endpoints[name], connect=tuple(self._mesh_endpoints[other] for other in earlier))
 
     def join_of_process(self, process: str, *, is_watched: bool) -> Join:
         """Return how a process of agents joins; `is_watched`: it is a child of this one."""

@@ -14,7 +14,8 @@ from gslcosim.contract.participant import Core, Episode
 from gslcosim.errors import ExitCode, UsageError
 from gslcosim.machine import fault_text
 from gslcosim.runtime.dataflow import Dataflow
-from gslcosim.runtime.over_bus.host import Host, tell_fault
+from gslcosim.runtime.over_bus.fault_telling import tell_fault
+from gslcosim.runtime.over_bus.host import Host
 from gslcosim.runtime.participants import SERVICES
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.snapshots.taking import Keeping

@@ -141,7 +141,8 @@ def connect_to_unix_socket_of_others():
 
 
 def join_as_a_service():
-    from gslcosim.bus.zenoh_bus import SERVICE_USER, ZenohBus
+    from gslcosim.bus.access import SERVICE_USER
+    from gslcosim.bus.zenoh_bus import ZenohBus
     from gslcosim.errors import GslCosimError
 
     with contextlib.suppress(GslCosimError):
