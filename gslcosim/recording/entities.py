@@ -21,7 +21,6 @@ SEEN = "seen"
 MESHES = "room/geometry"
 DOORS = "room/doors"
 BELIEFS = "beliefs"
-NUMBERS = "numbers"
 
 GAS_PLOTS = "plots/gas_ppm"
 RESPONSE_PLOTS = "plots/response"
@@ -117,14 +116,6 @@ class AgentEntities:
     def measured_wind(self, sensor: str) -> str:
         """Curve of the wind speed that an anemometer reports."""
         return f"{WIND_PLOTS}/{self.agent.name}/{sensor}/measured"
-
-    def wind_vector(self, sensor: str) -> str:
-        """Numbers that are not drawn: the true wind at a sensor."""
-        return f"{NUMBERS}/{self.agent.name}/{sensor}/wind"
-
-    def wind_values(self, sensor: str) -> str:
-        """Numbers that are not drawn: all that an anemometer reports."""
-        return f"{NUMBERS}/{self.agent.name}/{sensor}/values"
 
     def on_board(self, sensor: str, curves: Curves) -> str:
         """Curves of an on-board sensor."""

@@ -217,7 +217,9 @@ class RunRecording:
             self._events.add(tick, f"{event.agent}: {event.text}" if agent else event.text, level)
             label = MARKED_EVENTS.get(event.kind)
             if agent is not None and label is not None:
-                agent.markers.add(tick, agent.position_m, label, agent.names.color)
+                # Those of several vehicles would cover each other.
+                is_shown = len(self._agents) == 1
+                agent.markers.add(tick, agent.position_m, label, agent.names.color, is_shown=is_shown)
 
     def _contact_notes(self, name: str, agent: AgentRows) -> ContactNotes:
         floors = [box.name for box in self._environment.boxes if box.kind == "floor"]

@@ -39,6 +39,7 @@ MAX_FLOOR_LINES = 25
 # The colour scale beside the map, in fractions of the room's width.
 SCALE_GAP_FRAC = 0.12
 SCALE_WIDTH_FRAC = 0.035
+SCALE_LABEL_RISE_FRAC = 0.04
 
 
 def draw_room(file: RunFile, environment: Environment) -> None:
@@ -131,7 +132,10 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
     steps = range(colors.DECADES + 1)
     labels = [f"{scale.min_ppm * 10**i:g}" for i in steps]
     labels[-1] += " ppm"
-    places_m = [(right_m - 3.2 * width_m, y0 + depth_m * i / colors.DECADES, drawn_m) for i in steps]
+    # Labels hang below their places.
+    places_m = [
+        (right_m - 3.2 * width_m, y0 + depth_m * (i / colors.DECADES + SCALE_LABEL_RISE_FRAC), drawn_m) for i in steps
+    ]
     file.draw("map/scale", bar)
     file.draw(
         "map/scale/labels",
@@ -266,8 +270,10 @@ def _opening_look(opening: Opening) -> tuple[colors.Rgb, str]:
 def _flat_opening(opening: Opening, height_m: float, radius_m: float) -> rr.LineStrips3D:
     (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
     color, label = _opening_look(opening)
+    # Short, as it lies over the room's side: its colour says what it is.
+    label = label.removeprefix("inlet ") if opening.kind == "inlet" else ""
     around_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
-    return rr.LineStrips3D([around_m], colors=[color], radii=[radius_m], labels=[label], show_labels=True)
+    return rr.LineStrips3D([around_m], colors=[color], radii=[radius_m], labels=[label], show_labels=bool(label))
 
 
 def _opening(opening: Opening) -> rr.Boxes3D:

@@ -49,11 +49,12 @@ def legend_text(scenario: Scenario) -> str:
         ("map", "mixing ratio at search height, logarithmic, by the scale at its left; grey: solid there; "
                 "grey edges: ends below"),
         ("blue arrows", "wind at search height; the longer the faster"),
-        ("blue and violet frames", "inlets with their speed, and outlets"),
+        ("blue and violet frames", "inlets with their speed, and outlets; lines at the sides of the map"),
         ("red ball", "source" + ("; red lines around it: where success counts" if success.drawn_radius_m else "")),
         ("line", "track of a vehicle, in its colour"),
         ("small dots", "waypoints that it was sent to"),
-        ("start, first gas", "where it took off, and where its nose first met gas"),
+        ("start, first gas", "where it took off, and where its nose first met gas" + (
+            "; points in its colour, named when the mouse is over them" if len(agents) > 1 else "")),
     ]  # fmt: skip
     if any(agent.vehicle.avoidance != "none" for agent in agents):
         rows.append(("pale line", "path that it has planned around obstacles"))
@@ -69,6 +70,13 @@ def legend_text(scenario: Scenario) -> str:
         rows.append(("named points", "events of the scenario, where they happen"))
     if scenario.channels:
         rows.append(("Radio", "texts between agents and who heard them"))
+    if any(agent.sensors for agent in agents):
+        rows.append(("curves", "the true gas at a sensor, what it reports, and the wind speed at an anemometer, the "
+                               "true one in white; several vehicles in the colours of the distances"))  # fmt: skip
+    rows.append(("Distance", "to the nearest source; in pale, where an agent publishes beliefs, the mean distance of "
+                             "the places that it believes in"))  # fmt: skip
+    rows.append(("Control error", "behind the tab of the distance: how far a vehicle is from where its controller "
+                                  "wants it"))  # fmt: skip
     rows.append(("Referee", "what the referee noted; orange is a fault, a refusal or a collision"))
     scales = {agent.vehicle.model: agent.vehicle.facts.drawn_scale for agent in agents}
     larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]
@@ -79,7 +87,8 @@ def legend_text(scenario: Scenario) -> str:
 
 def _result(scenario: Scenario, verdict: Verdict) -> str:
     time_s = seconds_from_ticks(verdict.tick, scenario.tick_ns)
-    heading = f"### {verdict.end_reason.replace('_', ' ').capitalize()} after {time_s:g} s"
+    # Bold, as a heading would take the room of three lines on a small screen.
+    heading = f"**{verdict.end_reason.replace('_', ' ').capitalize()} after {time_s:g} s**"
     return "\n".join([heading, "", *(_figures(result) for result in verdict.agents)])
 
 

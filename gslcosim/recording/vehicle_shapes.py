@@ -106,10 +106,10 @@ def shape_of(vehicle: Vehicle) -> Multirotor | Ball | Rover:
     return Ball(radius_m=vehicle.body.radius_m)
 
 
-def draw_vehicle(file: RunFile, entity: str, agent: AgentSpec, color: Rgb) -> None:
-    """Draw a vehicle in the colour of its agent, with the agent's name."""
+def draw_vehicle(file: RunFile, entity: str, agent: AgentSpec, color: Rgb, *, is_named: bool = True) -> None:
+    """Draw a vehicle in the colour of its agent, with the agent's name, or that where one points at it."""
     shape_of(agent.vehicle.facts).draw(file, entity, color)
     file.draw(
         f"{entity}/name",
-        rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.02], colors=[color], labels=[agent.name], show_labels=True),
+        rr.Points3D([(0.0, 0.0, 0.0)], radii=[0.02], colors=[color], labels=[agent.name], show_labels=is_named),
     )

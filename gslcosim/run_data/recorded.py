@@ -11,7 +11,7 @@ from gslcosim.recording.entities import AgentEntities, gases_in
 from gslcosim.recording.instruments import unit_of
 from gslcosim.recording.reading.decoding import SliceDecoder, picture_place, splats
 from gslcosim.recording.reading.stored_rows import StoredColumn, StoredRows
-from gslcosim.recording.rows.undrawn import NUMBERS_COMPONENT
+from gslcosim.recording.rows.undrawn import NUMBERS_COMPONENT, numbers_in
 from gslcosim.run_data.recorded_streams import (
     Floats,
     Ints,
@@ -58,8 +58,8 @@ def samples(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list[
         entity = names.true_wind(sensor.name)
         found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind_speed", unit="m/s")
         found += _series(
-            rows, scenario, names.wind_vector(sensor.name), agent=agent, sensor=sensor.name, quantity="wind",
-            unit="m/s", labels=("x", "y", "z"), component=NUMBERS_COMPONENT,
+            rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind", unit="m/s",
+            labels=("x", "y", "z"), component=NUMBERS_COMPONENT,
         )  # fmt: skip
     return found
 
@@ -73,7 +73,7 @@ def readings(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list
     for sensor in names.wind_sensors:
         entity = names.measured_wind(sensor.name)
         found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind_speed", unit="m/s")
-        found += _wind_values(rows, scenario, names.wind_values(sensor.name), agent=agent, sensor=sensor.name)
+        found += _wind_values(rows, scenario, entity, agent=agent, sensor=sensor.name)
     for sensor, curves in names.on_board_sensors:
         for item in curves:
             found += _series(
@@ -258,7 +258,8 @@ def _series(
     n = len(column.tick)
     if not n:
         return []
-    values = np.asarray(column.values, dtype=np.float64).reshape(n, -1)
+    is_bytes = component == NUMBERS_COMPONENT
+    values = numbers_in(column.values) if is_bytes else np.asarray(column.values, dtype=np.float64).reshape(n, -1)
     k = values.shape[1]
     parts = [f"{quantity} {label}" for label in labels] if len(labels) == k and k > 1 else [quantity]
     if len(parts) != k:

@@ -74,10 +74,10 @@ def _flight_page(
         _room_view(scenario, environment, agents),
         rrb.Horizontal(
             *maps,
-            rrb.Vertical(*texts, row_shares=[3, 2]),
+            rrb.Vertical(*texts, row_shares=[1, 1]),
             column_shares=[1] * (len(maps) + 1),
         ),
-        row_shares=[4, 3],
+        row_shares=[6, 5],
     )
     cameras, plots = cameras_in_flight(agents), flight_plots(scenario, agents, believing)
     shares = [*(CAMERA_SHARE for _ in cameras), *(1.0 for _ in plots)]

@@ -1,7 +1,7 @@
 """Curves and pictures of the layout: what is plotted together, under which title."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -18,8 +18,12 @@ LOOK_AHEAD_S = 3.0
 # So many cameras are seen beside the flight at once; more of them share one place.
 MAX_CAMERAS_IN_A_ROW = 3
 MAX_GRID_COLUMNS = 4
-# A legend of more curves would cover them; they have the colours of their vehicles.
-MAX_CURVES_WITH_LEGEND = 6
+# A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
+MAX_CURVES_WITH_LEGEND = 4
+# Where a legend covers least: gas is met late, what metal oxides report falls then, and distances begin far away.
+_LEGEND_OF_GAS = rrb.Corner2D.LeftTop
+_LEGEND_OF_FALLING = rrb.Corner2D.LeftBottom
+_FALLING_UNIT = "ohm"
 # Models that people write in capital letters.
 _ACRONYMS = ("tgs", "pid", "tdlas")
 
@@ -34,19 +38,45 @@ def flight_plots(
         gases = gases_in(scenario)
         what = gases[0] if len(gases) == 1 else "gas"
         n_curves = len(gases) * sum(len(agent.gas_sensors) for agent in agents)
-        plots.append(_plot(entities.GAS_PLOTS, f"True {what} at the sensor [ppm]", n_curves))
-        plots.append(responses[0] if len(responses) == 1 else rrb.Tabs(*responses, active_tab=0))
-    n_vanes = sum(len(agent.wind_sensors) for agent in agents)
-    if n_vanes:
-        plots.append(_plot(entities.WIND_PLOTS, "Wind speed at the vehicle [m/s]", 2 * n_vanes))
-    if believing:
-        within_m = scenario.referee.success.within_m
-        plots.append(_plot(entities.BELIEF_PLOTS, f"Belief within {within_m:g} m of the source [1]", len(believing)))
+        plots.append(
+            _plot(
+                entities.GAS_PLOTS, f"True {what} at the sensor [ppm]", _of_one_color(n_curves, agents), _LEGEND_OF_GAS
+            )
+        )
+        plots.append(_together(responses))
+    if any(agent.wind_sensors for agent in agents):
+        # Without a legend: what is measured is noisy everywhere.
+        plots.append(_plot(entities.WIND_PLOTS, "Wind speed [m/s], true in white", 0))
+    distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
+    behind = [_plot(entities.TRACKING_PLOTS, "Control error [m]", 0)]
     if scenario.has_driven_wind or scenario.curve_ports:
         plots.append(_plot(entities.SERVICE_PLOTS, "Services", MAX_CURVES_WITH_LEGEND))
-    plots.append(_plot(entities.DISTANCE_PLOTS, "Distance to the source [m]", len(agents) + len(believing)))
-    plots.append(_plot(entities.TRACKING_PLOTS, "Control error: distance to the reference [m]", len(agents)))
-    return plots
+    if any(agent.cameras for agent in agents):
+        # Pictures take the room of a plot.
+        return [*plots, _together([distance, *belief, *behind])]
+    return [*plots, *belief, _together([distance, *behind])]
+
+
+# What is looked at first is in front.
+def _together(plots: Sequence[rrb.TimeSeriesView]) -> rrb.TimeSeriesView | rrb.Tabs:
+    return plots[0] if len(plots) == 1 else rrb.Tabs(*plots, active_tab=0)
+
+
+def _distance_plot(agents: Sequence[AgentEntities], believing: Sequence[AgentEntities]) -> rrb.TimeSeriesView:
+    pale = ", by belief in pale" if believing else ""
+    return _plot(entities.DISTANCE_PLOTS, f"Distance [m]{pale}", len(agents), _LEGEND_OF_FALLING)
+
+
+def _belief_plots(scenario: Scenario, believing: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView]:
+    if not believing:
+        return []
+    name = f"Belief within {scenario.referee.success.within_m:g} m of the source [1]"
+    return [_plot(entities.BELIEF_PLOTS, name, len(believing), _LEGEND_OF_GAS)]
+
+
+# Several vehicles with one curve each have their colours, which the legend of the distances tells.
+def _of_one_color(n_curves: int, agents: Sequence[AgentEntities]) -> int:
+    return 0 if n_curves <= len(agents) else n_curves
 
 
 def camera_views(agents: Sequence[AgentEntities], *, with_agent: bool) -> list[rrb.Spatial2DView]:
@@ -89,7 +119,7 @@ def sensor_page(agent: AgentEntities) -> rrb.Grid | None:
 
 
 # Readings of one unit share a plot.
-def _response_plots(scenario: Scenario, agents: Iterable[AgentEntities]) -> list[rrb.TimeSeriesView]:
+def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView]:
     members: dict[str, list[tuple[str, str]]] = {}
     for agent in agents:
         for sensor in agent.gas_sensors:
@@ -99,7 +129,9 @@ def _response_plots(scenario: Scenario, agents: Iterable[AgentEntities]) -> list
         models = dict.fromkeys(_shown_model(model) for model, _ in drawn)
         title = with_unit(f"Reading of {', '.join(models)}", unit)
         contents = [f"+ /{entity}" for _, entity in drawn]
-        plots.append(_plot(entities.RESPONSE_PLOTS, title, len(drawn), contents=contents))
+        corner = _LEGEND_OF_FALLING if unit == _FALLING_UNIT else _LEGEND_OF_GAS
+        n_curves = _of_one_color(len(drawn), agents)
+        plots.append(_plot(entities.RESPONSE_PLOTS, title, n_curves, corner, contents=contents))
     return plots
 
 
@@ -111,7 +143,15 @@ def _shown_camera(sensor: SensorSpec) -> str:
     return f"{sensor.name} (0 to {sensor.max_range_m:g} m)" if isinstance(sensor, DepthCameraSpec) else sensor.name
 
 
-def _plot(origin: str, name: str, n_curves: int, *, contents: Sequence[str] = ("$origin/**",)) -> rrb.TimeSeriesView:
+# One curve needs no legend beside its title.
+def _plot(
+    origin: str,
+    name: str,
+    n_curves: int,
+    corner: rrb.Corner2D = rrb.Corner2D.RightTop,
+    *,
+    contents: Sequence[str] = ("$origin/**",),
+) -> rrb.TimeSeriesView:
     so_far = rr.TimeRange(
         start=rr.TimeRangeBoundary.absolute(seconds=0.0),
         end=rr.TimeRangeBoundary.cursor_relative(seconds=LOOK_AHEAD_S),
@@ -120,6 +160,6 @@ def _plot(origin: str, name: str, n_curves: int, *, contents: Sequence[str] = ("
         origin=origin,
         contents=contents,
         name=name,
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=n_curves <= MAX_CURVES_WITH_LEGEND),
+        plot_legend=rrb.PlotLegend(corner, visible=1 < n_curves <= MAX_CURVES_WITH_LEGEND),
         axis_x=rrb.TimeAxis(view_range=so_far),
     )

@@ -11,7 +11,7 @@ from gslcosim.contract.messages import AgentScore, BodyState, Command, MountSamp
 from gslcosim.quantities import Vec3
 from gslcosim.recording import colors
 from gslcosim.recording.entities import AgentEntities
-from gslcosim.recording.instruments import Curves, wind_speed_m_s
+from gslcosim.recording.instruments import Curves
 from gslcosim.recording.rows.beliefs import BeliefRows
 from gslcosim.recording.rows.columns import (
     MARKER_RADIUS_M,
@@ -26,7 +26,7 @@ from gslcosim.recording.rows.columns import (
     TrackRows,
 )
 from gslcosim.recording.rows.onboard import ImageRows, LidarRows, Poses, RayRows, RowTiming
-from gslcosim.recording.rows.undrawn import NumberRows, ValueRows
+from gslcosim.recording.rows.undrawn import AnemometerRows, CurveWithNumbers
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.vehicle_shapes import draw_vehicle
 from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
@@ -59,8 +59,7 @@ class AgentRows:
         self._gas = {
             (sensor.name, gas): ScalarRows(names.gas(sensor.name, gas)) for sensor in names.gas_sensors for gas in gases
         }
-        self._true_wind = {sensor.name: ScalarRows(names.true_wind(sensor.name)) for sensor in names.wind_sensors}
-        self._wind_vectors = {sensor.name: NumberRows(names.wind_vector(sensor.name)) for sensor in names.wind_sensors}
+        self._true_wind = {sensor.name: CurveWithNumbers(names.true_wind(sensor.name)) for sensor in names.wind_sensors}
         lasers = [sensor for sensor in names.gas_sensors if isinstance(sensor, TdlasSensorSpec)]
         self._beams = {sensor.name: self._beam_rows(sensor) for sensor in lasers}
         self._in_space = {
@@ -87,14 +86,14 @@ class AgentRows:
         """Return the rows of every entity."""
         own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
         own = (*own, *self.belief.all())
-        wind = (*self._true_wind.values(), *self._wind_vectors.values())
-        truth = (*self._gas.values(), *wind, *self._beams.values())
+        truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
         return [*own, *truth, *(rows for sinks in self._readings.values() for rows in sinks)]
 
     def draw(self, file: RunFile, *, label: str) -> None:
         """Draw the vehicle and say how lines and curves look; `label` precedes the names of curves."""
         names = self.names
-        draw_vehicle(file, names.vehicle, names.agent, names.color)
+        # A name beside the only vehicle would hide what it comes to.
+        draw_vehicle(file, names.vehicle, names.agent, names.color, is_named=bool(label))
         file.draw(names.track, rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
         if names.agent.vehicle.avoidance != "none":
             color = colors.plan_color(names.color)
@@ -117,8 +116,7 @@ class AgentRows:
         wind = self._true_wind.get(sample.sensor)
         if wind is not None:
             u, v, w = sample.wind_world_m_s
-            wind.add(tick, math.sqrt(u * u + v * v + w * w))
-            self._wind_vectors[sample.sensor].add(tick, sample.wind_world_m_s)
+            wind.add(tick, math.sqrt(u * u + v * v + w * w), sample.wind_world_m_s)
             return
         for gas in sample.gases:
             amounts = self._amounts.get((sample.sensor, gas.gas))
@@ -188,8 +186,7 @@ class AgentRows:
         for sensor in names.gas_sensors:
             rows[sensor.name] = (CurveRows(names.response(sensor.name), _FIRST.values_of),)
         for sensor in names.wind_sensors:
-            speed = CurveRows(names.measured_wind(sensor.name), wind_speed_m_s)
-            rows[sensor.name] = (speed, ValueRows(names.wind_values(sensor.name)))
+            rows[sensor.name] = (AnemometerRows(names.measured_wind(sensor.name)),)
         for sensor, curves in names.on_board_sensors:
             in_space = self._in_space.get(sensor.name)
             drawn = [CurveRows(names.on_board(sensor.name, item), item.values_of) for item in curves]

@@ -186,7 +186,7 @@ class PlanRows:
 
 
 class MarkerRows:
-    """Points that stay once they have come, each with a text (which may be empty)."""
+    """Points that stay once they have come, each with a text, which may be empty, or be shown only on hovering."""
 
     def __init__(self, entity: str, *, radius_m: float) -> None:
         self._entity = entity
@@ -194,13 +194,15 @@ class MarkerRows:
         self._ticks: list[int] = []
         self._positions_m: list[Vec3] = []
         self._labels: list[str] = []
+        self._are_shown: list[bool] = []
         self._colors: list[Rgb] = []
 
-    def add(self, tick: int, position_world_m: Vec3, label: str, color: Rgb) -> None:
-        """Append a point of a tick."""
+    def add(self, tick: int, position_world_m: Vec3, label: str, color: Rgb, *, is_shown: bool = True) -> None:
+        """Append a point of a tick; `is_shown` says whether its label is seen without hovering over it."""
         self._ticks.append(tick)
         self._positions_m.append(position_world_m)
         self._labels.append(label)
+        self._are_shown.append(is_shown and bool(label))
         self._colors.append(color)
 
     def send(self, file: RunFile) -> None:
@@ -212,11 +214,11 @@ class MarkerRows:
             labels=self._labels,
             colors=np.array(self._colors, dtype=np.uint8),
             radii=np.full(len(self._ticks), self._radius_m, dtype=np.float32),
-            show_labels=[bool(label) for label in self._labels],
+            show_labels=self._are_shown,
         )
         # Several rows may share a tick; the viewer shows every row of its visible time range.
         file.send(self._entity, self._ticks, columns)
-        self._ticks, self._positions_m, self._labels, self._colors = [], [], [], []
+        self._ticks, self._positions_m, self._labels, self._are_shown, self._colors = [], [], [], [], []
 
 
 class TextRows:

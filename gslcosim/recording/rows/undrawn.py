@@ -1,44 +1,69 @@
-"""Numbers that no view draws, kept for those who read a recording."""
+"""Curves with numbers that no view draws beside them, kept for those who read a recording."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Reading
+from gslcosim.recording.instruments import wind_speed_m_s
 from gslcosim.recording.run_file import RunFile
 
-# What they are called in the file.
+# What they are called in the file: another component of the curve's entity, so that both share their times.
 NUMBERS_COMPONENT = "numbers"
 
 
-class NumberRows:
-    """Numbers that no view draws, some a row, in single precision."""
+def as_bytes(rows: Sequence[Sequence[float]]) -> Any:
+    """Return rows of numbers in single precision, little-endian, as bytes: a `pyarrow` array."""
+    numbers = np.concatenate(rows, dtype="<f4")
+    ends = np.cumsum([0, *(numbers.itemsize * len(row) for row in rows)], dtype=np.int32)
+    return pa.Array.from_buffers(pa.binary(), len(rows), [None, pa.py_buffer(ends), pa.py_buffer(numbers)])
+
+
+def numbers_in(rows: Sequence[bytes]) -> NDArray[np.float64]:
+    """Return the (n, k) numbers of rows of bytes."""
+    return np.frombuffer(b"".join(rows), dtype="<f4").astype(np.float64).reshape(len(rows), -1)
+
+
+class CurveWithNumbers:
+    """A curve of one number a row, and beside it some more, as bytes: the viewer would draw numbers, of any name."""
 
     def __init__(self, entity: str) -> None:
         self._entity = entity
         self._ticks: list[int] = []
-        self._values: list[Sequence[float]] = []
+        self._drawn: list[float] = []
+        self._numbers: list[Sequence[float]] = []
 
-    def add(self, tick: int, values: Sequence[float]) -> None:
-        """Append the numbers of a tick."""
+    def add(self, tick: int, drawn: float, numbers: Sequence[float]) -> None:
+        """Append what is drawn at a tick, and what is not."""
         self._ticks.append(tick)
-        self._values.append(values)
+        self._drawn.append(drawn)
+        self._numbers.append(numbers)
 
     def send(self, file: RunFile) -> None:
         """Write the waiting rows, if any, and forget them."""
         if self._ticks:
-            numbers: Any = {NUMBERS_COMPONENT: np.concatenate(self._values, dtype=np.float32)}
-            columns = rr.AnyValues.columns(**numbers)
-            file.send(self._entity, self._ticks, columns.partition([len(values) for values in self._values]))
-            self._ticks, self._values = [], []
+            rows: Any = {NUMBERS_COMPONENT: as_bytes(self._numbers)}
+            curve = rr.Scalars.columns(scalars=np.array(self._drawn))
+            file.send(self._entity, self._ticks, [*curve, *rr.AnyValues.columns(**rows)])
+            self._ticks, self._drawn, self._numbers = [], [], []
 
 
-class ValueRows(NumberRows):
-    """All numbers of a sensor's readings, for what its curves leave out."""
+class AnemometerRows:
+    """The speed that an anemometer reports as a curve, and beside it all that it reports."""
 
-    def add(self, tick: int, reading: Reading) -> None:  # type: ignore[override]
+    def __init__(self, entity: str) -> None:
+        self._rows = CurveWithNumbers(entity)
+
+    def add(self, tick: int, reading: Reading) -> None:
         """Append a reading, unless it means nothing yet."""
         if not reading.is_warming_up:
-            super().add(tick, reading.values)
+            (speed_m_s,) = wind_speed_m_s(reading)
+            self._rows.add(tick, speed_m_s, reading.values)
+
+    def send(self, file: RunFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        self._rows.send(file)

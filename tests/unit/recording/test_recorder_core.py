@@ -16,6 +16,7 @@ from gslcosim.recording.core import FLUSH_TICKS, RecorderCore
 from gslcosim.recording.repair import is_whole
 from gslcosim.recording.rerun_cli import run_rerun
 from gslcosim.recording.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
+from gslcosim.recording.rows.undrawn import NUMBERS_COMPONENT, numbers_in
 
 EVERY_TICK = (
     "/vehicles/agent_0",
@@ -168,6 +169,19 @@ def test_a_run_that_ends_without_verdict_is_recorded_to_its_end(record, rows_of)
     assert rows["/vehicles/agent_0"] == 45
     assert rows["/tracks/agent_0"] == -(-44 // TRACK_STRIP_TICKS)
     assert rows["/summary"] == 1
+
+
+def test_beside_the_curves_of_wind_is_all_that_an_anemometer_reports_and_no_plot_draws_it(record):
+    """The viewer draws every number of a plot's entity, lists of a fixed size too, but no bytes."""
+    flight, path = ScriptedFlight(n_ticks=20), record(n_ticks=20)
+    vane = "/plots/wind_m_s/agent_0/vane"
+    ticks, _, rows = column(path, f"{vane}/measured", NUMBERS_COMPONENT)
+    readings = {tick: flight.inbox(tick)[keys.observation("agent_0")].reading("vane").values for tick in ticks}
+    assert all(isinstance(row, bytes) for (row,) in rows)
+    np.testing.assert_allclose(numbers_in([row for (row,) in rows]), list(readings.values()), rtol=1e-6)
+    ticks, _, rows = column(path, f"{vane}/true", NUMBERS_COMPONENT)
+    assert ticks == list(range(20))
+    np.testing.assert_allclose(np.linalg.norm(numbers_in([row for (row,) in rows]), axis=1), 0.5)
 
 
 def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):

@@ -8,7 +8,7 @@ from scripted_flight import NOSE_AND_VANE, ON_BOARD, scenario
 from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.repair import is_whole
 
-ALWAYS = ["Distance to the source [m]", "Control error: distance to the reference [m]"]
+ALWAYS = ["Distance [m]", "Control error [m]"]
 BUMPER = ({"model": "bump", "name": "bumper"},)
 CAMERAS = tuple({"model": "camera", "name": f"eye_{i}"} for i in range(5))
 
@@ -40,7 +40,7 @@ def test_a_search_has_one_page_with_gas_wind_distance_and_error(make_room):
     assert _plots(pages["Flight"]) == [
         "True ethanol at the sensor [ppm]",
         "Reading of TGS2600 [Ω]",
-        "Wind speed at the vehicle [m/s]",
+        "Wind speed [m/s], true in white",
         *ALWAYS,
     ]
 
@@ -105,8 +105,8 @@ def test_ten_vehicles_have_ten_pages_and_share_the_plots_of_the_flight(make_room
     }
 
 
-def test_a_legend_of_many_curves_does_not_cover_them(make_room):
-    for n_agents, is_shown in ((1, True), (10, False)):
+def test_a_legend_of_many_curves_does_not_cover_them_and_one_curve_has_none(make_room):
+    for n_agents, is_shown in ((1, False), (3, True), (10, False)):
         (plot,) = (view for view in _views(_layout(make_room, n_agents=n_agents)["Flight"]) if view.name == ALWAYS[0])
         assert plot.properties["PlotLegend"].visible.as_arrow_array().to_pylist() == [is_shown]
 
