@@ -68,6 +68,7 @@ def tables_of(run: RunData) -> Iterator[StreamTable]:
         ("events", "the referee's log", run.events),
         ("contacts", "what vehicles touched", run.contacts),
         ("radio", "texts between agents and what became of them", run.radio),
+        ("faults", "what agents did wrong", run.faults),
     ):
         yield from _if_any(_texts(name, meaning, texts))
     yield from _beliefs(run)

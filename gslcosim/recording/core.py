@@ -76,7 +76,7 @@ class RecorderCore:
             blueprint=default_blueprint(self._scenario, self._environment),
         )
         try:
-            self._recording = RunRecording(file, self._scenario, self._environment, wind_layer)
+            self._recording = RunRecording(file, self._scenario, self._environment, wind_layer, self._path.parent)
         except RecordingError:
             file.close()
             raise

@@ -15,6 +15,7 @@ WIND = "wind"
 EVENTS = "events"
 CONTACTS = "contacts"
 RADIO = "radio"
+FAULTS = "faults"
 SUMMARY = "summary"
 LEGEND = "legend"
 SEEN = "seen"
@@ -28,6 +29,7 @@ WIND_PLOTS = "plots/wind_m_s"
 DISTANCE_PLOTS = "plots/distance_m"
 BELIEF_PLOTS = "plots/belief_frac"
 TRACKING_PLOTS = "plots/tracking_error_m"
+DECISION_PLOTS = "plots/decision_ms"
 ON_BOARD_PLOTS = "plots/on_board"
 SERVICE_PLOTS = "plots/services"
 
@@ -91,6 +93,11 @@ class AgentEntities:
     def tracking_error(self) -> str:
         """Curve of the distance to where the controller wants the vehicle."""
         return f"{TRACKING_PLOTS}/{self.agent.name}"
+
+    @property
+    def decision(self) -> str:
+        """Curve of how long it took for its decisions, by the clock."""
+        return f"{DECISION_PLOTS}/{self.agent.name}"
 
     @property
     def cameras(self) -> tuple[CameraSensorSpec, ...]:

@@ -19,7 +19,8 @@ TIME_TIMELINE = "sim_time"
 class RunFile:
     """A recording on disk with two timelines: `tick` (whole ticks) and `sim_time` (a duration).
 
-    Nothing in it comes from a wall clock, so equal runs give equal content (`rerun rrd compare --unordered`).
+    Nothing in it but the machine's notes comes from a wall clock, so equal runs give equal content otherwise
+    (`rerun rrd compare --unordered`).
     Until `close` has returned the file lacks its footer; see `gslcosim.recording.repair`. What cannot be written is
     raised by the next call of any method. On Windows Rerun writes the file itself, and tells nobody.
 

@@ -1,5 +1,8 @@
 """One run on its way into a Rerun file: what it holds so far, and the rows that wait to be sent."""
 
+import sys
+from collections.abc import Mapping
+from pathlib import Path
 from typing import cast
 
 import rerun as rr
@@ -22,6 +25,7 @@ from gslcosim.recording import entities
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import entities_of, gases_in
 from gslcosim.recording.layout.blueprint import default_blueprint
+from gslcosim.recording.machine_notes import read_machine_notes
 from gslcosim.recording.rows.agents import AgentRows
 from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
 from gslcosim.recording.rows.contacts import ContactNotes
@@ -47,7 +51,9 @@ TAKEN_TICKS = 64
 class RunRecording:
     """What stands still is drawn at once; what moves is noted tick by tick and goes to the file with `send`."""
 
-    def __init__(self, file: RunFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer) -> None:
+    def __init__(
+        self, file: RunFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer, folder: Path
+    ) -> None:
         """Draw what stands still.
 
         Args:
@@ -55,10 +61,12 @@ class RunRecording:
             scenario: What is flown.
             environment: Where.
             wind_layer: The environment's wind at the slice's height.
+            folder: Where the machine's notes of the run are, if there are any.
         """
         self._file = file
         self._scenario = scenario
         self._environment = environment
+        self._folder = folder
         self._is_over = False
         self._waiting: list[tuple[int, Inbox]] = []
         gases, tick_ns = gases_in(scenario), scenario.tick_ns
@@ -77,6 +85,8 @@ class RunRecording:
         self._contact_log = TextRows(entities.CONTACTS)
         self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
         self._radio = TextRows(entities.RADIO)
+        self._faults = TextRows(entities.FAULTS)
+        self._sandboxes: Mapping[str, str] = {}
         self._services = ServiceRows(scenario)
         self._event_marks = EventMarks(scenario, self._agents)
         self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
@@ -128,6 +138,7 @@ class RunRecording:
         self._events.add(
             verdict.tick, f"the run ends after {time_s:g} s: {verdict.end_reason.replace('_', ' ')}", "INFO"
         )
+        self._note_machine(verdict.tick)
         self._send_with_last_strips()
         self._write_summary(tick=verdict.tick, verdict=verdict)
         self._file.flush()
@@ -135,7 +146,7 @@ class RunRecording:
     def send(self) -> None:
         """Send the rows that wait."""
         self._take()
-        logs = (self._events, self._contact_log, self._radio)
+        logs = (self._events, self._contact_log, self._radio, self._faults)
         rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
         rows += [*self._services.all(), *self._event_marks.all(), *self._doors.all()]
         for agent in self._agents.values():
@@ -146,9 +157,22 @@ class RunRecording:
     def close(self) -> None:
         """Send what waits, write the file's footer and release it."""
         try:
+            if not self._is_over:
+                self._note_machine(sys.maxsize)
             self._send_with_last_strips()
         finally:
             self._file.close()
+
+    def _note_machine(self, last_tick: int) -> None:
+        notes = read_machine_notes(self._folder)
+        self._sandboxes = notes.sandboxes
+        for name, agent in self._agents.items():
+            for tick, taken_ms in notes.decisions_ms.get(name, ()):
+                if tick <= last_tick:
+                    agent.decision.add(tick, taken_ms)
+        for tick, participant, text in notes.faults:
+            if tick <= last_tick:
+                self._faults.add(tick, f"{participant}: {text}", "WARN")
 
     def _send_with_last_strips(self) -> None:
         self._take()
@@ -231,7 +255,7 @@ class RunRecording:
         return self._slices[gas]
 
     def _write_summary(self, *, tick: int, verdict: Verdict | None) -> None:
-        text = summary_text(self._scenario, self._environment, verdict)
+        text = summary_text(self._scenario, self._environment, verdict, self._sandboxes)
         columns = rr.TextDocument.columns(text=[text], media_type=[rr.components.MediaType.MARKDOWN])
         self._file.send(entities.SUMMARY, [tick], columns)
 

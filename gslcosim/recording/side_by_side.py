@@ -31,12 +31,12 @@ from gslcosim.ticks import seconds_from_ticks
 MAX_RUNS = 8
 # Of these the first run's are shown for all: they are the same where neither gas nor wind differ.
 _OF_ONE = ("gas", entities.WIND)
-_LOGS = (entities.EVENTS, entities.CONTACTS, entities.RADIO)
+_LOGS = (entities.EVENTS, entities.CONTACTS, entities.RADIO, entities.FAULTS)
 # An agent's name is the next part of a path.
 _OF_AGENTS = (
     "vehicles", "tracks", "plans", "waypoints", "markers", entities.SEEN, entities.BELIEFS, entities.GAS_PLOTS,
     entities.RESPONSE_PLOTS, entities.WIND_PLOTS, entities.DISTANCE_PLOTS, entities.BELIEF_PLOTS,
-    entities.TRACKING_PLOTS, entities.ON_BOARD_PLOTS,
+    entities.TRACKING_PLOTS, entities.DECISION_PLOTS, entities.ON_BOARD_PLOTS,
 )  # fmt: skip
 # What stands still and is not drawn anew.
 _KEPT_STATIC = (entities.BELIEFS, entities.SLICES)

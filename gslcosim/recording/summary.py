@@ -1,5 +1,7 @@
 """The recording's text: what is flown, how to read the picture, and in the end the result."""
 
+from collections.abc import Mapping
+
 from gslcosim.contract.messages import AgentResult, Verdict
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
@@ -9,10 +11,17 @@ from gslcosim.ticks import seconds_from_ticks
 MAX_NAMED = 3
 
 
-def summary_text(scenario: Scenario, environment: Environment, verdict: Verdict | None = None) -> str:
-    """Return the recording's text as Markdown; with a verdict it begins with the result."""
+def summary_text(
+    scenario: Scenario,
+    environment: Environment,
+    verdict: Verdict | None = None,
+    sandboxes: Mapping[str, str] | None = None,
+) -> str:
+    """Return the recording's text as Markdown; with a verdict it begins with the result, sandboxes are its end."""
     parts = [_result(scenario, verdict)] if verdict else []
     parts += [_mission(scenario, environment)]
+    if sandboxes:
+        parts.append("\n".join(f"- sandbox of {name}: {told}" for name, told in sandboxes.items()))
     return "\n\n".join(parts) + "\n"
 
 
@@ -77,6 +86,9 @@ def legend_text(scenario: Scenario) -> str:
                              "the places that it believes in"))  # fmt: skip
     rows.append(("Control error", "behind the tab of the distance: how far a vehicle is from where its controller "
                                   "wants it"))  # fmt: skip
+    rows.append(("Decision time", "how long an agent took for each answer, by the machine's clock; not in a replay"))
+    rows.append(("Faults", "what agents did wrong, at their tick: bad answers, late ones, ends of their processes"))
+    rows.append(("Run", "the result, what is flown, and the sandbox that each agent flew in"))
     rows.append(("Referee", "what the referee noted; orange is a fault, a refusal or a collision"))
     scales = {agent.vehicle.model: agent.vehicle.facts.drawn_scale for agent in agents}
     larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]

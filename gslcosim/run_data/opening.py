@@ -209,6 +209,11 @@ class RunData:
         return recorded.texts(self._rows, self.scenario, entities.RADIO)
 
     @cached_property
+    def faults(self) -> RecordedTexts:
+        """What agents did wrong, at their tick."""
+        return recorded.texts(self._rows, self.scenario, entities.FAULTS)
+
+    @cached_property
     def environment(self) -> Environment:
         """The room with its occupancy and wind; made anew where it is no longer in the cache, which takes its time.
 

@@ -84,10 +84,11 @@ def readings(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list
 
 
 def figures(rows: StoredRows, scenario: Scenario, names: AgentEntities) -> list[RecordedSeries]:
-    """Return the curves that are no sensor's: `distance`, `tracking_error`, and of beliefs two figures."""
+    """Return the curves that are no sensor's: `distance`, `tracking_error`, `decision_time`, and two of beliefs."""
     wanted = {
         names.distance: ("distance", "m"),
         names.tracking_error: ("tracking_error", "m"),
+        names.decision: ("decision_time", "ms"),
         names.belief_mass: ("belief_mass_near", "frac"),
         names.belief_distance: ("belief_distance", "m"),
     }

@@ -12,6 +12,7 @@ from gslcosim.errors import MachineError, RecordingError, UsageError
 from gslcosim.generation import prepare_environment
 from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.machine import fault_text
+from gslcosim.recording.machine_notes import MachineLog
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.grouping import Group, groups_of
@@ -100,6 +101,10 @@ def fly(
 
     def fly_it(setup: Setup, report: Report) -> Outcome:
         setup = replace(setup, past=repetition and repetition.past)
+        if scenario.recording.enabled:
+            machine = MachineLog(setup.run_dir.path)
+            machine.confined(sandboxes)
+            machine.close()
         flown = _flown(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
         return replace(flown, sandboxes=sandboxes)
 

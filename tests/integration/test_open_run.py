@@ -46,6 +46,8 @@ def test_a_run_is_read_back_as_arrays_that_fit_its_result(flown):
     assert beliefs.in_plane(0).sum() == pytest.approx(1, abs=1e-3)
     assert run.figure("beetle", "belief_mass_near").value[-1] == pytest.approx(agent["belief"]["mass_near_frac"])
     assert run.gas_slices["ethanol"].at(5.0).max() > 0
+    assert len(run.figure("beetle", "decision_time").tick) == agent["steps"]
+    assert run.figure("beetle", "decision_time").value.min() > 0
     assert run.events.text[-1].startswith("the run ends after")
     assert run.wind_m_s(3.0).shape == (*run.environment.occupancy.shape, 3)
     assert gslcosim.open_run(flown / "recording.rrd").run_id == run.run_id

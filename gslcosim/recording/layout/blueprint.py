@@ -61,6 +61,7 @@ def _flight_page(
     logs = [_log_view(entities.EVENTS, "Referee"), _log_view(entities.CONTACTS, "Contacts")]
     if scenario.channels:
         logs.append(_log_view(entities.RADIO, "Radio"))
+    logs.append(_log_view(entities.FAULTS, "Faults"))
     run = rrb.TextDocumentView(origin=entities.SUMMARY, name="Run")
     legend = rrb.TextDocumentView(origin=entities.LEGEND, name="Legend")
     texts = [rrb.Tabs(run, legend, active_tab=0), rrb.Tabs(*logs, active_tab=0)]

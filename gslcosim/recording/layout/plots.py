@@ -48,7 +48,10 @@ def flight_plots(
         # Without a legend: what is measured is noisy everywhere.
         plots.append(_plot(entities.WIND_PLOTS, "Wind speed [m/s], true in white", 0))
     distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
-    behind = [_plot(entities.TRACKING_PLOTS, "Control error [m]", 0)]
+    behind = [
+        _plot(entities.TRACKING_PLOTS, "Control error [m]", 0),
+        _plot(entities.DECISION_PLOTS, "Decision time [ms]", 0),
+    ]
     if scenario.has_driven_wind or scenario.curve_ports:
         plots.append(_plot(entities.SERVICE_PLOTS, "Services", MAX_CURVES_WITH_LEGEND))
     if any(agent.cameras for agent in agents):

@@ -53,6 +53,7 @@ class AgentRows:
         self.markers = MarkerRows(names.markers, radius_m=MARKER_RADIUS_M)
         self.distance = ScalarRows(names.distance)
         self.tracking_error = ScalarRows(names.tracking_error)
+        self.decision = ScalarRows(names.decision)
         self.belief = BeliefRows(names)
         self.position_m: Vec3 = names.agent.vehicle.start_m
         self._mission: tuple[Waypoint, ...] | None = None
@@ -85,6 +86,7 @@ class AgentRows:
     def all(self) -> list[Rows]:
         """Return the rows of every entity."""
         own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
+        own = (*own, self.decision)
         own = (*own, *self.belief.all())
         truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
         return [*own, *truth, *(rows for sinks in self._readings.values() for rows in sinks)]
@@ -199,6 +201,7 @@ class AgentRows:
         styles = {
             names.distance: [(label.strip() or "distance", names.color)],
             names.tracking_error: [(label.strip() or "error", names.color)],
+            names.decision: [(label.strip() or "decision", names.color)],
         }
         n_gases = len({gas for _, gas in self._gas})
         for i, (sensor, gas) in enumerate(self._gas):

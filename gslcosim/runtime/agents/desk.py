@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending
+from gslcosim.recording.machine_notes import MachineLog
 from gslcosim.runtime.agents.door import Door, door_name
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, AgentJoined, AnswerMissed, CommandCame, CommandRefused
 from gslcosim.runtime.agents.links import AgentLink, Seen
@@ -26,7 +27,8 @@ class Desk:
 
     Methods return the commands that count now, with their bytes; whoever holds the desk delivers them. `journal` is
     told each of them; `last_words` returns the end of the agent's log; `told` keeps what the agent is told, where the
-    run takes snapshots. Times are those of the monotonic clock [s].
+    run takes snapshots; `machine` notes decisions and faults where the run is recorded. Times are those
+    of the monotonic clock [s].
     """
 
     agent: str
@@ -36,10 +38,12 @@ class Desk:
     journal: Callable[[Command], None] = lambda _: None
     last_words: Callable[[], str] = lambda: ""
     told: ToldLog | None = None
+    machine: MachineLog = field(default_factory=MachineLog)
     trail: Trail = field(default_factory=Trail)
     decisions_s: list[float] = field(default_factory=list[float])
     is_ready: bool = False
     last_tick: int = -1
+    _n_faults_noted: int = 0
     _asked_at_s: float | None = None
     _repeated_at_s: float = 0.0
 
@@ -108,6 +112,7 @@ class Desk:
         """Tell the agent that the run is over."""
         if self.told is not None:
             self.told.flush()
+        self.machine.close()
         self.link.end(ending, codec.encode(ending))
 
     def _hear(self, event: CommandCame | CommandRefused) -> list[Sent]:
@@ -119,10 +124,17 @@ class Desk:
         if self._asked_at_s is not None:
             waited_s = time.monotonic() - self._asked_at_s
             self.decisions_s.append(waited_s if decided_in_s is None else decided_in_s)
+            # What is flown again was decided before.
+            if decided_in_s != 0.0:
+                asked_tick = commands[0].tick if commands else self.last_tick
+                self.machine.decided(self.agent, asked_tick, self.decisions_s[-1])
         self.link.handled(event)
         return self._pass(commands)
 
     def _pass(self, commands: Iterable[Command]) -> list[Sent]:
+        for fault in self.door.faults[self._n_faults_noted :]:
+            self.machine.failed(f"agent {fault.agent}", fault.tick, fault.text)
+        self._n_faults_noted = len(self.door.faults)
         passed: list[Sent] = []
         for command in commands:
             sent = Sent(keys.command(self.agent), command, codec.encode(command))
@@ -146,6 +158,7 @@ def desk_of(agent: AgentSpec, setup: Setup, link: AgentLink) -> Desk:
         journal=lambda command: run_dir.log_command(agent.name, command),
         last_words=lambda: run_dir.last_words(door_name(agent.process)),
         told=ToldLog(run_dir, agent.name) if setup.scenario.snapshots is not None else None,
+        machine=MachineLog(run_dir.path if setup.scenario.recording.enabled else None),
     )
 
 

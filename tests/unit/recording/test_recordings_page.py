@@ -9,6 +9,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
 from gslcosim.recording.core import RecorderCore
+from gslcosim.recording.machine_notes import MachineLog
 
 PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
@@ -31,6 +32,10 @@ def test_every_entity_is_explained_and_every_explained_one_is_recorded(make_room
         plans=((), ((1.0, 0.0, 2.0),)),
     )
     path = tmp_path / "recording.rrd"
+    log = MachineLog(tmp_path)
+    log.decided("agent_0", 3, 0.1)
+    log.failed("agent agent_0", 3, "late")
+    log.close()
     core = RecorderCore(flight.scenario, make_room(obstacles=[RACK]), path)
     core.reset(Episode(seed=0))
     sent = RadioTransmission(sender="agent_0", message=RadioMessage(channel="radio", text="here"))

@@ -8,7 +8,7 @@ from scripted_flight import NOSE_AND_VANE, ON_BOARD, scenario
 from gslcosim.recording.layout.blueprint import default_blueprint
 from gslcosim.recording.repair import is_whole
 
-ALWAYS = ["Distance [m]", "Control error [m]"]
+ALWAYS = ["Distance [m]", "Control error [m]", "Decision time [ms]"]
 BUMPER = ({"model": "bump", "name": "bumper"},)
 CAMERAS = tuple({"model": "camera", "name": f"eye_{i}"} for i in range(5))
 
@@ -53,7 +53,7 @@ def test_readings_of_different_units_do_not_share_a_plot(make_room):
     models = ("tgs2600", "tgs2611", "pid", "hit_counter", "tdlas")
     sensors = tuple({"model": model, "name": model} for model in models)
     flight = _layout(make_room, sensors=sensors)["Flight"]
-    assert _plots(flight)[1:-2] == [
+    assert _plots(flight)[1:-3] == [
         "Reading of TGS2600, TGS2611 [Ω]",
         "Reading of PID [ppm]",
         "Reading of hit counter",
@@ -97,7 +97,7 @@ def test_a_vehicle_with_on_board_sensors_has_a_page_with_its_pictures_and_curves
 def test_ten_vehicles_have_ten_pages_and_share_the_plots_of_the_flight(make_room):
     pages = _layout(make_room, n_agents=10, sensors=(*NOSE_AND_VANE, {"model": "imu", "name": "imu"}))
     assert list(pages) == ["Flight", *(f"Sensors of agent_{i}" for i in range(10))]
-    assert len(_plots(pages["Flight"])) == 5
+    assert len(_plots(pages["Flight"])) == 6
     origins = {view.origin for view in _views(pages["Sensors of agent_7"])}
     assert origins == {
         "plots/on_board/agent_7/imu/specific_force",

@@ -5,6 +5,7 @@ import pytest
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
+from gslcosim.recording.machine_notes import MachineLog, read_machine_notes
 from gslcosim.runtime.agents import desk as desk_module
 from gslcosim.runtime.agents.desk import REPEAT_AFTER_S, Desk
 from gslcosim.runtime.agents.door import Door
@@ -182,3 +183,21 @@ def test_an_object_that_raises_is_gone():
     assert "RuntimeError: no nose" in desk.door.faults[0].text
     (sent,) = desk.observe(*question(3))
     assert sent.message.kind == "failed"
+
+
+def test_what_an_agent_took_and_did_wrong_is_noted_beside_the_recording_but_nothing_of_what_is_flown_again(
+    clock, tmp_path
+):
+    desk, _, _ = desk_with()
+    desk.machine = MachineLog(tmp_path)
+    desk.observe(*question(3))
+    clock[0] += 0.25
+    desk.handle(hold(3))
+    desk.observe(*question(7))
+    desk.handle(CommandCame(agent="beetle", payload=hold(7).payload, decided_in_s=0.0))
+    desk.observe(*question(9))
+    desk.handle(CommandCame(agent="beetle", payload=b"nonsense", decided_in_s=0.5))
+    notes = read_machine_notes(tmp_path)
+    assert notes.decisions_ms == {"beetle": [(3, 250.0), (9, 500.0)]}
+    assert [(tick, who) for tick, who, _ in notes.faults] == [(9, "agent beetle")]
+    assert notes.faults[0][2] == desk.door.faults[0].text
