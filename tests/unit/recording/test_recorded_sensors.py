@@ -55,6 +55,7 @@ def test_every_value_is_a_curve_under_its_quantity_and_none_is_among_those_of_ga
     assert drawn == {f"{PLOTS}/{place}" for place in CURVES} | {
         "/plots/distance_m/agent_0",
         "/plots/tracking_error_m/agent_0",
+        "/plots/decision_ms/agent_0",
     }
 
 
