@@ -34,6 +34,16 @@ class RayScene:
         bodies = {agent.name: agent.vehicle.facts.body for agent in scenario.agents}
         self._sizes_m = {name: (body.radius_m, body.half_height_m) for name, body in bodies.items()}
 
+    @property
+    def boxes(self) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        """The boxes, and where each bin's begin and which they are, as `distance_among_boxes` takes them."""
+        return self._boxes_m, self._first, self._members
+
+    @property
+    def bins(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Corner of the first bin, world frame [m], and how many there are along each axis."""
+        return self._origin_m, self._shape
+
     def ranges_m(
         self,
         start_m: NDArray[np.float64],

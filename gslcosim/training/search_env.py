@@ -82,7 +82,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         search.flight.close()
         self.observation_names: tuple[str, ...] = search.vector.names
         self.observation_space = spaces.Box(-1.0, 1.0, (search.vector.size,), np.float32)
-        self.action_space = _space_of(search.actions)
+        self.action_space = space_of_actions(search.actions)
         self._search: _Search | None = None
 
     def reset(
@@ -186,7 +186,8 @@ class _Search:
         }
 
 
-def _space_of(actions: ActionKind) -> "spaces.Space[Any]":
+def space_of_actions(actions: ActionKind) -> "spaces.Space[Any]":
+    """Return the space of one kind of actions."""
     if actions.n_choices:
         return spaces.Discrete(actions.n_choices)
     return spaces.Box(-1.0, 1.0, (actions.n_numbers,), np.float32)

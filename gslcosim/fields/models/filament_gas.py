@@ -61,7 +61,7 @@ def _filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
 
 def _source_of_filaments(block: FilamentGasSpec, plume: FilamentPlume, setup: GasSetup) -> FilamentSource:
     if block.tape:
-        return _taped(setup.scenario, setup.environment)
+        return taped_plume(setup.scenario, setup.environment)
     # What events change is not known ahead.
     if setup.wind_at is not None or any(isinstance(event, SourceEventSpec) for event in setup.scenario.events):
         return plume
@@ -69,7 +69,12 @@ def _source_of_filaments(block: FilamentGasSpec, plume: FilamentPlume, setup: Ga
     return PlumeAhead(plume, step_s=timing.step_s, steps_per_frame=timing.steps_per_tick)
 
 
-def _taped(scenario: Scenario, environment: Environment) -> TapedPlume:
+def taped_plume(scenario: Scenario, environment: Environment) -> TapedPlume:
+    """Return the gas of a scenario from tape, recorded at its first reset where there is none yet.
+
+    Raises:
+        ScenarioError: there are too many sources for a tape.
+    """
     if len(scenario.gas.sources) > MOST_SOURCES:
         raise ScenarioError(
             f"gas.sources: expected at most {MOST_SOURCES} with tape: true, was {len(scenario.gas.sources)}."

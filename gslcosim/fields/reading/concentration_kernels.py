@@ -124,6 +124,19 @@ def is_seen(walls, ax, ay, az, bx, by, bz):
 
 
 @numba.njit(cache=True, nogil=True)
+def share_of_filament_ppm(strength_ppm_m3, sigma_m, distance2_m2):
+    """Return what a filament adds to the mixing ratio at a distance [ppm]; see `add_filaments_at_points_inplace`.
+
+    Args:
+        strength_ppm_m3: Its gas as volume of pure gas [ppm m3].
+        sigma_m: Its standard deviation [m], > 0.
+        distance2_m2: Square of the distance from its centre [m2].
+    """
+    s = sigma_m
+    return strength_ppm_m3 / (NORMALISATION * s * s * s) * math.exp(-0.5 * distance2_m2 / (s * s))
+
+
+@numba.njit(cache=True, nogil=True)
 def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm):
     """Add to each point what every filament contributes to its mixing ratio.
 
@@ -158,7 +171,7 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
             if walls.is_opaque and not is_seen(walls, x, y, z, fx, fy, fz):
                 continue
             source = filaments.source_index[f]
-            share = filaments.strength_ppm_m3[source] / (NORMALISATION * s * s * s) * math.exp(-0.5 * d2 / (s * s))
+            share = share_of_filament_ppm(filaments.strength_ppm_m3[source], s, d2)
             mixing_ratio_ppm[p, filaments.gas_index[source]] += share
 
 

@@ -120,6 +120,11 @@ class GasTape:
         """Size of the filaments on disk."""
         return int(self._filaments.nbytes + (0 if self._sources is None else self._sources.nbytes))
 
+    @property
+    def arrays(self) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.uint8] | None]:
+        """Where each frame begins, all filaments and their sources (absent: there is one), as they are on disk."""
+        return self._first, self._filaments, self._sources
+
     def frame(self, number: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return the (n, 4) filaments of a frame, x, y, z and sigma [m], and the (n,) sources that released them."""
         some = slice(int(self._first[number]), int(self._first[number + 1]))
@@ -183,6 +188,17 @@ class TapedPlume:
         self._step = 0
 
     @property
+    def tape(self) -> GasTape:
+        """The tape of the seed of the last reset."""
+        assert self._tape is not None, "reset comes first"
+        return self._tape
+
+    @property
+    def sources(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """How much a filament of each source holds [mol], and of which gas."""
+        return self._amount_mol, self._gas_index
+
+    @property
     def step(self) -> int:
         """Number of steps made."""
         return self._step
@@ -199,8 +215,7 @@ class TapedPlume:
         Raises:
             ModelError: no run looks at the gas at this step, so it is not on tape.
         """
-        assert self._tape is not None, "reset comes first"
-        rows, sources = self._tape.frame(self._schedule.frame_at(self._step))
+        rows, sources = self.tape.frame(self._schedule.frame_at(self._step))
         return Filaments(
             position_world_m=rows[:, :3],
             sigma_m=rows[:, 3],

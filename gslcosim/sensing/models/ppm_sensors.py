@@ -148,8 +148,8 @@ class SecondOrderSensor:
 
     def __init__(self, spec: SecondOrderSensorSpec, tick_s: float) -> None:
         self._sensor = spec.name
-        self._response = _two_lags(*spec.response_s, tick_s)
-        self._recovery = _two_lags(*spec.recovery_s, tick_s)
+        self._response = two_lags(*spec.response_s, tick_s)
+        self._recovery = two_lags(*spec.recovery_s, tick_s)
         self._first_ppm = 0.0
         self._second_ppm = 0.0
 
@@ -164,8 +164,11 @@ class SecondOrderSensor:
         return _ppm_reading(self._sensor, max(0.0, self._second_ppm))
 
 
-# After a time t: first gap times e^(-t/A); second gap times e^(-t/B) plus first gap times the third factor.
-def _two_lags(a_s: float, b_s: float, t: float) -> tuple[float, float, float]:
+def two_lags(a_s: float, b_s: float, t: float) -> tuple[float, float, float]:
+    """Return what is left of two lags' gaps after a time t [s].
+
+    First gap times e^(-t/A); second gap times e^(-t/B) plus first gap times the third factor.
+    """
     keeps_first, keeps_second = math.exp(-t / a_s), math.exp(-t / b_s)
     if math.isclose(a_s, b_s, rel_tol=1e-6):
         return keeps_first, keeps_second, t / a_s * keeps_first

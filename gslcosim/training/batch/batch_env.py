@@ -1,5 +1,6 @@
 """Many searches at a time as a vector environment of Gymnasium."""
 
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,15 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import UsageError
+from gslcosim.fields.gas_setup import gas_seed
+from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.scenario.loading import LoadedScenario
-from gslcosim.search.learned.acting import ACTIONS, action_kind
+from gslcosim.scenario.models.gas import FormulaGasSpec
+from gslcosim.search.learned.acting import action_kind
 from gslcosim.ticks import NS_PER_S
 from gslcosim.training.batch import batch_records
+from gslcosim.training.batch.batch_actions import BATCHED_ACTIONS, BatchActions
+from gslcosim.training.batch.batch_arrays import Searches, Work, new_touch, new_work
 from gslcosim.training.batch.drawing_kernels import scrambled
 from gslcosim.training.batch.preparing import prepare
-from gslcosim.training.batch.stepping_kernels import Searches, begin, new_work, step
+from gslcosim.training.batch.stepping_kernels import fly
 from gslcosim.training.registration import REMEDY
 from gslcosim.training.rewards import REWARDS, SUCCESS
+from gslcosim.training.search_env import space_of_actions
 from gslcosim.world.physics import records
 
 try:
@@ -31,7 +38,6 @@ except ImportError as error:  # an extra
 _MOST_SEED = 2**31
 # Searches that a thread takes at a time: few enough that all threads end together.
 _CHUNK = 256
-_BATCHED_ACTIONS = ("velocity", "velocity_3d")
 
 
 class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
@@ -51,7 +57,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     Args:
         cases: Scenarios with one agent, places drawn; see `LearningTask.loaded`.
         n_envs: How many searches.
-        action: As for `SearchEnv`: `velocity` or `velocity_3d`.
+        action: As for `SearchEnv`: `velocity`, `velocity_3d`, `waypoint`, `waypoint_3d` or `heading`.
         step_m: The longest leg [m].
         speed_m_s: The highest speed of velocities [m/s].
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
@@ -80,15 +86,14 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     ) -> None:
         if n_envs < 1:
             raise UsageError(f"n_envs: expected at least 1, was {n_envs}.")
-        if action not in ACTIONS or action not in _BATCHED_ACTIONS:
-            raise UsageError(f"action: expected one of {', '.join(_BATCHED_ACTIONS)} in a batch, was {action!r}.")
+        if action not in BATCHED_ACTIONS:
+            raise UsageError(f"action: expected one of {', '.join(BATCHED_ACTIONS)} in a batch, was {action!r}.")
         if reward not in REWARDS:
             raise UsageError(f"reward: expected one of {', '.join(REWARDS)} in a batch, was {reward!r}.")
         if autoreset_mode not in ("next_step", "same_step"):
             raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
         self._loaded = tuple(cases)
         self._prepared = prepare(self._loaded, hold_s)
-        self._speed_m_s = speed_m_s
         self._reward, self._discount = reward, discount
         self._resets_at_once = autoreset_mode == "same_step"
         self.metadata = {
@@ -99,7 +104,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         n_numbers = len(self.observation_names)
         kind = action_kind(action, self._prepared.briefing, step_m=step_m, speed_m_s=speed_m_s, hold_s=hold_s)
         self.single_observation_space = spaces.Box(-1.0, 1.0, (n_numbers,), np.float32)
-        self.single_action_space = spaces.Box(-1.0, 1.0, (kind.n_numbers,), np.float32)
+        self.single_action_space = space_of_actions(kind)
         self.observation_space = batch_space(self.single_observation_space, n_envs)
         self.action_space = batch_space(self.single_action_space, n_envs)
         self._n_sensors = self._prepared.cases.instruments.shape[1]
@@ -107,16 +112,18 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             searches=np.zeros(n_envs, batch_records.SEARCH),
             paths=np.zeros(n_envs, records.STATE),
             gauges=np.zeros((n_envs, self._n_sensors), batch_records.GAUGE),
+            memory=np.zeros((n_envs, self._prepared.n_memory)),
         )
         self._observations = np.zeros((n_envs, n_numbers), np.float32)
-        self._tasks = np.full(n_envs, batch_records.CRUISE, np.int64)
-        self._vectors = np.zeros((n_envs, 3))
+        self._actions = BatchActions(action, self.action_space.shape or (), step_m=step_m, speed_m_s=speed_m_s)
         self._is_over = np.zeros(n_envs, np.bool_)
+        self._next_cases, self._next_seeds = np.zeros(n_envs, np.int64), np.zeros(n_envs, np.int64)
         self._stream_seed: int | None = None
         self.n_ticks = 0
         n_threads = n_threads or len(os.sched_getaffinity(0))
         n_places = self._prepared.cases.places_m.shape[1]
-        self._work = [new_work(n_places, records.STATE) for _ in range(n_threads)]
+        self._touch = new_touch(n_places)
+        self._work = [new_work(n_places, self._prepared.most_filaments, records.STATE) for _ in range(n_threads)]
         self._threads = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
 
     def reset(
@@ -159,12 +166,14 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         """
         if self._stream_seed is None:
             raise UsageError("step: expected searches that go on, was none. Call reset first.")
-        self._take(actions)
+        searches = self._searches.searches
+        self._actions.take(actions, searches, self._prepared.cases.cases[searches["case"]])
         was_over = self._is_over.copy()
         flying = np.flatnonzero(~was_over)
         before = self._searches.searches[["scored_distance_m", "tick", "case"]].copy()
-        self._fly(flying)
+        self._fly(flying, batch_records.STEP)
         after = self._searches.searches
+        self.n_ticks += int((after["tick"] - before["tick"]).sum())
         self._is_over = after["outcome"] != batch_records.SEARCHES_ON
         is_truncated = after["outcome"] == batch_records.TIME_LIMIT
         rewards = np.where(was_over, 0.0, self._rewards(before, after))
@@ -187,13 +196,20 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         """Return the scenario that search `i` flies now, with its seed: a single flight of it is the same."""
         search = self._searches.searches[i]
         loaded = self._loaded[int(search["case"])]
-        scenario = loaded.scenario.model_copy(update={"seed": int(search["seed"])})
-        return replace(loaded, scenario=scenario)
+        update: dict[str, Any] = {"seed": int(search["seed"])}
+        if not isinstance(loaded.scenario.gas, FormulaGasSpec):
+            # Filaments are those of the case, whatever the noise.
+            seed = gas_seed(loaded.scenario, loaded.scenario.seed)
+            update["gas"] = loaded.scenario.gas.model_copy(update={"seed": seed})
+        return replace(loaded, scenario=loaded.scenario.model_copy(update=update))
 
     @property
     def bytes_per_env(self) -> int:
         """How many bytes each search takes, beside the cases that all share."""
-        arrays = (*self._searches, self._observations, self._tasks, self._vectors, self._is_over)
+        arrays = (
+            *self._searches, self._observations, self._actions.tasks, self._actions.vectors, self._is_over,
+            self._next_cases, self._next_seeds,
+        )  # fmt: skip
         return sum(array.nbytes for array in arrays) // self.num_envs
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -212,43 +228,53 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
 
     def _begin(self, rows: NDArray[np.int64], cases: NDArray[np.int64], seeds: NDArray[np.int64]) -> None:
         self._searches.searches["n_begun"][rows] += 1
-        prepared, searches, observations = self._prepared.cases, self._searches, self._observations
+        self._next_cases[rows], self._next_seeds[rows] = cases, seeds
+        self._fly(rows, batch_records.BEGIN)
+        self._is_over[rows] = self._searches.searches["outcome"][rows] != batch_records.SEARCHES_ON
 
-        def fly(part: slice, work: Any) -> int:
-            begin(rows[part], cases[part], seeds[part], prepared, searches, work, observations)
-            return 0
-
-        self._in_parts(len(rows), fly)
-        self._is_over[rows] = searches.searches["outcome"][rows] != batch_records.SEARCHES_ON
-
-    def _fly(self, rows: NDArray[np.int64]) -> None:
-        prepared, searches, observations = self._prepared.cases, self._searches, self._observations
-        tasks, vectors = self._tasks, self._vectors
-
-        def fly(part: slice, work: Any) -> int:
-            return int(step(rows[part], tasks, vectors, prepared, searches, work, observations))
-
-        self.n_ticks += self._in_parts(len(rows), fly)
-
-    def _in_parts(self, n: int, fly: Any) -> int:
-        parts = [slice(begin_at, min(begin_at + _CHUNK, n)) for begin_at in range(0, n, _CHUNK)]
+    def _fly(self, rows: NDArray[np.int64], how: int) -> None:
+        parts = [rows[first : first + _CHUNK] for first in range(0, len(rows), _CHUNK)]
         if self._threads is None or len(parts) == 1:
-            return sum(fly(part, self._work[0]) for part in parts)
-        n_threads = len(self._work)
+            n_touched = sum(self._fly_part(part, how, self._work[0]) for part in parts)
+        else:
+            n_threads = len(self._work)
 
-        def some(k: int) -> int:
-            return sum(fly(part, self._work[k]) for part in parts[k::n_threads])
+            def some(k: int) -> int:
+                return sum(self._fly_part(part, how, self._work[k]) for part in parts[k::n_threads])
 
-        return sum(self._threads.map(some, range(n_threads)))
+            n_touched = sum(self._threads.map(some, range(n_threads)))
+        if n_touched:
+            for i in rows[self._searches.searches["touched_at"][rows] >= 0].tolist():
+                self._finish(i)
 
-    def _take(self, actions: NDArray[Any]) -> None:
-        expected = self.action_space.shape
-        given = np.asarray(actions, np.float64)
-        if given.shape != expected:
-            raise UsageError(f"step: actions: expected shape {expected}, was {given.shape}.")
-        if not np.isfinite(given).all():
-            raise UsageError(f"step: actions: expected finite numbers, was {given[~np.isfinite(given)][0]}.")
-        self._vectors[:, : given.shape[1]] = self._speed_m_s * given
+    def _fly_part(self, rows: NDArray[np.int64], how: int, work: Work) -> int:
+        n_touched = fly(
+            rows, how, self._next_cases, self._next_seeds, self._actions.tasks, self._actions.vectors, self._touch,
+            self._prepared.cases, self._searches, work, self._observations,
+        )  # fmt: skip
+        return int(n_touched)
+
+    # A touch is rare, and MuJoCo's.
+    def _finish(self, i: int) -> None:
+        search, path = self._searches.searches[i], self._searches.paths[i : i + 1]
+        while search["touched_at"] >= 0:
+            i_case = int(search["case"])
+            scene, tick_s = self._prepared.scenes[i_case], float(self._prepared.cases.cases["tick_s"][i_case])
+            touched = scene.fly(
+                int(search["touched_at"]), int(search["tick"]), tick_s, path, search["position_m"],
+                search["velocity_m_s"], search["acceleration_m_s2"],
+            )  # fmt: skip
+            search["position_m"], search["velocity_m_s"] = touched.pose[:3], touched.motion[:3]
+            w, x, y, z = touched.pose[3:].tolist()
+            yaw_rad = yaw_from_quaternion((w, x, y, z))
+            search["yaw_sin"], search["yaw_cos"] = math.sin(yaw_rad), math.cos(yaw_rad)
+            rotation = world_from_body_rotation((w, x, y, z))
+            mounts_m = self._prepared.cases.places_m[i_case]
+            self._touch.is_touched[0], self._touch.rotation[:] = touched.is_touched, rotation.ravel()
+            self._touch.places_m[:] = search["position_m"] + mounts_m @ rotation.T
+            swings_m_s = np.cross(touched.motion[3:], mounts_m) @ rotation.T
+            self._touch.velocity_m_s[:] = search["velocity_m_s"] + swings_m_s
+            self._fly_part(np.array([i]), batch_records.FINISH, self._work[0])
 
     def _times_s(self, searches: NDArray[np.void]) -> NDArray[np.float64]:
         return searches["tick"] * self._prepared.cases.cases["tick_ns"][searches["case"]] / NS_PER_S

@@ -9,18 +9,33 @@ from numpy.typing import NDArray
 from gslcosim.errors import UsageError
 from gslcosim.quantities import Vec3
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.gas_sensors import AnemometerSpec
+from gslcosim.scenario.models.gas_sensors import (
+    Anemometer3dSpec,
+    AnemometerSpec,
+    AveragingSensorSpec,
+    HitCounterSpec,
+    PidSensorSpec,
+    SecondOrderSensorSpec,
+    ThresholdSensorSpec,
+)
+from gslcosim.scenario.models.onboard import BumpSensorSpec, FourRangeFindersSpec, RangeFinderSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, NoisySensorSpec, SensorSpec
 from gslcosim.sensing.models.base import SensorKind, estimate_name
 from gslcosim.sensing.models.mox import MOX_PARAMETERS, MoxParameters, with_gases
+from gslcosim.sensing.models.ppm_sensors import PID_CORRECTION, two_lags
+from gslcosim.sensing.models.ranging import directions_body
 from gslcosim.sensing.table import kind_in
 from gslcosim.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.training.batch import batch_records as records
 
+ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
+
 
 class BatchInstruments:
     """The sensors of one agent as records of `INSTRUMENT`, the places where they are, and their streams' names.
+
+    `n_memory` is how many numbers a search keeps of their samples of late.
 
     Args:
         agent: The agent.
@@ -36,6 +51,8 @@ class BatchInstruments:
         self._scenario = scenario
         self._gases = gases
         self._numbers = numbers
+        self._tick_s = scenario.tick_ns / NS_PER_S
+        self.n_memory = 0
         self.rows = np.zeros(len(agent.sensors), records.INSTRUMENT)
         self.names = b""
         places: dict[Vec3, int] = {}
@@ -48,31 +65,90 @@ class BatchInstruments:
         self.places_m: NDArray[np.float64] = np.array(list(places), np.float64).reshape(-1, 3)
 
     def _fill(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
-        tick_ns = self._scenario.tick_ns
         self._fill_errors(row, sensor, kind)
+        row["mount_m"] = sensor.mount_m
         if sensor.model in MOX_PARAMETERS:
-            row["kind"], row["numbers"], row["n_values"] = records.MOX, records.LOG_RESISTANCE, 1
-            row["first_number"] = self._numbers.index(f"{sensor.name}.log_resistance")
+            self._as(row, sensor, records.MOX, records.LOG_RESISTANCE, "log_resistance")
             parameters = with_gases(MOX_PARAMETERS[sensor.model], self._scenario.gas.define)
-            self._fill_mox(row, sensor, kind, parameters, tick_ns / NS_PER_S)
+            self._fill_mox(row, sensor, kind, parameters)
         elif isinstance(sensor, AnemometerSpec):
-            row["kind"], row["numbers"], row["n_values"] = records.ANEMOMETER, records.PLANAR_WIND, 2
-            row["first_number"] = self._numbers.index(f"{sensor.name}.speed")
+            self._as(row, sensor, records.ANEMOMETER, records.PLANAR_WIND, "speed", (2, 3))
+            row["speed_noise"], row["direction_noise"] = sensor.speed_noise_std_m_s, sensor.direction_noise_std_rad
+        elif isinstance(sensor, Anemometer3dSpec):
+            self._as(row, sensor, records.ANEMOMETER_3D, records.SPEEDS, "x", (3, 3))
             row["speed_noise"] = sensor.speed_noise_std_m_s
-            row["direction_noise"] = sensor.direction_noise_std_rad
+        elif isinstance(sensor, RangeFinderSpec | FourRangeFindersSpec):
+            self._fill_ranges(row, sensor)
+        elif isinstance(sensor, BumpSensorSpec):
+            self._as(row, sensor, records.BUMP, records.PLAIN, "contact")
+            self._keep(row, sensor.period_s or self._tick_s)
         else:
-            raise UsageError(
-                f"agents[].sensors[].model: expected sensors that can be batched (tgs2600, anemometer …), was "
-                f"{sensor.model}. Take another, or fly single environments of gslcosim/Search-v0."
-            )
+            self._fill_ppm(row, sensor, kind)
         row["n_with_errors"] = row["n_values"] if kind.n_with_errors is None else kind.n_with_errors
+        if sensor.delay_s:
+            self._delay(row, sensor, kind)
 
-    def _fill_mox(
-        self, row: Any, sensor: SensorSpec, kind: SensorKind, parameters: MoxParameters, tick_s: float
+    # `n`: how many values, and numbers that they become.
+    def _as(
+        self, row: Any, sensor: SensorSpec, kind: int, numbers: int, first: str, n: tuple[int, int] = (1, 1)
     ) -> None:
+        row["kind"], row["numbers"], row["n_values"], row["n_numbers"] = kind, numbers, *n
+        row["first_number"] = self._numbers.index(f"{sensor.name}.{first}")
+        row["first_memory"] = self.n_memory
+
+    def _keep(self, row: Any, kept_s: float) -> None:
+        row["n_kept"] = max(1, round(kept_s / self._tick_s))
+        self.n_memory += int(row["n_kept"])
+
+    def _delay(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
+        if kind.is_on_board:
+            raise UsageError(
+                f"agents[0].sensors: delay_s: expected 0 in a batch for a {sensor.model}, was {sensor.delay_s:g}. "
+                f"{ELSE}"
+            )
+        row["delay_ticks"] = ticks_from_seconds(sensor.delay_s, self._scenario.tick_ns)
+        self.n_memory += (int(row["delay_ticks"]) + 1) * records.SAMPLE_LENGTH
+
+    def _fill_ranges(self, row: Any, sensor: RangeFinderSpec | FourRangeFindersSpec) -> None:
+        directions = directions_body(sensor)
+        n = len(directions)
+        self._as(row, sensor, records.RANGES, records.CLOSENESS, "closeness_0", (n, n))
+        row["directions"][:n] = directions
+        row["max_range_m"], row["own_noise"] = sensor.max_range_m, sensor.noise_std
+
+    def _fill_ppm(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
+        match sensor:
+            case PidSensorSpec():
+                self._as(row, sensor, records.PID, records.AMOUNT, "amount")
+                given = {g.name: g.pid_correction for g in self._scenario.gas.define if g.pid_correction is not None}
+                correction = {**PID_CORRECTION, **given}
+                row["weight"][: len(self._gases)] = [correction.get(gas, 0.0) for gas in self._gases]
+            case ThresholdSensorSpec():
+                is_binary = sensor.model == "binary"
+                numbers, first = (records.PLAIN, "gas") if is_binary else (records.AMOUNT, "amount")
+                self._as(row, sensor, records.BINARY if is_binary else records.THRESHOLD, numbers, first)
+                row["threshold_ppm"], row["own_noise"] = sensor.threshold_ppm, sensor.noise_std
+            case HitCounterSpec():
+                self._as(row, sensor, records.HITS, records.COUNT, "hits")
+                row["hits_per_ppm"] = sensor.hits_per_s_per_ppm * self._tick_s
+                self._keep(row, sensor.period_s or self._tick_s)
+            case AveragingSensorSpec():
+                self._as(row, sensor, records.AVERAGING, records.AMOUNT, "amount")
+                self._keep(row, sensor.averaging_s)
+            case SecondOrderSensorSpec():
+                self._as(row, sensor, records.SECOND_ORDER, records.AMOUNT, "amount")
+                row["response"] = two_lags(*sensor.response_s, self._tick_s)
+                row["recovery"] = two_lags(*sensor.recovery_s, self._tick_s)
+            case _:
+                raise UsageError(
+                    f"agents[0].sensors: model: expected a sensor of gas, wind or ranges in a batch, was {kind.name}. "
+                    f"{ELSE}"
+                )
+
+    def _fill_mox(self, row: Any, sensor: SensorSpec, kind: SensorKind, parameters: MoxParameters) -> None:
         row["r0_ohm"], row["air_ratio"] = parameters.r0_ohm, parameters.air_ratio
-        row["rise_frac"] = -math.expm1(-tick_s / parameters.rise_s)
-        row["decay_frac"] = -math.expm1(-tick_s / parameters.decay_s)
+        row["rise_frac"] = -math.expm1(-self._tick_s / parameters.rise_s)
+        row["decay_frac"] = -math.expm1(-self._tick_s / parameters.decay_s)
         for g, gas in enumerate(self._gases):
             row["law_a"][g], row["law_b"][g] = parameters.power_law.get(gas, (0.0, 0.0))
         gas = self._scenario.gas.gas

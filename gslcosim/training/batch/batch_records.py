@@ -21,10 +21,18 @@ ROOM = np.dtype(
         ("near_shape", np.int64, (3,)),
         ("near_first", np.int64),  # address of (n_blocks + 1,) int32
         ("near_members", np.int64),  # address of int32
+        ("solid_sums", np.int64),  # address of (nx + 1, ny + 1, nz + 1) int32, see `sums_of_solids`
+        ("ray_boxes_m", np.int64),  # what rays meet, see `RayScene`: address of (n, 6) float64
+        ("n_ray_boxes", np.int64),
+        ("ray_first", np.int64),  # address of (n_bins + 1,) int64
+        ("ray_members", np.int64),  # address of int64
+        ("ray_origin_m", np.float64, (3,)),
+        ("ray_bin_m", np.float64),
+        ("ray_shape", np.int64, (3,)),
     ]
 )
 
-STEADY_PLUMES, NO_GAS = 0, -1
+STEADY_PLUMES, FILAMENTS = 0, 1
 # What the referee asks for.
 NEAREST_SOURCE, ALL_SOURCES = 0, 1
 
@@ -54,25 +62,45 @@ CASE = np.dtype(
         ("ends_on_collision", np.int64),
         ("first_distance_m", np.float64),  # of the start as the scenario has it
         ("diagonal_m", np.float64),
-        ("gas", np.int64),  # STEADY_PLUMES …
-        ("first_plume", np.int64),
+        ("gas", np.int64),  # STEADY_PLUMES or FILAMENTS
+        ("first_plume", np.int64),  # of the plumes, or of the sources of filaments
         ("n_plumes", np.int64),
+        ("tape", np.int64),
+        ("cutoff_sigma", np.float64),
         ("n_gases", np.int64),
-        ("gas_step_s", np.float64),
-        ("gas_steps_per_tick", np.int64),
         ("gas_ticks_per_step", np.int64),
-        ("warm_up_steps", np.int64),
         ("warm_up_s", np.float64),
         ("centre_m", np.float64, (3,)),  # for the numbers of an observation
         ("half_m", np.float64, (3,)),
+        ("least_m", np.float64, (3,)),  # between these the agent sends its vehicle
+        ("most_m", np.float64, (3,)),
     ]
 )
 
-# What a sensor is, and what comes of its readings.
-MOX, ANEMOMETER = 0, 1
-# How values become numbers of an observation.
-LOG_RESISTANCE, PLANAR_WIND = 0, 1
-MOST_GASES = 8
+# A tape of filaments, and in which columns of space each frame's are.
+TAPE = np.dtype(
+    [
+        ("n_frames", np.int64),
+        ("first", np.int64),  # address of (n_frames + 1,) int64
+        ("rows", np.int64),  # address of (n, 4) float32
+        ("n_rows", np.int64),
+        ("sources", np.int64),  # address of (n,) uint8; 0: there is one
+        ("origin_m", np.float64, (2,)),
+        ("column_m", np.float64),
+        ("shape", np.int64, (2,)),
+        ("starts", np.int64),  # address of (n_frames, n_columns + 1) int32
+        ("members", np.int64),  # address of (n,) int32: filaments of each column, in order, from the frame's first
+        ("largest_sigma_m", np.int64),  # address of (n_frames, n_columns) float32
+    ]
+)
+
+# What a sensor is.
+MOX, ANEMOMETER, ANEMOMETER_3D, PID, THRESHOLD, BINARY, HITS, AVERAGING, SECOND_ORDER, RANGES, BUMP = range(11)
+# How its values become numbers of an observation.
+LOG_RESISTANCE, PLANAR_WIND, SPEEDS, AMOUNT, PLAIN, COUNT, CLOSENESS = range(7)
+MOST_GASES, MOST_VALUES = 8, 4
+# Gas, wind and velocity of a sample that is seen later.
+SAMPLE_LENGTH = MOST_GASES + 6
 
 INSTRUMENT = np.dtype(
     [
@@ -81,6 +109,7 @@ INSTRUMENT = np.dtype(
         ("numbers", np.int64),  # how its values become numbers
         ("n_values", np.int64),
         ("first_number", np.int64),  # where they stand in an observation
+        ("n_numbers", np.int64),
         ("first_name", np.int64),  # of its random stream
         ("n_name", np.int64),
         ("has_errors", np.int64),  # whether what follows counts
@@ -98,6 +127,18 @@ INSTRUMENT = np.dtype(
         ("air_ratio", np.float64),
         ("rise_frac", np.float64),
         ("decay_frac", np.float64),
+        ("first_memory", np.int64),  # where its samples of late are kept
+        ("delay_ticks", np.int64),
+        ("n_kept", np.int64),  # how many ticks it sums or averages
+        ("threshold_ppm", np.float64),
+        ("own_noise", np.float64),
+        ("hits_per_ppm", np.float64),
+        ("response", np.float64, (3,)),
+        ("recovery", np.float64, (3,)),
+        ("max_range_m", np.float64),
+        ("mount_m", np.float64, (3,)),
+        ("directions", np.float64, (MOST_VALUES, 3)),
+        ("weight", np.float64, (MOST_GASES,)),  # correction factor of each gas; 0: it is not seen
         ("law_a", np.float64, (MOST_GASES,)),  # of each gas; 0: it has no effect
         ("law_b", np.float64, (MOST_GASES,)),
         ("has_estimate", np.int64),
@@ -112,12 +153,16 @@ GAUGE = np.dtype(
         ("stream", np.uint64, (4,)),
         ("has_begun", np.int64),
         ("ratio", np.float64),
-        ("values", np.float64, (3,)),  # of the last reading
+        ("first_ppm", np.float64),  # of two lags
+        ("second_ppm", np.float64),
+        ("values", np.float64, (MOST_VALUES,)),  # of the last reading
         ("is_warming_up", np.int64),
     ]
 )
 
 ON_GROUND, TAKING_OFF, FLYING, HOLDING = 0, 1, 2, 3
+# How searches are flown on.
+BEGIN, STEP, FINISH = 0, 1, 2
 NO_TASK, CRUISE, GO_TO, HOLD = 0, 1, 2, 3
 SEARCHES_ON, SUCCESS, TIME_LIMIT, COLLISION, OUT_OF_BOUNDS = 0, 1, 2, 3, 4
 OUTCOMES = ("", "success", "time_limit", "collision", "out_of_bounds")
@@ -130,8 +175,14 @@ SEARCH = np.dtype(
         ("tick", np.int64),
         ("position_m", np.float64, (3,)),
         ("velocity_m_s", np.float64, (3,)),
+        ("acceleration_m_s2", np.float64, (3,)),  # in the last physics step
+        ("yaw_sin", np.float64),
+        ("yaw_cos", np.float64),
+        ("tick_start_m", np.float64, (3,)),  # where it was at the beginning of the tick
+        ("touched_at", np.int64),  # physics step of the tick before which it touched something; -1: none
         ("path_length_m", np.float64),
-        ("is_touching", np.int64),
+        ("is_touching", np.int64),  # what it must not
+        ("is_bumped", np.int64),
         # The guide.
         ("phase", np.int64),
         ("has_leg", np.int64),

@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.model import Environment
 from gslcosim.environment.solids import solid_boxes
+from gslcosim.fields.reading.concentration import sums_of_solids
+from gslcosim.scenario import Scenario
+from gslcosim.sensing.rays import BIN_M, RayScene
 from gslcosim.training.batch import batch_records as records
 
 # Edge of the blocks in which the boxes are looked for that a vehicle may touch [m].
@@ -23,12 +26,13 @@ class BatchRooms:
     kept: list[object] = field(default_factory=list[object])
     _known: dict[tuple[str, float], int] = field(default_factory=dict[tuple[str, float], int])
 
-    def number_of(self, environment: Environment, radius_m: float) -> int:
-        """Return the number of the room for vehicles of a radius [m]."""
+    def number_of(self, scenario: Scenario, environment: Environment, radius_m: float) -> int:
+        """Return the number of a scenario's room for vehicles of a radius [m]."""
         key = (environment.content_hash, radius_m)
         if key not in self._known:
             self._known[key] = len(self.rows)
             self.rows.append(self._row(environment, radius_m))
+            self._fill_rays(self.rows[-1], RayScene(scenario, environment))
         return self._known[key]
 
     def array(self) -> NDArray[np.void]:
@@ -48,7 +52,15 @@ class BatchRooms:
         first, members, shape = _near(boxes_m, np.array(grid.origin_m), np.array(grid.max_m), radius_m)
         row["near_origin_m"], row["near_block_m"], row["near_shape"] = grid.origin_m, _BLOCK_M, shape
         row["near_first"], row["near_members"] = self._address(first), self._address(members)
+        row["solid_sums"] = self._address(sums_of_solids(np.ascontiguousarray(environment.occupancy, np.uint8)))
         return row
+
+    def _fill_rays(self, row: NDArray[np.void], rays: RayScene) -> None:
+        boxes_m, first, members = rays.boxes
+        row["ray_boxes_m"], row["n_ray_boxes"] = self._address(boxes_m), len(boxes_m)
+        row["ray_first"], row["ray_members"] = self._address(first), self._address(members)
+        row["ray_origin_m"], row["ray_shape"] = rays.bins
+        row["ray_bin_m"] = BIN_M
 
     def _address(self, array: NDArray) -> int:
         self.kept.append(array)

@@ -23,6 +23,13 @@ _63, _58, _11, _8 = _U(63), _U(58), _U(11), _U(8)
 _BYTE, _MANTISSA = _U(0xFF), _U(0x000FFFFFFFFFFFFF)
 _TO_UNIT = 1.0 / 9007199254740992.0
 _KI, _WI, _FI = np.asarray(ki_double), np.asarray(wi_double), np.asarray(fi_double)
+_STIRLING = np.array(
+    [
+        8.333333333333333e-02, -2.777777777777778e-03, 7.936507936507937e-04, -5.952380952380952e-04,
+        8.417508417508418e-04, -1.917526917526918e-03, 6.410256410256410e-03, -2.955065359477124e-02,
+        1.796443723688307e-01, -1.39243221690590e00,
+    ]
+)  # fmt: skip
 _TAIL, _TAIL_INVERSE = float(ziggurat_nor_r), float(ziggurat_nor_inv_r)
 
 
@@ -95,6 +102,64 @@ def next_normal_inplace(stream):
                     return -(_TAIL + far) if (size >> _8) & _ONE == _ONE else _TAIL + far
         elif (_FI[i - 1] - _FI[i]) * next_uniform_inplace(stream) + _FI[i] < math.exp(-0.5 * x * x):
             return x
+
+
+@numba.njit(cache=True, nogil=True)
+def next_poisson_inplace(stream, mean):
+    """Return the next number of `Generator.poisson`.
+
+    Source:
+        Hormann 1993, The transformed rejection method for generating Poisson random variables (PTRS), from a mean of 10
+        on; below, products of uniform numbers. Both as numpy has them.
+    Held by:
+        tests/unit/training/batch/test_drawing_kernels.py
+    """
+    if mean == 0.0:
+        return 0
+    if mean < 10.0:
+        least, product, n = math.exp(-mean), 1.0, 0
+        while True:
+            product *= next_uniform_inplace(stream)
+            if product <= least:
+                return n
+            n += 1
+    root, log_mean = math.sqrt(mean), math.log(mean)
+    b = 0.931 + 2.53 * root
+    a = -0.059 + 0.02483 * b
+    inverse_alpha = 1.1239 + 1.1328 / (b - 3.4)
+    v_r = 0.9277 - 3.6224 / (b - 2)
+    while True:
+        u = next_uniform_inplace(stream) - 0.5
+        v = next_uniform_inplace(stream)
+        u_s = 0.5 - abs(u)
+        n = np.int64(math.floor((2 * a / u_s + b) * u + mean + 0.43))
+        if u_s >= 0.07 and v <= v_r:
+            return n
+        if n < 0 or (u_s < 0.013 and v > u_s):
+            continue
+        level = math.log(v) + math.log(inverse_alpha) - math.log(a / (u_s * u_s) + b)
+        if level <= -mean + n * log_mean - _log_gamma(n + 1.0):
+            return n
+
+
+# Of numpy: Zhang and Jin 1996, Computation of Special Functions.
+@numba.njit(cache=True, nogil=True)
+def _log_gamma(x):
+    if x == 1.0 or x == 2.0:
+        return 0.0
+    n = int(7 - x) if x < 7.0 else 0
+    x0 = x + n
+    x2 = (1.0 / x0) * (1.0 / x0)
+    total = _STIRLING[9]
+    for k in range(8, -1, -1):
+        total *= x2
+        total += _STIRLING[k]
+    result = total / x0 + 0.5 * 1.8378770664093453e00 + (x0 - 0.5) * math.log(x0) - x0
+    if x < 7.0:
+        for _ in range(n):
+            result -= math.log(x0 - 1.0)
+            x0 -= 1.0
+    return result
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -73,3 +73,55 @@ def norm2(x, y):
         tests/unit/training/batch/test_exact_kernels.py
     """
     return norm3(x, y, 0.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def exact_sum(values, n, parts):
+    """Return the sum of the first n values, rounded once, the same as `math.fsum`.
+
+    Args:
+        values: (n or more,) numbers.
+        n: How many.
+        parts: (64,) scratch.
+
+    Source:
+        Shewchuk 1997, doi:10.1007/PL00009321; CPython 3.11, Modules/mathmodule.c, fsum.
+    Held by:
+        tests/unit/training/batch/test_exact_kernels.py
+    """
+    n_parts = 0
+    for k in range(n):
+        x = values[k]
+        i = 0
+        for j in range(n_parts):
+            y = parts[j]
+            if abs(x) < abs(y):
+                x, y = y, x
+            high = x + y
+            low = y - (high - x)
+            if low != 0.0:
+                parts[i] = low
+                i += 1
+            x = high
+        n_parts = i
+        if x != 0.0:
+            parts[n_parts] = x
+            n_parts += 1
+    if n_parts == 0:
+        return 0.0
+    n_parts -= 1
+    high, low = parts[n_parts], 0.0
+    while n_parts > 0:
+        x = high
+        n_parts -= 1
+        y = parts[n_parts]
+        high = x + y
+        low = y - (high - x)
+        if low != 0.0:
+            break
+    if n_parts > 0 and ((low < 0.0 and parts[n_parts - 1] < 0.0) or (low > 0.0 and parts[n_parts - 1] > 0.0)):
+        y = low * 2.0
+        x = high + y
+        if y == x - high:
+            high = x
+    return high

@@ -4,6 +4,8 @@ Paths are planned by the kernels of `gslcosim.world.paths`; what is here is the 
 """
 # pyright: basic
 
+import math
+
 import numba
 
 from gslcosim.training.batch.batch_records import (
@@ -17,7 +19,12 @@ from gslcosim.training.batch.batch_records import (
 )
 from gslcosim.training.batch.exact_kernels import norm3
 from gslcosim.training.batch.space_kernels import is_edge_ahead, is_place_refused
-from gslcosim.world.paths.trajectory_kernels import plan_inplace, polynomial_at
+from gslcosim.world.paths.trajectory_kernels import (
+    allowed_aside_m,
+    farthest_aside_m,
+    plan_inplace,
+    polynomial_at,
+)
 
 # See `gslcosim.world.paths.trajectory`, `guidance.arrival` and `guidance.conduct`.
 _SAME_S = 1e-9
@@ -144,6 +151,15 @@ def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
 
 
 @numba.njit(cache=True, nogil=True)
+def _swings_out(path, case, state):
+    speed2 = state[1, 0] ** 2 + state[1, 1] ** 2 + state[1, 2] ** 2
+    if speed2 == 0.0:
+        return False
+    allowed_m = allowed_aside_m(math.sqrt(speed2), case.max_acceleration_m_s2)
+    return farthest_aside_m(path.coefficients, path.duration_s, path.end_world_m) > allowed_m
+
+
+@numba.njit(cache=True, nogil=True)
 def _follow_leg(search, path, case, work, tick):
     if not search.is_preparing:
         search.prepares_since_tick = tick
@@ -151,6 +167,10 @@ def _follow_leg(search, path, case, work, tick):
     _motion_inplace(state, path, case, tick)
     _fly_to_inplace(path, case, state, end, search.leg_end_m, tick)
     search.is_preparing = 0
+    if _swings_out(path, case, state):
+        # It had better stop first.
+        _fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+        search.is_preparing = 1
     search.has_target = 1
     search.keeps_velocity = 0
 

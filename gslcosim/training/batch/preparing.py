@@ -14,29 +14,27 @@ from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import UsageError
-from gslcosim.fields.gas_setup import GasSetup, gases_in
-from gslcosim.fields.models.formula_plume_kernels import PLUME
-from gslcosim.fields.models.plume_gas import plume_records
-from gslcosim.fields.timing import gas_timing
+from gslcosim.fields.gas_setup import gases_in
 from gslcosim.generation import prepare_environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loading import LoadedScenario
-from gslcosim.scenario.models.gas import GaussianPlumeGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import AllSourcesSuccess, SourceSuccess
+from gslcosim.search.learned.acting import MARGIN_M
 from gslcosim.search.learned.observing import ObservationVector
 from gslcosim.sensing.briefings import briefing_of
 from gslcosim.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.training.batch import batch_records
-from gslcosim.training.batch.batch_instruments import BatchInstruments
+from gslcosim.training.batch.batch_arrays import Cases
+from gslcosim.training.batch.batch_gas import BatchGas, fits
+from gslcosim.training.batch.batch_instruments import ELSE, BatchInstruments
 from gslcosim.training.batch.batch_rooms import BatchRooms
-from gslcosim.training.batch.stepping_kernels import Cases
-from gslcosim.vehicles import vehicle_of
+from gslcosim.vehicles import Vehicle, vehicle_of
 from gslcosim.world.core import WorldCore, physics_step_ms
 from gslcosim.world.guidance.abilities import abilities_of
 from gslcosim.world.physics import records
+from gslcosim.world.physics.contacts import ContactScene
 
-_ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
 # A vehicle has left what it stands on when it is so far from everything [m].
 _CLEAR_M = 0.01
 
@@ -45,19 +43,24 @@ _CLEAR_M = 0.01
 class Prepared:
     """Cases as kernels take them; `kept` holds what their addresses point into.
 
-    `briefing` is that of the first case, `names` those of the numbers of an observation.
+    `briefing` is that of the first case, `names` those of the numbers of an observation; `scenes` are what vehicles may
+    touch, by case; `n_memory` is how many numbers a search keeps of samples of late, `most_filaments` how many
+    filaments the largest frame of a tape has.
     """
 
     cases: Cases
     briefing: Briefing
     names: tuple[str, ...]
+    scenes: tuple[ContactScene, ...] = field(repr=False)
+    n_memory: int
+    most_filaments: int
     kept: Sequence[object] = field(repr=False)
 
 
 def refusal_of(scenario: Scenario) -> str | None:
     """Return why a scenario cannot be batched, in one sentence with the remedy, or nothing."""
     for key, expected, found in _misfits(scenario):
-        return f"{key}: expected {expected}, was {found}. {_ELSE}"
+        return f"{key}: expected {expected}, was {found}. {ELSE}"
     return None
 
 
@@ -72,8 +75,9 @@ def _misfits(scenario: Scenario) -> Iterable[tuple[str, str, object]]:
         yield "agents[0].mode", "on_request or lockstep in a batch", agent.mode_name
     if vehicle.avoidance != "none":
         yield "agents[0].vehicle.avoidance", "none in a batch", vehicle.avoidance
-    if not isinstance(scenario.gas, GaussianPlumeGasSpec):
-        yield "gas.model", "gaussian_plume in a batch", scenario.gas.model
+    if not fits(scenario):
+        expected = "gaussian_plume, or filament without rotor_downwash, in a batch"
+        yield "gas.model", expected, f"{scenario.gas.model}{' with it' if scenario.gas.rotor_downwash else ''}"
     if not isinstance(scenario.referee.success, SourceSuccess | AllSourcesSuccess):
         yield "referee.success.of", "source or all_sources in a batch", scenario.referee.success.of
     if not scenario.referee.stop.on_collision:
@@ -93,14 +97,16 @@ class _Preparing:
         self._hold_s = hold_s
         self.rooms = BatchRooms()
         self._environments: dict[str, Environment] = {}
-        self._starts: dict[tuple[Any, ...], tuple[int, int]] = {}
+        self._starts: dict[tuple[Any, ...], tuple[int, NDArray[np.float64]]] = {}
+        self._scenes: dict[tuple[Any, ...], ContactScene] = {}
+        self.scenes: list[ContactScene] = []
+        self.gas = BatchGas()
         self.cases: list[NDArray[np.void]] = []
         self.vehicles: list[NDArray[np.void]] = []
-        self.plumes: list[NDArray[np.void]] = []
         self.instruments: list[BatchInstruments] = []
         self.start_rows: list[NDArray[np.float64]] = []
         self.sources_m: list[tuple[float, float, float]] = []
-        self.n_start_rows = self.n_name = self.n_plumes = 0
+        self.n_start_rows = self.n_name = 0
         self.briefing: Briefing | None = None
         self.names: tuple[str, ...] = ()
 
@@ -110,10 +116,16 @@ class _Preparing:
             raise UsageError(f"{scenario.name}: {refusal}")
         agent, environment = scenario.agents[0], self._environment(loaded)
         names = self._names(agent, scenario, environment)
-        instruments = BatchInstruments(agent, scenario, gases_in(scenario.gas), names, self.n_name)
+        gases = gases_in(scenario.gas)
+        if len(gases) > batch_records.MOST_GASES:
+            raise UsageError(
+                f"{scenario.name}: gas.sources: expected at most {batch_records.MOST_GASES} gases in a batch, was "
+                f"{len(gases)}. {ELSE}"
+            )
+        instruments = BatchInstruments(agent, scenario, gases, names, self.n_name)
         self.n_name += len(instruments.names)
         self.instruments.append(instruments)
-        self._add_case(scenario, agent, environment)
+        self._add_case(scenario, agent, environment, len(instruments.places_m))
 
     def _environment(self, loaded: LoadedScenario) -> Environment:
         folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
@@ -134,38 +146,34 @@ class _Preparing:
             )
         return names
 
-    def _add_case(self, scenario: Scenario, agent: AgentSpec, environment: Environment) -> None:
-        case, vehicle = np.zeros((), batch_records.CASE), np.zeros((), records.CONSTANTS)
+    def _add_case(self, scenario: Scenario, agent: AgentSpec, environment: Environment, n_places: int) -> None:
+        case = np.zeros((), batch_records.CASE)
         spec, model, stop = agent.vehicle, vehicle_of(agent.vehicle.model), scenario.referee.stop
         tick_ns = scenario.tick_ns
         step_ms = physics_step_ms([model], scenario.tick_ms)
-        case["room"] = self.rooms.number_of(environment, model.body.radius_m)
+        case["room"] = self.rooms.number_of(scenario, environment, model.body.radius_m)
         case["tick_ns"], case["tick_s"] = tick_ns, tick_ns / NS_PER_S
         case["n_substeps"], case["physics_step_s"] = scenario.tick_ms // step_ms, step_ms * 1e-3
         case["radius_m"] = model.body.radius_m
-        core = WorldCore(scenario, environment)
-        records.set_constants(vehicle, model, core.model, f"{agent.name}/", step_ms * 1e-3)
+        scene = self._scene(environment, model, scenario.tick_ms, step_ms)
+        vehicle = scene.constants
         limits = abilities_of(spec, model, vehicle, model.body.half_height_m).limits
         case["max_speed_m_s"], case["max_acceleration_m_s2"] = limits.max_speed_m_s, limits.max_acceleration_m_s2
-        first, n_rows = self._start_rows(scenario, environment, core, model.body.radius_m)
-        case["first_start_row"], case["n_start_rows"] = first, n_rows
-        case["start_m"] = self.start_rows_at(first)
+        rows = self._start_rows(case, scenario, environment, model.body.radius_m)
+        case["start_m"] = rows[0, :3]
         case["search_height_m"] = spec.search_height_m
         case["usual_hold_ticks"] = ticks_from_seconds(spec.hold_s, tick_ns)
         case["hold_ticks"] = ticks_from_seconds(spec.hold_s if self._hold_s is None else self._hold_s, tick_ns)
         case["asks_every_tick"] = agent.is_asked_every_tick
         case["time_limit_s"], case["ends_on_collision"] = stop.time_limit_s, stop.on_collision
         self._add_sources(case, scenario, spec.start_m)
-        self._add_gas(case, scenario, environment)
+        self.gas.add(case, scenario, environment, n_places)
         low, high = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
         case["centre_m"], case["half_m"] = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
+        case["least_m"], case["most_m"] = low + MARGIN_M, np.maximum(high - MARGIN_M, low + MARGIN_M)
         case["diagonal_m"] = math.dist(environment.grid.origin_m, environment.grid.max_m)
         self.cases.append(case)
         self.vehicles.append(vehicle)
-
-    def start_rows_at(self, first: int) -> NDArray[np.float64]:
-        """Return where the vehicle of a case rests."""
-        return np.concatenate(self.start_rows)[first, :3]
 
     def _add_sources(self, case: Any, scenario: Scenario, start_m: tuple[float, float, float]) -> None:
         success, places_m = scenario.referee.success, [source.position_m for source in scenario.gas.sources]
@@ -176,30 +184,28 @@ class _Preparing:
         case["within_m"], case["is_horizontal"] = success.within_m, success.is_horizontal
         case["first_distance_m"] = min(math.dist(start_m, place_m) for place_m in places_m)
 
-    def _add_gas(self, case: Any, scenario: Scenario, environment: Environment) -> None:
-        gas, timing = scenario.gas, gas_timing(scenario)
-        assert isinstance(gas, GaussianPlumeGasSpec), "others are refused"
-        plumes = plume_records(gas, GasSetup(scenario=scenario, environment=environment))
-        case["gas"], case["n_gases"] = batch_records.STEADY_PLUMES, len(gases_in(gas))
-        case["first_plume"], case["n_plumes"] = self.n_plumes, len(plumes)
-        self.n_plumes += len(plumes)
-        self.plumes.append(plumes)
-        case["gas_step_s"], case["gas_steps_per_tick"] = timing.step_s, timing.steps_per_tick
-        case["gas_ticks_per_step"], case["warm_up_steps"] = timing.ticks_per_step, timing.warm_up_steps
-        case["warm_up_s"] = gas.warm_up_s
+    # Rooms of a kind have one scene.
+    def _scene(self, environment: Environment, model: Vehicle, tick_ms: int, step_ms: int) -> ContactScene:
+        key = (environment.content_hash, model.name, tick_ms)
+        if key not in self._scenes:
+            self._scenes[key] = ContactScene(environment, model, step_ms * 1e-3, tick_ms // step_ms)
+        self.scenes.append(self._scenes[key])
+        return self._scenes[key]
 
     # A ball on the floor is lifted with contact forces: as MuJoCo has it, once for all cases that start there.
     def _start_rows(
-        self, scenario: Scenario, environment: Environment, core: WorldCore, radius_m: float
-    ) -> tuple[int, int]:
+        self, case: Any, scenario: Scenario, environment: Environment, radius_m: float
+    ) -> NDArray[np.float64]:
         vehicle = scenario.agents[0].vehicle.model_dump(mode="json")
         key = (environment.content_hash, scenario.tick_ns, repr(vehicle))
         if key not in self._starts:
-            rows = _first_rows(core, environment, radius_m)
-            self._starts[key] = (self.n_start_rows, len(rows))
+            rows = _first_rows(WorldCore(scenario, environment), environment, radius_m)
+            self._starts[key] = (self.n_start_rows, rows)
             self.n_start_rows += len(rows)
             self.start_rows.append(rows)
-        return self._starts[key]
+        first, rows = self._starts[key]
+        case["first_start_row"], case["n_start_rows"] = first, len(rows)
+        return rows
 
 
 def prepare(loaded: Sequence[LoadedScenario], hold_s: float | None) -> Prepared:
@@ -223,18 +229,30 @@ def prepare(loaded: Sequence[LoadedScenario], hold_s: float | None) -> Prepared:
     places_m = np.zeros((len(loaded), n_places, 3))
     for i, instruments in enumerate(preparing.instruments):
         places_m[i, : len(instruments.places_m)] = instruments.places_m
+    gas = preparing.gas
     cases = Cases(
         rooms=preparing.rooms.array(),
         cases=np.array(preparing.cases, batch_records.CASE),
         vehicles=np.array(preparing.vehicles, records.CONSTANTS),
-        plumes=np.concatenate([np.zeros(1, PLUME), *preparing.plumes])[1:],
+        plumes=gas.plume_array(),
+        tapes=np.array(gas.tapes, batch_records.TAPE),
+        strengths=np.array(gas.strengths, np.float64),
+        gas_of_source=np.array(gas.gas_of_source, np.int64),
         instruments=np.array([instruments.rows for instruments in preparing.instruments]),
         names=np.frombuffer(b"".join(i.names for i in preparing.instruments), np.uint8),
         start_rows=np.concatenate(preparing.start_rows),
         sources_m=np.array(preparing.sources_m, np.float64),
         places_m=places_m,
     )
-    return Prepared(cases=cases, briefing=preparing.briefing, names=preparing.names, kept=preparing.rooms.kept)
+    return Prepared(
+        cases=cases,
+        briefing=preparing.briefing,
+        names=preparing.names,
+        scenes=tuple(preparing.scenes),
+        n_memory=max(instruments.n_memory for instruments in preparing.instruments),
+        most_filaments=gas.most_filaments,
+        kept=(*preparing.rooms.kept, *gas.kept),
+    )
 
 
 # Place, velocity and whether something forbidden is touched at the end of each tick, until the vehicle is clear.
@@ -248,7 +266,8 @@ def _first_rows(core: WorldCore, environment: Environment, radius_m: float) -> N
         assert isinstance(poses, BodyPoses)
         body = poses.bodies[0]
         is_touching = any(name not in floors for name in body.contacts)
-        rows.append((*body.position_world_m, *body.velocity_world_m_s, float(is_touching)))
+        touches = (float(is_touching), float(bool(body.contacts)))
+        rows.append((*body.position_world_m, *body.velocity_world_m_s, *touches))
         place_m = np.array(body.position_world_m)
         gaps_m = np.linalg.norm(np.maximum(np.maximum(boxes_m[:, :3] - place_m, place_m - boxes_m[:, 3:]), 0.0), axis=1)
         is_clear = place_m[2] > environment.grid.origin_m[2] + radius_m + _CLEAR_M

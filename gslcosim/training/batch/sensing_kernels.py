@@ -4,10 +4,35 @@
 import math
 
 import numba
+import numpy as np
+from numba import carray  # pyright: ignore[reportPrivateImportUsage]
 
-from gslcosim.training.batch.batch_records import ANEMOMETER, LOG_RESISTANCE, MOX
-from gslcosim.training.batch.drawing_kernels import next_normal_inplace
-from gslcosim.training.batch.exact_kernels import norm2
+from gslcosim.sensing.ray_kernels import distance_among_boxes
+from gslcosim.training.batch.batch_records import (
+    AMOUNT,
+    ANEMOMETER,
+    ANEMOMETER_3D,
+    AVERAGING,
+    BINARY,
+    BUMP,
+    CLOSENESS,
+    COUNT,
+    HITS,
+    LOG_RESISTANCE,
+    MOST_GASES,
+    MOX,
+    PID,
+    PLAIN,
+    PLANAR_WIND,
+    RANGES,
+    SAMPLE_LENGTH,
+    SECOND_ORDER,
+    SPEEDS,
+    THRESHOLD,
+)
+from gslcosim.training.batch.drawing_kernels import next_normal_inplace, next_poisson_inplace
+from gslcosim.training.batch.exact_kernels import exact_sum, norm2
+from gslcosim.training.batch.space_kernels import pointer_to
 
 # See `gslcosim.sensing.models.mox` and `gslcosim.search.learned.observing`.
 _LEAST_RATIO = 0.01
@@ -15,6 +40,8 @@ _SPEED_M_S = 2.0
 _FLOOR_PPM = 0.1
 _MOST_PPM = 10_000.0
 _CLEAN_OHM = 1e4
+_RANGE_M = 1.0
+_HITS = 3.0
 _AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
 
 
@@ -45,36 +72,146 @@ def _wrapped(angle_rad):
 
 
 @numba.njit(cache=True, nogil=True)
-def read_inplace(instrument, gauge, tick, tick_s, n_gases, ppm, wind_m_s, velocity_m_s, raw):
+def _read_wind_inplace(instrument, gauge, sample, raw):
+    # Gases first, then wind, then how the mount moves.
+    u, v = sample[MOST_GASES] - sample[MOST_GASES + 3], sample[MOST_GASES + 1] - sample[MOST_GASES + 4]
+    if instrument.kind == ANEMOMETER_3D:
+        w = sample[MOST_GASES + 2] - sample[MOST_GASES + 5]
+        raw[0] = u + instrument.speed_noise * next_normal_inplace(gauge.stream)
+        raw[1] = v + instrument.speed_noise * next_normal_inplace(gauge.stream)
+        raw[2] = w + instrument.speed_noise * next_normal_inplace(gauge.stream)
+        return
+    speed_draw = next_normal_inplace(gauge.stream)
+    direction_draw = next_normal_inplace(gauge.stream)
+    speed_m_s = norm2(u, v) + instrument.speed_noise * speed_draw
+    direction_rad = math.atan2(0.0 - v, 0.0 - u) + instrument.direction_noise * direction_draw
+    raw[0] = max(0.0, speed_m_s)
+    raw[1] = _wrapped(direction_rad)
+
+
+@numba.njit(cache=True, nogil=True)
+def _read_mox(instrument, gauge, n_gases, sample):
+    if not gauge.has_begun:
+        gauge.ratio = instrument.air_ratio
+    else:
+        target = steady_ratio(instrument, n_gases, sample)
+        frac = instrument.rise_frac if target < gauge.ratio else instrument.decay_frac
+        gauge.ratio += frac * (target - gauge.ratio)
+    return instrument.r0_ohm * gauge.ratio
+
+
+# See `gslcosim.sensing.models.ppm_sensors`, of which each is one branch here.
+@numba.njit(cache=True, nogil=True)
+def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
+    kind = instrument.kind
+    if kind == PID:
+        for g in range(n_gases):
+            sample[g] = sample[g] / instrument.weight[g] if instrument.weight[g] != 0.0 else 0.0
+    ppm = sample[0] if n_gases == 1 else exact_sum(sample, n_gases, parts)
+    if kind == THRESHOLD:
+        noise_ppm = instrument.own_noise * next_normal_inplace(gauge.stream)
+        return max(0.0, ppm + noise_ppm) if ppm > instrument.threshold_ppm else 0.0
+    if kind == BINARY:
+        noise_ppm = instrument.own_noise * next_normal_inplace(gauge.stream)
+        return 1.0 if ppm + noise_ppm > instrument.threshold_ppm else 0.0
+    if kind in (HITS, AVERAGING):
+        n = instrument.n_kept
+        kept = memory[instrument.first_memory : instrument.first_memory + n]
+        if kind == AVERAGING:
+            kept[tick % n] = ppm
+            # The oldest first, as a queue has them.
+            return exact_sum(kept, min(tick + 1, n), parts) / min(tick + 1, n)
+        kept[tick % n] = next_poisson_inplace(gauge.stream, instrument.hits_per_ppm * max(0.0, ppm))
+        total = 0.0
+        for k in range(min(tick + 1, n)):
+            total += kept[k]
+        return total
+    if kind == SECOND_ORDER:
+        lags = instrument.response if ppm > gauge.second_ppm else instrument.recovery
+        gap_first, gap_second = gauge.first_ppm - ppm, gauge.second_ppm - ppm
+        gauge.first_ppm = ppm + lags[0] * gap_first
+        gauge.second_ppm = ppm + lags[1] * gap_second + lags[2] * gap_first
+        return max(0.0, gauge.second_ppm)
+    return ppm
+
+
+@numba.njit(cache=True, nogil=True)
+def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
+    boxes_m = carray(pointer_to(room.ray_boxes_m), (room.n_ray_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
+    n_bins = room.ray_shape[0] * room.ray_shape[1] * room.ray_shape[2]
+    first = carray(pointer_to(room.ray_first), n_bins + 1, np.int64)  # pyright: ignore[reportCallIssue]
+    members = carray(pointer_to(room.ray_members), first[n_bins], np.int64)  # pyright: ignore[reportCallIssue]
+    R, mount_m, limit_m = rotation, instrument.mount_m, instrument.max_range_m
+    x_m = position_m[0] + (R[0] * mount_m[0] + R[1] * mount_m[1] + R[2] * mount_m[2])
+    y_m = position_m[1] + (R[3] * mount_m[0] + R[4] * mount_m[1] + R[5] * mount_m[2])
+    z_m = position_m[2] + (R[6] * mount_m[0] + R[7] * mount_m[1] + R[8] * mount_m[2])
+    for n in range(instrument.n_values):
+        a, b, c = instrument.directions[n, 0], instrument.directions[n, 1], instrument.directions[n, 2]
+        dx, dy = R[0] * a + R[1] * b + R[2] * c, R[3] * a + R[4] * b + R[5] * c
+        dz = R[6] * a + R[7] * b + R[8] * c
+        raw[n] = distance_among_boxes(
+            boxes_m, first, members, room.ray_origin_m, room.ray_bin_m, room.ray_shape,
+            x_m, y_m, z_m, dx, dy, dz, limit_m,
+        )  # fmt: skip
+    if instrument.own_noise != 0.0:
+        for n in range(instrument.n_values):
+            noisy_m = raw[n] + instrument.own_noise * next_normal_inplace(gauge.stream)
+            raw[n] = min(max(noisy_m, 0.0), limit_m) if raw[n] < limit_m else limit_m
+
+
+@numba.njit(cache=True, nogil=True)
+def _sample_inplace(instrument, memory, tick, n_gases, work):
+    # Writes what the instrument sees now: gas, wind and how it moves, as they were `delay_ticks` ago.
+    sample, n = work.sample, instrument.place
+    for g in range(n_gases):
+        sample[g] = work.ppm[n, g]
+    for axis in range(3):
+        sample[MOST_GASES + axis] = work.wind_m_s[n, axis]
+        sample[MOST_GASES + 3 + axis] = work.velocity_m_s[n, axis]
+    if instrument.delay_ticks == 0:
+        return
+    first, length = instrument.first_memory + instrument.n_kept, instrument.delay_ticks + 1
+    at = first + (tick % length) * SAMPLE_LENGTH
+    memory[at : at + SAMPLE_LENGTH] = sample
+    at = first + (max(0, tick - instrument.delay_ticks) % length) * SAMPLE_LENGTH
+    sample[:] = memory[at : at + SAMPLE_LENGTH]
+
+
+@numba.njit(cache=True, nogil=True)
+def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases, work):
     """Read an instrument at the end of a tick.
 
     Args:
         instrument: Record of `INSTRUMENT`.
         gauge: Record of `GAUGE`; its state and its last values are advanced.
+        memory: (n,) the samples of late of all instruments of the search.
+        search: Record of `SEARCH`.
+        room: Record of `ROOM`.
         tick: The tick.
         tick_s: Length of a tick [s].
         n_gases: How many gases there are.
-        ppm: (>= n_gases,) true mixing ratios at its place [ppm].
-        wind_m_s: (3,) true wind there, world frame [m/s].
-        velocity_m_s: (3,) how it moves, world frame [m/s].
-        raw: (3,) scratch.
+        work: `Work` of this thread, with what is true at the sensors' places.
+
+    Held by:
+        tests/integration/training/test_batch_equals_flight.py
     """
-    if instrument.kind == MOX:
-        if not gauge.has_begun:
-            gauge.ratio = instrument.air_ratio
+    kind, raw = instrument.kind, work.raw
+    if kind == RANGES:
+        _read_ranges_inplace(instrument, gauge, room, search.position_m, work.rotation, raw)
+    elif kind == BUMP:
+        kept = memory[instrument.first_memory : instrument.first_memory + instrument.n_kept]
+        kept[tick % instrument.n_kept] = 1.0 if search.is_bumped else 0.0
+        raw[0] = 0.0
+        for k in range(min(tick + 1, instrument.n_kept)):
+            raw[0] = max(raw[0], kept[k])
+    else:
+        _sample_inplace(instrument, memory, tick, n_gases, work)
+        if kind == MOX:
+            raw[0] = _read_mox(instrument, gauge, n_gases, work.sample)
+        elif kind in (ANEMOMETER, ANEMOMETER_3D):
+            _read_wind_inplace(instrument, gauge, work.sample, raw)
         else:
-            target = steady_ratio(instrument, n_gases, ppm)
-            frac = instrument.rise_frac if target < gauge.ratio else instrument.decay_frac
-            gauge.ratio += frac * (target - gauge.ratio)
-        raw[0] = instrument.r0_ohm * gauge.ratio
-    elif instrument.kind == ANEMOMETER:
-        x, y = wind_m_s[0] - velocity_m_s[0], wind_m_s[1] - velocity_m_s[1]
-        speed_draw = next_normal_inplace(gauge.stream)
-        direction_draw = next_normal_inplace(gauge.stream)
-        speed_m_s = norm2(x, y) + instrument.speed_noise * speed_draw
-        direction_rad = math.atan2(0.0 - y, 0.0 - x) + instrument.direction_noise * direction_draw
-        raw[0] = max(0.0, speed_m_s)
-        raw[1] = _wrapped(direction_rad)
+            raw[0] = _read_ppm(instrument, gauge, memory, tick, n_gases, work.sample, work.parts)
     is_first = not gauge.has_begun
     gauge.has_begun = 1
     if not instrument.has_errors:
@@ -130,21 +267,32 @@ def tell_reading_inplace(numbers, instrument, gauge):
         instrument: Record of `INSTRUMENT`.
         gauge: Record of `GAUGE`.
     """
-    i, values = instrument.first_number, gauge.values
+    i, values, told = instrument.first_number, gauge.values, instrument.numbers
     if gauge.is_warming_up:
-        numbers[i] = 0.0
-        if instrument.numbers != LOG_RESISTANCE:
-            numbers[i + 1], numbers[i + 2] = 0.0, 0.0
+        for k in range(instrument.n_numbers):
+            numbers[i + k] = 0.0
         if instrument.has_estimate:
             numbers[instrument.estimate_number] = 0.0
-    elif instrument.numbers == LOG_RESISTANCE:
+    elif told == LOG_RESISTANCE:
         _show(numbers, i, math.log10(max(values[0], 1.0) / _CLEAN_OHM))
         if instrument.has_estimate:
             _show(numbers, instrument.estimate_number, amount(estimated_ppm(instrument, values[0])))
-    else:
+    elif told == PLANAR_WIND:
         _show(numbers, i, math.tanh(values[0] / _SPEED_M_S))
         _show(numbers, i + 1, math.sin(values[1]))
         _show(numbers, i + 2, math.cos(values[1]))
+    elif told == AMOUNT:
+        _show(numbers, i, amount(values[0]))
+    elif told == PLAIN:
+        _show(numbers, i, values[0])
+    elif told == COUNT:
+        _show(numbers, i, math.tanh(values[0] / _HITS))
+    elif told == SPEEDS:
+        for k in range(3):
+            _show(numbers, i + k, math.tanh(values[k] / _SPEED_M_S))
+    elif told == CLOSENESS:
+        for k in range(instrument.n_numbers):
+            _show(numbers, i + k, _RANGE_M / (_RANGE_M + max(values[k], 0.0)))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -153,7 +301,6 @@ def tell_pose_inplace(numbers, search, case, time_s):
     for axis in range(3):
         _show(numbers, axis, (search.position_m[axis] - case.centre_m[axis]) / case.half_m[axis])
         _show(numbers, 5 + axis, math.tanh(search.velocity_m_s[axis] / _SPEED_M_S))
-    numbers[3] = 0.0
-    numbers[4] = 1.0
+    numbers[3], numbers[4] = search.yaw_sin, search.yaw_cos
     _show(numbers, 8, time_s / case.time_limit_s)
     numbers[9] = 1.0 if search.notice else 0.0

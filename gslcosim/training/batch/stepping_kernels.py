@@ -1,18 +1,17 @@
 """Searches from question to question: vehicle, gas, sensors and referee, tick by tick, each search for itself."""
 # pyright: basic
 
-from typing import Any, NamedTuple
-
 import numba
-import numpy as np
 
 from gslcosim.fields.models.formula_plume_kernels import steady_ppm
 from gslcosim.training.batch.batch_records import (
-    MOST_GASES,
+    BEGIN,
+    FINISH,
     NO_TASK,
     ON_GROUND,
     SEARCHES_ON,
     STEADY_PLUMES,
+    STEP,
 )
 from gslcosim.training.batch.drawing_kernels import seed_inplace
 from gslcosim.training.batch.exact_kernels import norm3
@@ -20,109 +19,100 @@ from gslcosim.training.batch.guiding_kernels import end_tick, hear, seconds_of, 
 from gslcosim.training.batch.judging_kernels import judge_inplace
 from gslcosim.training.batch.sensing_kernels import read_inplace, tell_pose_inplace, tell_reading_inplace
 from gslcosim.training.batch.space_kernels import touches, wind_at_inplace
+from gslcosim.training.batch.tape_kernels import add_tape_inplace
 from gslcosim.world.physics.flight_kernels import path_force_inplace
 
 
-class Cases(NamedTuple):
-    """All cases, read-only: (n,) records of `ROOM`, `CASE`, `records.CONSTANTS` and `PLUME`, and what they point into.
-
-    `instruments` (n_cases, n_sensors) records of `INSTRUMENT`; `names` bytes of their random streams; `start_rows`
-    (n, 7) place, velocity and touching at the end of each tick in which a vehicle leaves what it stands on;
-    `sources_m` (n, 3); `places_m` (n_cases, n_places, 3) of the sensors in the body frame [m].
-    """
-
-    rooms: Any
-    cases: Any
-    vehicles: Any
-    plumes: Any
-    instruments: Any
-    names: Any
-    start_rows: Any
-    sources_m: Any
-    places_m: Any
-
-
-class Searches(NamedTuple):
-    """All searches: (n,) records of `SEARCH` and `records.STATE`, (n, n_sensors) of `GAUGE`."""
-
-    searches: Any
-    paths: Any
-    gauges: Any
-
-
-class Work(NamedTuple):
-    """Scratch of one thread: (3, 3, 3) states, two records of `records.STATE`, and what is true at the sensors."""
-
-    states: Any
-    paths: Any
-    ppm: Any
-    wind_m_s: Any
-    raw: Any
-
-
 @numba.njit(cache=True, nogil=True)
-def _fly_tick(search, path, vehicle, case, room, tick):
+def _fly_tick(search, path, vehicle, case, room, tick, first):
     # A point robot is a mass that its force moves; MuJoCo's semi-implicit Euler step of a free body, to the bit.
-    p, v = search.position_m, search.velocity_m_s
+    # Returns false at the first step in which it touches something.
+    p, v, a = search.position_m, search.velocity_m_s, search.acceleration_m_s2
     dt_s, step_s = case.tick_s / case.n_substeps, case.physics_step_s
-    x_m, y_m, z_m = p[0], p[1], p[2]
-    for i_substep in range(case.n_substeps):
+    for i_substep in range(first, case.n_substeps):
         if touches(room, case.radius_m, p):
-            search.is_touching = 1
+            search.touched_at = i_substep
+            return False
         t_s = (tick - 1 - path.start_tick) * case.tick_s + i_substep * dt_s
-        f_x, f_y, f_z, _, _, _ = path_force_inplace(vehicle, path, p, v, t_s, dt_s)
-        v[0] += step_s * f_x
-        v[1] += step_s * f_y
-        v[2] += step_s * (f_z - vehicle.gravity_m_s2)
-        p[0] += step_s * v[0]
-        p[1] += step_s * v[1]
-        p[2] += step_s * v[2]
-    search.path_length_m += norm3(p[0] - x_m, p[1] - y_m, p[2] - z_m)
+        a[0], a[1], f_z, _, _, _ = path_force_inplace(vehicle, path, p, v, t_s, dt_s)
+        a[2] = f_z - vehicle.gravity_m_s2
+        for axis in range(3):
+            v[axis] += step_s * a[axis]
+            p[axis] += step_s * v[axis]
+    return True
 
 
 @numba.njit(cache=True, nogil=True)
 def _leave_start(search, case, start_rows, tick):
-    row, p = start_rows[case.first_start_row + tick], search.position_m
-    search.path_length_m += norm3(row[0] - p[0], row[1] - p[1], row[2] - p[2])
+    row = start_rows[case.first_start_row + tick]
     for axis in range(3):
-        p[axis] = row[axis]
+        search.position_m[axis] = row[axis]
         search.velocity_m_s[axis] = row[3 + axis]
-    if row[6] != 0.0:
-        search.is_touching = 1
+    search.is_touching = row[6] != 0.0
+    search.is_bumped = row[7] != 0.0
 
 
 @numba.njit(cache=True, nogil=True)
-def _sense(search, gauges, cases, case, i_case, room, work, tick):
+def _note_path(search):
+    p, q = search.position_m, search.tick_start_m
+    search.path_length_m += norm3(p[0] - q[0], p[1] - q[1], p[2] - q[2])
+
+
+# Upright, and without turning.
+@numba.njit(cache=True, nogil=True)
+def _place_sensors(search, places_m, work):
     p, v = search.position_m, search.velocity_m_s
+    for n in range(places_m.shape[0]):
+        for axis in range(3):
+            work.places_m[n, axis] = p[axis] + places_m[n, axis]
+            work.velocity_m_s[n, axis] = v[axis]
+    work.rotation[:] = 0.0
+    work.rotation[0] = work.rotation[4] = work.rotation[8] = 1.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _sample_gas(cases, case, room, work, tick, n):
+    x_m, y_m, z_m = work.places_m[n, 0], work.places_m[n, 1], work.places_m[n, 2]
+    for g in range(case.n_gases):
+        work.ppm[n, g] = 0.0
+    first, end = case.first_plume, case.first_plume + case.n_plumes
+    if case.gas == STEADY_PLUMES:
+        for k in range(first, end):
+            work.ppm[n, cases.plumes[k].gas] += steady_ppm(cases.plumes[k], x_m, y_m, z_m)
+    else:
+        tape = cases.tapes[case.tape]
+        frame = min(tick // case.gas_ticks_per_step, tape.n_frames - 1)
+        add_tape_inplace(
+            tape, frame, room, x_m, y_m, z_m, case.cutoff_sigma, cases.strengths[first:end],
+            cases.gas_of_source[first:end], work.hits, work.ppm[n],
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
     time_s = case.warm_up_s + seconds_of(tick, case.tick_ns)
-    places_m = cases.places_m
-    for n in range(places_m.shape[1]):
-        x_m, y_m, z_m = p[0] + places_m[i_case, n, 0], p[1] + places_m[i_case, n, 1], p[2] + places_m[i_case, n, 2]
-        for g in range(case.n_gases):
-            work.ppm[n, g] = 0.0
-        if case.gas == STEADY_PLUMES:
-            for k in range(case.first_plume, case.first_plume + case.n_plumes):
-                work.ppm[n, cases.plumes[k].gas] += steady_ppm(cases.plumes[k], x_m, y_m, z_m)
-        wind_at_inplace(work.wind_m_s[n], room, time_s, x_m, y_m, z_m)
+    for n in range(cases.places_m.shape[1]):
+        _sample_gas(cases, case, room, work, tick, n)
+        place_m = work.places_m[n]
+        wind_at_inplace(work.wind_m_s[n], room, time_s, place_m[0], place_m[1], place_m[2])
     for k in range(gauges.shape[0]):
         instrument = cases.instruments[i_case, k]
-        n = instrument.place
-        read_inplace(instrument, gauges[k], tick, case.tick_s, case.n_gases, work.ppm[n], work.wind_m_s[n], v, work.raw)
+        read_inplace(instrument, gauges[k], memory, search, room, tick, case.tick_s, case.n_gases, work)
 
 
 @numba.njit(cache=True, nogil=True)
-def _go_on(search, path, gauges, cases, work, tick, task, vector):
-    # From the end of a tick, which is judged, to the next question or the end.
+def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
+    # From the end of a tick, which is judged, to the next question, the end, or the first touch.
     i_case = search.case
     case, vehicle = cases.cases[i_case], cases.vehicles[i_case]
     room = cases.rooms[case.room]
     while True:
         tick += 1
         search.tick = tick
-        search.is_touching = 0
+        search.is_touching = search.is_bumped = 0
+        search.tick_start_m[:] = search.position_m
         if tick == 0:
             _leave_start(search, case, cases.start_rows, tick)
-            search.path_length_m = 0.0
             search.is_asked = case.asks_every_tick
         else:
             if tick == 1:
@@ -132,10 +122,12 @@ def _go_on(search, path, gauges, cases, work, tick, task, vector):
                 task = NO_TASK
             if tick < case.n_start_rows:
                 _leave_start(search, case, cases.start_rows, tick)
-            else:
-                _fly_tick(search, path, vehicle, case, room, tick)
+            elif not _fly_tick(search, path, vehicle, case, room, tick, 0):
+                return
+            _note_path(search)
             end_tick(search, path, case, room, work, tick)
-        _sense(search, gauges, cases, case, i_case, room, work, tick)
+        _place_sensors(search, cases.places_m[i_case], work)
+        _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
         if search.is_asked or judge_inplace(search, case, room, cases.sources_m, tick):
             return
 
@@ -150,102 +142,95 @@ def _tell(numbers, search, gauges, cases):
 
 
 @numba.njit(cache=True, nogil=True)
-def begin(rows, case_of, seed_of, cases, searches, work, observations):
-    """Begin searches and go on to their first questions.
-
-    Args:
-        rows: (m,) which searches.
-        case_of: (m,) the case of each.
-        seed_of: (m,) the seed of each.
-        cases: `Cases`.
-        searches: `Searches`.
-        work: `Work` of this thread.
-        observations: (n, n_numbers) float32; the rows of these searches are written.
-
-    Held by:
-        tests/integration/training/test_batch_equals_flight.py
-    """
-    for n in range(len(rows)):
-        i = rows[n]
-        search, path, gauges = searches.searches[i], searches.paths[i], searches.gauges[i]
-        case = cases.cases[case_of[n]]
-        search.case, search.seed = case_of[n], seed_of[n]
-        search.position_m[:] = case.start_m
-        search.velocity_m_s[:] = 0.0
-        search.path_length_m = 0.0
-        search.phase = ON_GROUND
-        search.has_leg = search.has_target = search.keeps_velocity = search.is_preparing = 0
-        search.hold_until_tick = search.prepares_since_tick = 0
-        search.notice = 0
-        search.goal = search.kept_task = NO_TASK
-        search.outcome = SEARCHES_ON
-        search.command_tick = -1
-        search.n_commands = search.scored_n_commands = 0
-        search.scored_distance_m = case.first_distance_m
-        search.scored_path_length_m = 0.0
-        search.found_sources = 0
-        path.start_tick = 0
-        path.duration_s = 0.0
-        path.coefficients[:] = 0.0
-        path.end_velocity_world_m_s[:] = 0.0
-        path.integral_m_s2[:] = 0.0
-        for axis in range(3):
-            path.coefficients[axis, 0] = case.start_m[axis]
-            path.end_world_m[axis] = case.start_m[axis]
-        for k in range(gauges.shape[0]):
-            instrument, gauge = cases.instruments[search.case, k], gauges[k]
-            name = cases.names[instrument.first_name : instrument.first_name + instrument.n_name]
-            seed_inplace(gauge.stream, search.seed, name)
-            gauge.has_begun = 0
-            gauge.is_warming_up = 0
-        _go_on(search, path, gauges, cases, work, -1, NO_TASK, work.states[2, 0])
-        _tell(observations[i], search, gauges, cases)
+def _reset(search, path, gauges, cases, i_case, seed):
+    case = cases.cases[i_case]
+    search.case, search.seed = i_case, seed
+    search.tick = -1
+    search.position_m[:] = case.start_m
+    search.velocity_m_s[:] = 0.0
+    search.acceleration_m_s2[:] = 0.0
+    search.yaw_sin, search.yaw_cos = 0.0, 1.0
+    search.touched_at = -1
+    search.path_length_m = 0.0
+    search.phase = ON_GROUND
+    search.has_leg = search.has_target = search.keeps_velocity = search.is_preparing = 0
+    search.hold_until_tick = search.prepares_since_tick = 0
+    search.notice = 0
+    search.goal = search.kept_task = NO_TASK
+    search.outcome = SEARCHES_ON
+    search.command_tick = -1
+    search.n_commands = search.scored_n_commands = 0
+    search.scored_distance_m = case.first_distance_m
+    search.scored_path_length_m = 0.0
+    search.found_sources = 0
+    path.start_tick = 0
+    path.duration_s = 0.0
+    path.coefficients[:] = 0.0
+    path.end_velocity_world_m_s[:] = 0.0
+    path.integral_m_s2[:] = 0.0
+    for axis in range(3):
+        path.coefficients[axis, 0] = case.start_m[axis]
+        path.end_world_m[axis] = case.start_m[axis]
+    for k in range(gauges.shape[0]):
+        instrument, gauge = cases.instruments[i_case, k], gauges[k]
+        name = cases.names[instrument.first_name : instrument.first_name + instrument.n_name]
+        seed_inplace(gauge.stream, seed, name)
+        gauge.has_begun = gauge.is_warming_up = 0
+        gauge.first_ppm = gauge.second_ppm = 0.0
 
 
 @numba.njit(cache=True, nogil=True)
-def step(rows, tasks, vectors, cases, searches, work, observations):
-    """Give searches that are asked a task, and go on to their next questions or ends.
+def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, work, observations):
+    """Fly searches to their next questions or ends, or to where they touch something.
+
+    BEGIN begins them anew, in a case and with a seed; STEP gives those that are asked a task; FINISH ends the tick in
+    which one has touched something, when its pose and motion are those of the tick's end, and goes on.
 
     Args:
-        rows: (m,) which searches.
+        rows: (m,) which searches; one with FINISH.
+        how: BEGIN, STEP or FINISH.
+        case_of: (n,) the case that each search begins.
+        seed_of: (n,) the seed of each.
         tasks: (n,) CRUISE, GO_TO or HOLD for each search.
         vectors: (n, 3) velocity [m/s] or place [m], world frame.
-        cases: `Cases`.
-        searches: `Searches`.
-        work: `Work` of this thread.
+        touch: `batch_arrays.Touch`; it counts with FINISH.
+        cases: `batch_arrays.Cases`.
+        searches: `batch_arrays.Searches`.
+        work: `batch_arrays.Work` of this thread.
         observations: (n, n_numbers) float32; the rows of these searches are written.
 
     Returns:
-        How many ticks were flown.
+        How many have stopped within a tick, since they touch something: their `touched_at` is not -1.
 
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
-    n_ticks = 0
+    n_touched = 0
     for n in range(len(rows)):
         i = rows[n]
-        search, path, gauges = searches.searches[i], searches.paths[i], searches.gauges[i]
-        case = cases.cases[search.case]
-        tick = search.tick
-        if not judge_inplace(search, case, cases.rooms[case.room], cases.sources_m, tick):
-            search.command_tick = tick + 1
-            _go_on(search, path, gauges, cases, work, tick, tasks[i], vectors[i])
-        n_ticks += search.tick - tick
+        search, path, gauges, memory = searches.searches[i], searches.paths[i], searches.gauges[i], searches.memory[i]
+        if how == BEGIN:
+            _reset(search, path, gauges, cases, case_of[i], seed_of[i])
+        i_case = search.case
+        case = cases.cases[i_case]
+        room, tick = cases.rooms[case.room], search.tick
+        task = NO_TASK
+        if how == STEP:
+            task = tasks[i]
+            search.is_asked = 0
+        elif how == FINISH:
+            search.touched_at = -1
+            search.is_touching = search.is_bumped = touch.is_touched[0]
+            _note_path(search)
+            end_tick(search, path, case, room, work, tick)
+            work.rotation[:] = touch.rotation
+            work.places_m[:] = touch.places_m
+            work.velocity_m_s[:] = touch.velocity_m_s
+            _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
+        if how == BEGIN or not (search.is_asked or judge_inplace(search, case, room, cases.sources_m, tick)):
+            if how == STEP:
+                search.command_tick = tick + 1
+            _go_on(search, path, gauges, memory, cases, work, tick, task, vectors[i])
         _tell(observations[i], search, gauges, cases)
-    return n_ticks
-
-
-def new_work(n_places: int, state_dtype: np.dtype[Any]) -> Work:
-    """Return the scratch of a thread.
-
-    Args:
-        n_places: Places that are sampled for a vehicle.
-        state_dtype: `records.STATE`.
-    """
-    return Work(
-        states=np.zeros((3, 3, 3)),
-        paths=np.zeros(2, state_dtype),
-        ppm=np.zeros((n_places, MOST_GASES)),
-        wind_m_s=np.zeros((n_places, 3)),
-        raw=np.zeros(3),
-    )
+        n_touched += search.touched_at >= 0
+    return n_touched

@@ -12,13 +12,11 @@ from gslcosim.quantities import Vec3
 from gslcosim.ticks import NS_PER_S
 from gslcosim.world.paths.space import FlightSpace
 from gslcosim.world.paths.trajectory import AS_BEFORE, Heading, Limits, Trajectory, fly_at, fly_through, fly_to
+from gslcosim.world.paths.trajectory_kernels import allowed_aside_m, farthest_aside_m
 
 AT_REST: Vec3 = (0.0, 0.0, 0.0)
 # Shares of a path's duration at which it is looked at.
 _LOOKS_AT = np.linspace(0.1, 1.0, 10).tolist()
-# How far a path to rest may leave the straight line: in ways that braking takes, and beyond that [m].
-_SWINGS_UP_TO = 2.0
-_SWINGS_BY_M = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,9 +151,5 @@ def swings_out(leg: Leg, path: Trajectory, state: NDArray[np.float64], limits: L
     speed_m_s = float(np.linalg.norm(state[1]))
     if leg.is_passed or leg.after_s is not None or speed_m_s == 0.0:
         return False
-    allowed_m = _SWINGS_UP_TO * 0.75 * speed_m_s**2 / limits.max_acceleration_m_s2 + _SWINGS_BY_M
-    places_m = np.array([path.state_after(share * path.duration_s)[0] for share in _LOOKS_AT])
-    way_m = np.array(leg.place_world_m) - state[0]
-    along = np.clip((places_m - state[0]) @ way_m / max(float(way_m @ way_m), 1e-12), 0.0, 1.0)
-    aside_m = np.linalg.norm(places_m - state[0] - along[:, np.newaxis] * way_m, axis=1)
-    return bool(aside_m.max() > allowed_m)
+    aside_m = farthest_aside_m(path.coefficients, path.duration_s, np.array(leg.place_world_m))
+    return bool(aside_m > allowed_aside_m(speed_m_s, limits.max_acceleration_m_s2))

@@ -11,6 +11,11 @@ PEAK_SPEED_FACTOR = 15.0 / 8.0
 PEAK_ACCELERATION_FACTOR = 10.0 / math.sqrt(3.0)
 
 _N_SAMPLES = 32
+# How often a path is looked at to see how far it leaves the straight line.
+_N_LOOKS = 10
+# How far a path to rest may leave the straight line: in ways that braking takes, and beyond that [m].
+_SWINGS_UP_TO = 2.0
+_SWINGS_BY_M = 0.25
 # No polynomial is shorter than a few times the response of an attitude loop: a vehicle could not follow its jerk.
 _SHORTEST_S = 0.2
 _GROWTH = 1.04
@@ -156,6 +161,49 @@ def polynomial_state(coefficients, t_s):
     for axis in range(3):
         state[0, axis], state[1, axis], state[2, axis], _ = polynomial_at(coefficients, axis, t_s)
     return state
+
+
+@numba.njit(cache=True, nogil=True)
+def farthest_aside_m(coefficients, duration_s, place_m):
+    """Return how far a path to rest leaves the straight line to its end [m], from ten looks at it.
+
+    Args:
+        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
+        duration_s: Length of the polynomial [s], > 0.
+        place_m: (3,) where it ends, world frame [m].
+
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    start_x, start_y, start_z = coefficients[0, 0], coefficients[1, 0], coefficients[2, 0]
+    way_x, way_y, way_z = place_m[0] - start_x, place_m[1] - start_y, place_m[2] - start_z
+    length2 = max(way_x * way_x + way_y * way_y + way_z * way_z, 1e-12)
+    farthest = 0.0
+    for k in range(1, _N_LOOKS + 1):
+        if k == _N_LOOKS:
+            x, y, z = way_x, way_y, way_z
+        else:
+            t = duration_s * k / _N_LOOKS
+            x, y = polynomial_at(coefficients, 0, t)[0] - start_x, polynomial_at(coefficients, 1, t)[0] - start_y
+            z = polynomial_at(coefficients, 2, t)[0] - start_z
+        along = min(max((x * way_x + y * way_y + z * way_z) / length2, 0.0), 1.0)
+        x, y, z = x - along * way_x, y - along * way_y, z - along * way_z
+        farthest = max(farthest, math.sqrt(x * x + y * y + z * z))
+    return farthest
+
+
+@numba.njit(cache=True, nogil=True)
+def allowed_aside_m(speed_m_s, max_acceleration_m_s2):
+    """Return how far a path to rest may leave the straight line [m]: twice the way that braking takes, and more.
+
+    Args:
+        speed_m_s: Speed at its start [m/s].
+        max_acceleration_m_s2: Greatest acceleration [m/s^2].
+
+    Held by:
+        tests/unit/world/guidance/test_mission.py
+    """
+    return _SWINGS_UP_TO * 0.75 * speed_m_s**2 / max_acceleration_m_s2 + _SWINGS_BY_M
 
 
 @numba.njit(cache=True, nogil=True)

@@ -6,18 +6,44 @@ import pytest
 pytest.importorskip("gymnasium", reason="extra gym")
 
 from gslcosim.errors import UsageError
+from gslcosim.search.learned.observing import ObservationVector
 from gslcosim.training.batch import BatchSearchEnv
+from gslcosim.training.hand_flight import HandFlight
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
 
+# The first one may have to compile the kernels, on a busy machine.
+pytestmark = pytest.mark.timeout(400)
+
 FIGURES = ("distance_to_source_m", "path_length_m", "n_commands", "time_s")
-BALL = ("agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none", "gas.model=gaussian_plume")
+PUFFS = ("agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none")
+BALL = (*PUFFS, "gas.model=gaussian_plume")
+LIMIT = "referee.stop.time_limit_s=8"
+EVERY_SENSOR = (
+    "agents[0].sensors=["
+    "{model: tgs2600, name: nose, delay_s: 0.4, noise_std: 200, period_s: 0.2, warm_up_s: 2.5, mount_m: [0.1, 0, 0.1]},"
+    "{model: pid, name: pid, bias: 0.1, drift_per_s: 0.01, max_value: 3},"
+    "{model: threshold, name: threshold, noise_std: 0.2, threshold_ppm: 0.05},"
+    "{model: binary, name: binary, noise_std: 0.5},"
+    "{model: hit_counter, name: hits, period_s: 1.0, hits_per_s_per_ppm: 8, delay_s: 0.3},"
+    "{model: averaging, name: mean}, {model: second_order, name: slow, delay_s: 0.1},"
+    "{model: anemometer_3d, name: wind3, noise_std: 0.1, delay_s: 0.2}, {model: anemometer, name: wind},"
+    "{model: four_range_finders, name: four, noise_std: 0.05, max_range_m: 4},"
+    "{model: range_finder, name: one, beam_body: [1, 0.3, 0.1], max_range_m: 3},"
+    "{model: bump, name: bump, period_s: 0.5}, {model: tgs2602, name: nose2}]"
+)
+TWO_GASES = (
+    "gas.sources=[{position_m: [1.5, 2, 1], filaments_per_s: 10},"
+    "{position_m: [2.5, 4, 1.2], filaments_per_s: 5, gas: methane}]"
+)
 # A search is flown thrice in a batch: at the beginning, in the middle and at the end.
 COPIES = 3
 
 
 def drawn_actions(space, rng, n, drift):
     """Return n actions."""
+    if not space.shape:
+        return rng.integers(0, space.n, n)
     numbers = rng.uniform(-1, 1, (n, *space.shape)) + np.resize(drift, space.shape)
     return np.clip(numbers, -1, 1).astype(np.float32)
 
@@ -71,9 +97,45 @@ def test_velocities_on_request_are_those_of_single_flights():
 
 
 @pytest.mark.slow
-def test_velocities_at_every_tick_are_those_of_single_flights():
-    overrides = (*BALL, "referee.stop.time_limit_s=8", "agents[0].mode=lockstep")
-    assert assert_equal_flights("tiny_room", overrides, [4, 5]) == ["time_limit"] * 2
+@pytest.mark.parametrize(
+    ("overrides", "settings"),
+    [
+        ((*BALL, LIMIT, "agents[0].mode=lockstep"), {}),
+        ((*BALL, LIMIT, "agents[0].mode=lockstep"), {"action": "heading", "step_m": 2.0}),
+        ((*PUFFS, LIMIT, "agents[0].mode=lockstep"), {"action": "waypoint"}),
+        ((*PUFFS, LIMIT), {"hold_s": 0.5, "reward": "sparse"}),
+        ((*BALL, LIMIT), {"hold_s": 0.2, "action": "heading", "step_m": 0.7}),
+        ((*PUFFS, LIMIT, EVERY_SENSOR), {"hold_s": 0.5}),
+        ((*PUFFS, LIMIT, TWO_GASES, "referee.success.of=all_sources"), {"hold_s": 0.5}),
+        ((*BALL, LIMIT, "agents[0].vehicle.start_m=[4.5,2.5,1.5]"), {"hold_s": 0.5, "action": "waypoint_3d"}),
+    ],
+)
+def test_flights_are_those_of_single_flights(overrides, settings):
+    """Questions at each tick, legs, filaments, every sensor, several gases and sources, a start in the air."""
+    assert assert_equal_flights("tiny_room", overrides, [4, 5], **settings) == ["time_limit"] * 2
+
+
+@pytest.mark.slow
+def test_collisions_are_those_of_single_flights_to_the_last_observation():
+    overrides = (*BALL, "referee.stop.time_limit_s=60", "agents[0].vehicle.search_height_m=1")
+    outcomes = assert_equal_flights("warehouse_racks", overrides, [1, 4], hold_s=1.0)
+    assert outcomes == ["collision"] * 2
+
+
+@pytest.mark.slow
+def test_a_search_is_flown_again_alone_from_the_scenario_that_it_tells():
+    task = LearningTask(scenario="tiny_room", overrides=(*PUFFS, LIMIT))
+    batch = BatchSearchEnv([task.loaded(1), task.loaded(2)], 5, hold_s=0.5)
+    batch.reset(seed=3)
+    for _ in range(60):
+        batch.step(np.zeros((5, 2), np.float32))
+    observations, _ = batch.reset()
+    for i in range(5):
+        flight = HandFlight(batch.loaded(i))
+        vector = ObservationVector(flight.briefing_of("beetle"))
+        assert np.array_equal(vector.of(flight.seen_by("beetle")), observations[i])
+        flight.close()
+    batch.close()
 
 
 @pytest.mark.parametrize(
@@ -81,6 +143,11 @@ def test_velocities_at_every_tick_are_those_of_single_flights():
     [
         ("agents[0].vehicle.model=iris", "agents[0].vehicle.model: expected holonomic in a batch, was iris."),
         ("agents[0].vehicle.avoidance=2d", "agents[0].vehicle.avoidance: expected none in a batch, was 2d."),
+        ("gas.model=meandering_plume", "gas.model: expected gaussian_plume, or filament without rotor_downwash, in a"),
+        (
+            "agents[0].sensors[0]={model: camera, name: eye}",
+            "model: expected a sensor of gas, wind or ranges in",
+        ),
         ("referee.stop.on_collision=false", "referee.stop.on_collision: expected true in a batch, was false."),
     ],
 )

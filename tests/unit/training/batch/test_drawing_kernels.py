@@ -7,6 +7,7 @@ import pytest
 from gslcosim.rng import stream
 from gslcosim.training.batch.drawing_kernels import (
     next_normal_inplace,
+    next_poisson_inplace,
     next_uniform_inplace,
     scrambled,
     seed_inplace,
@@ -31,6 +32,14 @@ def test_streams_begin_and_go_on_as_those_of_rng(seed, name):
     # So many that the tails of the ziggurat are among them.
     assert np.array_equal(normals(state, 20_000), rng.standard_normal(20_000))
     assert next_uniform_inplace(state) == rng.random()
+
+
+def test_hits_are_those_of_poisson():
+    state = np.zeros(4, np.uint64)
+    seed_inplace(state, 5, np.frombuffer(b"hits", np.uint8))
+    rng = stream(5, "hits")
+    for mean in [0.0, 0.01, 3.0, 9.99, 10.0, 60.0, 5000.0] * 50:
+        assert next_poisson_inplace(state, mean) == rng.poisson(mean)
 
 
 def test_what_a_search_draws_depends_on_seed_search_and_number_of_its_resets():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gslcosim.training.batch.exact_kernels import norm2, norm3
+from gslcosim.training.batch.exact_kernels import exact_sum, norm2, norm3
 
 
 def test_norms_are_those_of_math():
@@ -15,3 +15,11 @@ def test_norms_are_those_of_math():
         assert norm3(x, y, z) == math.hypot(x, y, z)
         assert norm2(x, y) == math.hypot(x, y)
         assert norm3(x - y, y - z, z - x) == math.dist((x, y, z), (y, z, x))
+
+
+def test_sums_are_those_of_fsum():
+    rng, parts = np.random.default_rng(2), np.zeros(64)
+    for _ in range(500):
+        n = int(rng.integers(1, 40))
+        values = rng.normal(size=n) * 10.0 ** rng.integers(-12, 12, n)
+        assert exact_sum(values, n, parts) == math.fsum(values)

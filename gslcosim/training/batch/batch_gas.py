@@ -1,0 +1,118 @@
+"""The gas of cases for the kernels: plumes in closed form, and tapes of filaments, each tape once."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.model import Environment
+from gslcosim.errors import UsageError
+from gslcosim.fields.gas_setup import GasSetup, gas_seed, gases_in
+from gslcosim.fields.models.filament_gas import gas_model_of, taped_plume
+from gslcosim.fields.models.formula_plume_kernels import PLUME
+from gslcosim.fields.models.plume_gas import plume_records
+from gslcosim.fields.reading.concentration import strength_ppm_m3
+from gslcosim.fields.reading.filament_field import READINGS_WORTH_AN_INDEX
+from gslcosim.fields.stored.tape import GasTape, tape_hash
+from gslcosim.fields.timing import gas_timing
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec
+from gslcosim.training.batch import batch_records as records
+from gslcosim.training.batch.batch_instruments import ELSE
+from gslcosim.training.batch.tape_kernels import sort_frames_inplace
+
+# Edge of the columns into which filaments are sorted [m].
+_COLUMN_M = 1.0
+
+
+class BatchGas:
+    """Gathers the gas of cases; `kept` holds the arrays that the records of tapes point into.
+
+    `strengths` and `gas_of_source` have the sources of filaments of all cases, `most_filaments` is how many the largest
+    frame of all tapes has.
+    """
+
+    def __init__(self) -> None:
+        self.plumes: list[NDArray[np.void]] = []
+        self.tapes: list[NDArray[np.void]] = []
+        self.strengths: list[float] = []
+        self.gas_of_source: list[int] = []
+        self.kept: list[object] = []
+        self.most_filaments = 1
+        self._known: dict[str, int] = {}
+        self._n_plumes = 0
+
+    @property
+    def tape_bytes(self) -> int:
+        """How many bytes tapes take on disk, mapped into memory, and their order beside them in memory."""
+        return sum(int(array.nbytes) for array in self.kept if isinstance(array, np.ndarray))
+
+    def plume_array(self) -> NDArray[np.void]:
+        """Return the (n,) records of `PLUME`."""
+        return np.concatenate([np.zeros(1, PLUME), *self.plumes])
+
+    def add(self, case: Any, scenario: Scenario, environment: Environment, n_places: int) -> None:
+        """Write the gas of a case into its record.
+
+        Raises:
+            UsageError: the gas would be read in another order in a single flight.
+        """
+        gas, timing = scenario.gas, gas_timing(scenario)
+        case["n_gases"], case["warm_up_s"] = len(gases_in(gas)), gas.warm_up_s
+        case["gas_ticks_per_step"] = timing.ticks_per_step
+        if isinstance(gas, GaussianPlumeGasSpec):
+            plumes = plume_records(gas, GasSetup(scenario=scenario, environment=environment))
+            # The first record is nobody's.
+            case["gas"], case["first_plume"], case["n_plumes"] = records.STEADY_PLUMES, self._n_plumes + 1, len(plumes)
+            self._n_plumes += len(plumes)
+            self.plumes.append(plumes)
+            return
+        n_readings = n_places * timing.ticks_per_step
+        if n_readings >= READINGS_WORTH_AN_INDEX:
+            raise UsageError(
+                f"{scenario.name}: gas.step_s: expected fewer than {READINGS_WORTH_AN_INDEX} readings of filaments in "
+                f"a step (places of sensors times ticks), was {n_readings}. {ELSE}"
+            )
+        self._add_tape(case, scenario, environment)
+
+    def _add_tape(self, case: Any, scenario: Scenario, environment: Environment) -> None:
+        seed = gas_seed(scenario, scenario.seed)
+        plume = taped_plume(scenario, environment)
+        plume.reset(seed)
+        amount_mol, gas_index = plume.sources
+        case["gas"], case["first_plume"], case["n_plumes"] = records.FILAMENTS, len(self.strengths), len(amount_mol)
+        self.strengths += strength_ppm_m3(amount_mol).tolist()
+        self.gas_of_source += gas_index.tolist()
+        case["cutoff_sigma"] = gas_model_of(scenario, environment).cutoff_sigma
+        key = tape_hash(scenario, environment, seed)
+        if key not in self._known:
+            self._known[key] = len(self.tapes)
+            self.tapes.append(self._tape_row(plume.tape, environment))
+        case["tape"] = self._known[key]
+
+    def _tape_row(self, tape: GasTape, environment: Environment) -> NDArray[np.void]:
+        first, rows, sources = tape.arrays
+        grid = environment.grid
+        sides_m = np.subtract(grid.max_m, grid.origin_m)[:2]
+        nx, ny = (int(n) for n in np.maximum(np.ceil(sides_m / _COLUMN_M), 1))
+        starts = np.empty((tape.n_frames, nx * ny + 1), np.int32)
+        members = np.empty(len(rows), np.int32)
+        largest_m = np.empty((tape.n_frames, nx * ny), np.float32)
+        origin_m = np.array(grid.origin_m[:2], np.float64)
+        sort_frames_inplace(first, rows, origin_m, _COLUMN_M, nx, ny, starts, members, largest_m)
+        self.most_filaments = max(self.most_filaments, int(np.diff(first).max(initial=1)))
+        row = np.zeros((), records.TAPE)
+        row["n_frames"], row["n_rows"] = tape.n_frames, len(rows)
+        row["origin_m"], row["column_m"], row["shape"] = origin_m, _COLUMN_M, (nx, ny)
+        arrays = {"first": first, "rows": rows, "starts": starts, "members": members, "largest_sigma_m": largest_m}
+        if sources is not None:
+            arrays["sources"] = sources
+        for name, array in arrays.items():
+            row[name] = array.ctypes.data
+            self.kept.append(array)
+        return row
+
+
+def fits(scenario: Scenario) -> bool:
+    """Return whether a scenario's gas can be batched."""
+    return isinstance(scenario.gas, GaussianPlumeGasSpec | FilamentGasSpec) and not scenario.gas.rotor_downwash

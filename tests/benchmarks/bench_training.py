@@ -1,0 +1,125 @@
+"""Prints how fast searches are flown for learning: a batch of them, beside a loop over single environments.
+
+An agent step is one tick of one agent: vehicle, wind, gas, sensors and referee. Both fly the same scenario with the
+same actions in turns, in this process; only the ratio means something on another machine.
+"""
+
+import argparse
+import json
+import statistics
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.training.batch import BatchSearchEnv
+from gslcosim.training.learning_task import LearningTask
+from gslcosim.training.search_env import SearchEnv
+
+SCENARIO = "warehouse_racks"
+HOLD_S = 1.0
+VEHICLE = ("agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none")
+# Obstacles are racks; sensors a MOX sensor and an anemometer, as the scenario has them.
+PLUME, TAPE = "gas.model=gaussian_plume", "gas.model=filament"
+LIMIT = "referee.stop.time_limit_s=100"
+
+
+@dataclass
+class Pace:
+    """What was flown in how long."""
+
+    ticks: int = 0
+    decisions: int = 0
+    wall_s: float = 0.0
+
+    def line(self, name: str) -> str:
+        """Return it as a line."""
+        return (
+            f"{name:34} {self.ticks / self.wall_s:12,.0f} agent steps/s {self.decisions / self.wall_s:12,.0f} decisions/s"
+        )
+
+
+def fly_batch(env: BatchSearchEnv, rng: np.random.Generator, seconds: float, pace: Pace) -> None:
+    """Fly a batch for some time."""
+    actions = rng.uniform(-1, 1, (64, *env.action_space.shape)).astype(np.float32)
+    ticks, started, k = env.n_ticks, time.perf_counter(), 0
+    while time.perf_counter() - started < seconds:
+        env.step(actions[k % 64])
+        pace.decisions += env.num_envs
+        k += 1
+    pace.wall_s += time.perf_counter() - started
+    pace.ticks += env.n_ticks - ticks
+
+
+def fly_single(env: SearchEnv, rng: np.random.Generator, seconds: float, tick_s: float, pace: Pace) -> None:
+    """Fly a single environment for some time; its resets count as those of the batch do."""
+    started = time.perf_counter()
+    _, info = env.reset(seed=1)
+    while time.perf_counter() - started < seconds:
+        before_s = info["time_s"]
+        _, _, terminated, truncated, info = env.step(rng.uniform(-1, 1, env.action_space.shape).astype(np.float32))
+        pace.ticks += round((info["time_s"] - before_s) / tick_s)
+        pace.decisions += 1
+        if terminated or truncated:
+            _, info = env.reset()
+    pace.wall_s += time.perf_counter() - started
+
+
+def compared(gas: str, n_envs: int, n_cases: int, seconds: float, rounds: int) -> dict[str, float]:
+    """Fly both in turns and print the figures."""
+    overrides = (*VEHICLE, gas, LIMIT)
+    task = LearningTask(scenario=SCENARIO, overrides=overrides)
+    cases = [task.loaded(seed) for seed in range(n_cases)]
+    tick_s = cases[0].scenario.tick_ns / 1e9
+    batch = BatchSearchEnv(cases, n_envs, hold_s=HOLD_S)
+    single = SearchEnv(SCENARIO, overrides=overrides, action="velocity", hold_s=HOLD_S)
+    rng = np.random.default_rng(1)
+    batch.reset(seed=1)
+    fly_batch(batch, rng, 0.5, Pace())
+    many, one, ratios = Pace(), Pace(), []
+    for _ in range(rounds):
+        now_many, now_one = Pace(), Pace()
+        fly_batch(batch, rng, seconds, now_many)
+        fly_single(single, rng, seconds, tick_s, now_one)
+        ratios.append(now_many.ticks / now_many.wall_s / (now_one.ticks / now_one.wall_s))
+        for total, now in ((many, now_many), (one, now_one)):
+            total.ticks += now.ticks
+            total.decisions += now.decisions
+            total.wall_s += now.wall_s
+    name = gas.split("=")[1]
+    print(many.line(f"{name}: batch of {n_envs}"))
+    print(one.line(f"{name}: single environment"))
+    ratio = statistics.median(ratios)
+    print(f"{name}: ratio {ratio:,.0f} (of {rounds} rounds {min(ratios):,.0f} to {max(ratios):,.0f})")
+    print(f"{name}: {batch.bytes_per_env} bytes for each search of the batch")
+    figures = {
+        "batch_agent_steps_per_s": many.ticks / many.wall_s,
+        "batch_decisions_per_s": many.decisions / many.wall_s,
+        "single_agent_steps_per_s": one.ticks / one.wall_s,
+        "ratio": ratio,
+        "bytes_per_env": batch.bytes_per_env,
+    }
+    batch.close()
+    single.close()
+    return figures
+
+
+def main() -> None:
+    """Print the figures of both kinds of gas."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--envs", type=int, default=10_000, help="how many searches the batch has")
+    parser.add_argument("--cases", type=int, default=4, help="in how many cases they are")
+    parser.add_argument("--seconds", type=float, default=2.0, help="how long each is flown in a round")
+    parser.add_argument("--rounds", type=int, default=3, help="how often both are flown in turns")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON too")
+    arguments = parser.parse_args()
+    figures = {
+        gas.split("=")[1]: compared(gas, arguments.envs, arguments.cases, arguments.seconds, arguments.rounds)
+        for gas in (PLUME, TAPE)
+    }
+    if arguments.json:
+        print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()
