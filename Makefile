@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks golden docs contract setup
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks golden docs contract setup bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -44,6 +44,9 @@ bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 
 bench-suite: .venv/ready-dev  # what a flight of a suite costs and its parts, how busy workers are, whether memory stays flat
 	$(BIN)/python tests/benchmarks/bench_suite.py $(SUITE)
+
+bench-training: .venv/ready-dev  # agent steps per second in batches, beside single environments, in turns
+	$(BIN)/python tests/benchmarks/bench_training.py
 
 bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=--quick for less
 	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)

@@ -4,6 +4,8 @@ An agent step is one tick of one agent: vehicle, wind, gas, sensors and referee.
 same actions in turns, in this process; only the ratio means something on another machine.
 """
 
+# ruff: noqa: T201 - this is a script
+
 import argparse
 import json
 import statistics
@@ -34,9 +36,8 @@ class Pace:
 
     def line(self, name: str) -> str:
         """Return it as a line."""
-        return (
-            f"{name:34} {self.ticks / self.wall_s:12,.0f} agent steps/s {self.decisions / self.wall_s:12,.0f} decisions/s"
-        )
+        steps, decisions = self.ticks / self.wall_s, self.decisions / self.wall_s
+        return f"{name:34} {steps:12,.0f} agent steps/s {decisions:12,.0f} decisions/s"
 
 
 def fly_batch(env: BatchSearchEnv, rng: np.random.Generator, seconds: float, pace: Pace) -> None:
