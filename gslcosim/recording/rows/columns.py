@@ -1,9 +1,10 @@
 """Rows that wait until they are sent: appending is cheap and happens every tick, sending is done for many at once."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
@@ -156,9 +157,20 @@ class TrackRows:
     def send(self, file: RunFile) -> None:
         """Write the finished strips, if any, and forget them."""
         if self._ticks:
-            strips = [np.array(strip, dtype=np.float32) for strip in self._strips_m]
-            file.send(self._entity, self._ticks, rr.LineStrips3D.columns(strips=strips))
+            file.send(self._entity, self._ticks, rr.LineStrips3D.columns(strips=_strip_array(self._strips_m)))
             self._ticks, self._strips_m = [], []
+
+
+# Told a list of strips Rerun makes an array of each; this is the type in which it stores them.
+_POINT_TYPE: Any = pa.list_(pa.field("item", pa.float32(), nullable=False), 3)
+_STRIP_TYPE: Any = pa.list_(pa.field("item", _POINT_TYPE, nullable=False))
+
+
+def _strip_array(strips_m: Sequence[Sequence[Vec3]]) -> Any:
+    flat = pa.array(np.array([number for strip in strips_m for point in strip for number in point], dtype=np.float32))
+    ends = pa.array(np.cumsum([0, *(len(strip) for strip in strips_m)], dtype=np.int32))
+    points = pa.FixedSizeListArray.from_arrays(flat, type=_POINT_TYPE)
+    return pa.ListArray.from_arrays(ends, points, type=_STRIP_TYPE)
 
 
 class PlanRows:

@@ -18,7 +18,7 @@ NUMBERS_COMPONENT = "numbers"
 
 def as_bytes(rows: Sequence[Sequence[float]]) -> Any:
     """Return rows of numbers in single precision, little-endian, as bytes: a `pyarrow` array."""
-    numbers = np.concatenate(rows, dtype="<f4")
+    numbers = np.array([number for row in rows for number in row], dtype="<f4")
     ends = np.cumsum([0, *(numbers.itemsize * len(row) for row in rows)], dtype=np.int32)
     return pa.Array.from_buffers(pa.binary(), len(rows), [None, pa.py_buffer(ends), pa.py_buffer(numbers)])
 

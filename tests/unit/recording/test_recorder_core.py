@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from read_back import column
 from rerun.chunk import RrdReader
-from scripted_flight import CLOUD_EVERY_TICKS, WAYPOINT_EVERY_TICKS, ScriptedFlight
+from scripted_flight import CLOUD_EVERY_TICKS, NOSE_AND_VANE, ON_BOARD, WAYPOINT_EVERY_TICKS, ScriptedFlight
 
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
 from gslcosim.errors import RecordingError
+from gslcosim.recording import run_recording
 from gslcosim.recording.core import FLUSH_TICKS, RecorderCore
 from gslcosim.recording.repair import is_whole
 from gslcosim.recording.rerun_cli import run_rerun
@@ -54,6 +55,23 @@ def test_every_row_arrives_whatever_the_length(record, rows_of, n_ticks):
     assert rows["/waypoints/agent_0"] == -(-n_ticks // WAYPOINT_EVERY_TICKS)
     assert rows["/tracks/agent_0"] == (-(-(n_ticks - 1) // TRACK_STRIP_TICKS) or -1)
     assert rows["/summary"] == 2
+
+
+@pytest.mark.parametrize("n_taken", [1, 7])
+def test_rows_are_the_same_however_many_ticks_are_taken_apart_together(record, tmp_path, monkeypatch, n_taken):
+    asked = {
+        "n_ticks": 100,
+        "n_agents": 2,
+        "sensors": (*NOSE_AND_VANE, *ON_BOARD),
+        "believers": ("agent_0",),
+        "contacts": [()] * 30 + [("crate",), ("crate", "wall")],
+        "plans": [()] * 20 + [((1.0, 2.0, 1.0), (2.0, 2.0, 1.0)), ((2.0, 2.0, 1.0),)],
+    }
+    together = record(**asked).rename(tmp_path / "together.rrd")
+    monkeypatch.setattr(run_recording, "TAKEN_TICKS", n_taken)
+    apart = record(**asked)
+    compared = run_rerun(["rrd", "compare", "--unordered", together, apart], timeout_s=60.0)
+    assert compared.returncode == 0, compared.stderr
 
 
 def test_what_stands_still_is_drawn_once_for_all_times(record, rows_of):
