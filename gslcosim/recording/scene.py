@@ -17,6 +17,8 @@ from gslcosim.recording.run_file import RunFile
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.success import SuccessSpec
 
+# Like the colours of filaments, black where there is no gas.
+GAS_COLORMAP = rr.components.Colormap.Inferno
 SOLID = rr.components.FillMode.Solid
 WIRE = rr.components.FillMode.MajorWireframe
 GLASS = rr.components.FillMode.TransparentFillMajorWireframe
@@ -121,11 +123,11 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
     width_m = SCALE_WIDTH_FRAC * (x1 - x0)
     cell_m = depth_m / colors.N_LEVELS
     n_columns = max(1, round(width_m / cell_m))
-    picture = np.full((colors.N_LEVELS, n_columns, 4), 255, dtype=np.uint8)
-    picture[::-1, :, :3] = colors.gas_colors()[:, None]
+    picture = np.repeat(np.arange(colors.N_LEVELS, dtype=np.uint8)[::-1], n_columns)
     bar = rr.GridMap(
         data=picture.tobytes(),
-        format=picture_format(n_columns, colors.N_LEVELS),
+        format=level_format(n_columns, colors.N_LEVELS),
+        colormap=GAS_COLORMAP,
         cell_size=cell_m,
         translation=(right_m - width_m, y0, drawn_m),
     )
@@ -141,6 +143,11 @@ def draw_map(file: RunFile, environment: Environment, scale: GasScale, height_m:
         "map/scale/labels",
         rr.Points3D(places_m, radii=[0.001], colors=[colors.READING], labels=labels, show_labels=True),
     )
+
+
+def level_format(width: int, height: int) -> rr.components.ImageFormat:
+    """Return the format of a picture of this many levels of gas, a byte each, which `GAS_COLORMAP` colours."""
+    return rr.components.ImageFormat(width=width, height=height, color_model="L", channel_datatype="U8")
 
 
 def picture_format(width: int, height: int) -> rr.components.ImageFormat:

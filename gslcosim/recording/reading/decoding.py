@@ -22,16 +22,18 @@ class SliceDecoder:
     """Turns the pictures of a gas slice back into mixing ratios.
 
     A picture has `colors.N_LEVELS` levels over `colors.DECADES` powers of ten. A mixing ratio comes back as the middle
-    of its level: within 1.4 %, or 4 % just above the lower end, where two levels share a colour. What was below the
-    scale comes back as 0.
+    of its level: within 1.4 %. What was below the scale comes back as 0. Recordings of older versions hold colours, of
+    which two levels share one just above the lower end: within 4 % there.
     """
 
     shape: tuple[int, int]
     scale: GasScale
 
     def mixing_ratio_ppm(self, picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Return the (nx, ny) mixing ratios [ppm] of a picture of RGBA bytes."""
+        """Return the (nx, ny) mixing ratios [ppm] of a picture of levels, or of RGBA bytes."""
         nx, ny = self.shape
+        if np.size(picture) == nx * ny:
+            return self._ppm_of_levels()[np.asarray(picture).reshape(ny, nx)[::-1].T]
         packed = _packed(np.asarray(picture).reshape(ny, nx, 4)[..., :3])
         known, levels = _palette()
         at = np.searchsorted(known, packed)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quaternion, Reading
 from gslcosim.quantities import Vec3
-from gslcosim.recording.colors import GasScale, Rgb, gas_colors, slice_colors
+from gslcosim.recording.colors import GasScale, Rgb, gas_colors
 from gslcosim.recording.run_file import RunFile
-from gslcosim.recording.scene import picture_format, slice_height_m
+from gslcosim.recording.scene import GAS_COLORMAP, level_format, slice_height_m
 from gslcosim.scenario import Scenario
 
 # A track grows by a strip of this many ticks; the viewer draws as many strips as have passed.
@@ -306,13 +306,11 @@ class FilamentRows:
 
 
 class SliceRows:
-    """A horizontal slice through the gas as a picture at its height, coloured by `GasScale`."""
+    """A horizontal slice through the gas at its height: the levels of `GasScale`, which the viewer colours."""
 
     def __init__(self, entity: str, scale: GasScale) -> None:
         self._entity = entity
         self._scale = scale
-        # Packed, so that a cell's colour is taken at once.
-        self._colors = slice_colors().view(np.uint32)[:, 0]
         self._is_placed = False
         self._ticks: list[int] = []
         self._slices: list[ConcentrationSlice] = []
@@ -335,7 +333,8 @@ class SliceRows:
     def _place(self, file: RunFile, first: ConcentrationSlice) -> None:
         nx, ny = first.mixing_ratio_ppm.shape
         place = rr.GridMap.from_fields(
-            format=picture_format(nx, ny),
+            format=level_format(nx, ny),
+            colormap=GAS_COLORMAP,
             cell_size=first.cell_m,
             translation=(*first.origin_m, slice_height_m(first.height_m)),
         )
@@ -345,4 +344,4 @@ class SliceRows:
     # Rows of a picture run from the far side (largest y) to the near one.
     def _picture(self, concentration: ConcentrationSlice) -> NDArray[np.uint8]:
         levels = self._scale.levels(concentration.mixing_ratio_ppm.to_array())
-        return self._colors[levels.T[::-1].ravel()].view(np.uint8)
+        return np.ascontiguousarray(levels.T[::-1]).ravel()

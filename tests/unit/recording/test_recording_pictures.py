@@ -95,10 +95,8 @@ def test_a_slice_is_drawn_with_north_up_and_east_right():
         ),
     )
     rows.send(listener)
-    picture = np.array(listener.sent["GridMap:data"][0][0], np.uint8).reshape(3, 4, 4)
-    assert picture[0, 3].tolist() == slice_colors()[255].tolist()
-    assert picture[2, 0].tolist() == slice_colors()[170].tolist()
-    assert picture[0, 0].tolist() == slice_colors()[0].tolist()
+    picture = np.array(listener.sent["GridMap:data"][0][0], np.uint8).reshape(3, 4)
+    assert picture.tolist() == [[0, 0, 0, 255], [0, 0, 0, 0], [170, 0, 0, 0]]
 
 
 def test_arrows_point_with_the_wind_from_air_cells_of_the_layer_only(make_room):
