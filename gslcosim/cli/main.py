@@ -33,6 +33,7 @@ from gslcosim.cli.commands import (
     schema,
     serve,
     sweep,
+    train,
     tune,
     up,
     validate,
@@ -53,6 +54,7 @@ COMMANDS = (
     bench.COMMAND,
     sweep.COMMAND,
     tune.COMMAND,
+    train.COMMAND,
     validate.COMMAND,
     listing.COMMAND,
     generate.COMMAND,
@@ -79,7 +81,7 @@ COMMANDS = (
     doctor.COMMAND,
 )
 # What loads all that a flight needs.
-_COMPUTING = ("up", "fork", "replay", "bench", "sweep", "tune", "generate", "sample")
+_COMPUTING = ("up", "fork", "replay", "bench", "sweep", "tune", "train", "generate", "sample")
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -242,7 +242,7 @@ def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:
         return f"{{{name}: a text}}" if value is str else f"{{{name}: N}} with N {_describe(value, (), '')}"
     if model := _model_in(kind):
         return f"a block with the keys {_join(keys_of(model), 'and')}"
-    words = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+    words = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Any: "a value"}
     texts = [constraint for constraint in constraints if isinstance(constraint, StringConstraints)]
     if kind is str and any(text.pattern for text in texts):
         return "a name: a small letter, then small letters, digits and _, at most 40 in all"

@@ -137,11 +137,12 @@ def _drawn(loaded: LoadedSuite) -> set[int]:
 
 def seeds_of_tests(loaded: LoadedSuite) -> frozenset[int]:
     """Return all seeds of a suite and of every bundled one: those on which nothing may be tuned."""
-    return seeds_of(loaded) | _seeds_of_bundled()
+    return seeds_of(loaded) | seeds_of_bundled_suites()
 
 
 @cache
-def _seeds_of_bundled() -> frozenset[int]:
+def seeds_of_bundled_suites() -> frozenset[int]:
+    """Return all seeds of the bundled suites: those on which nothing may be tuned or trained."""
     return frozenset[int]().union(*(seeds_of(load_suite(path)) for path in bundled_suites().values()))
 
 

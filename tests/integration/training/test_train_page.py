@@ -7,6 +7,10 @@ import pytest
 
 pytest.importorskip("pettingzoo", reason="extra gym")
 
+from gslcosim.cli.main import main
+from gslcosim.training.families import load_family
+from gslcosim.training.learning.train_file import load_train_file
+
 PAGE = Path(__file__).parents[3] / "docs" / "train.md"
 PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
@@ -17,3 +21,23 @@ def test_a_program_of_the_page_runs(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(program, str(PAGE), "exec"), {"__name__": "__main__"})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_train_files_and_families_of_the_page_are_valid(tmp_path):
+    family, train = (text for text in re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL))
+    (tmp_path / "family.yaml").write_text(family.replace("hall.yaml", "tiny_room"))
+    (tmp_path / "train.yaml").write_text(train)
+    assert load_family(tmp_path / "family.yaml").values_of("test", 0)["environment.layout.seed"] >= 50000
+    assert load_train_file(tmp_path / "train.yaml").spec.trainer.kind == "ctrnn"
+
+
+@pytest.mark.slow
+def test_the_first_training_of_the_page_runs(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("cma", reason="extra train")
+    monkeypatch.chdir(tmp_path)
+    lines = re.findall(r"^gslcosim (train open_halls_tiny.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(lines) == 2
+    for line in lines:
+        assert main([*line.split(), "--record", "0"]) == 0
+    assert "4 rounds" in capsys.readouterr().out
+    assert (tmp_path / "trained" / "open_halls_tiny" / "policy.npz").is_file()

@@ -1,0 +1,153 @@
+"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation flights."""
+
+import argparse
+import contextlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.bench_text import watched_count
+from gslcosim.cli.parsing import Command, at_least_one, whole_number
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.training.learning.training import Trained
+
+EXAMPLES = """  gslcosim train open_halls_ctrnn
+  gslcosim train open_halls_ctrnn --rounds 20 --out trained/first
+  gslcosim train open_halls_ctrnn --out trained/first --resume
+  gslcosim train my_training.yaml --record 5 --json"""
+TRAINED_DIR = Path("trained")
+_TOLD = ("best_cost", "mean_cost", "reward", "mean_reward", "success", "validation_cost", "validation_success")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="a train file, or the name of a bundled one")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="where everything goes (default: trained/NAME)")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
+    parser.add_argument(
+        "--rounds", type=at_least_one, metavar="N", help="at most N rounds now; --resume goes on (default: all)"
+    )
+    parser.add_argument(
+        "--record", type=whole_number, default=2, metavar="N",
+        help="record flights of the best in the first N cases of validation, below DIR/runs (default: 2)",
+    )  # fmt: skip
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.training.learning.train_file import load_train_file
+    from gslcosim.training.learning.training import POLICY, Training
+    from gslcosim.training.learning.validating import entry_of, record_flights
+
+    file = load_train_file(arguments.file)
+    name = file.spec.name
+    folder = arguments.out or TRAINED_DIR / name
+    with _Watch(f"training {name}", is_quiet=arguments.json) as watch:
+        training = Training(
+            file, folder, is_resumed=arguments.resume, tell=watch.tell, show=watch.show,
+            command=f"gslcosim train {arguments.file}",
+        )  # fmt: skip
+        try:
+            trained = training.train(rounds=arguments.rounds)
+        except KeyboardInterrupt:
+            watch.end()
+            write_note(f"Interrupted. gslcosim train {arguments.file} --out {folder} --resume goes on.")
+            return ExitCode.INTERRUPTED
+    _draw(trained)
+    runs: list[str] = []
+    if trained.best is not None and arguments.record:
+        cases = training.validation_cases[: arguments.record]
+        flown = record_flights(file.family.name, cases, entry_of(trained.best, folder / POLICY), folder / "runs")
+        runs = [str(result.run_dir) for result in flown]
+    fields = _fields(trained, runs)
+    if arguments.json:
+        write_json(fields)
+    else:
+        write(_text(trained, fields, arguments.file))
+    return 0
+
+
+class _Watch:
+    """Shows how a training goes: a line for what is under way, with the figures of the last round."""
+
+    def __init__(self, title: str, *, is_quiet: bool) -> None:
+        self._title, self._is_quiet = title, is_quiet
+        self._stack = contextlib.ExitStack()
+        self._lines: dict[str, Callable[[int, int], None]] = {}
+
+    def __enter__(self) -> "_Watch":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def tell(self, what: str, done: int, total: int) -> None:
+        """Show how far something is."""
+        if what not in self._lines:
+            self.end()
+            line = watched_count(f"{self._title}, {what}", is_quiet=self._is_quiet)
+            self._lines[what] = self._stack.enter_context(line)
+        self._lines[what](done, total)
+
+    def show(self, figures: Mapping[str, float], last: int) -> None:
+        """Show how far the rounds are, and now and then what they come to."""
+        done = int(figures["round"])
+        self.tell("rounds", done, last)
+        if not self._is_quiet and ("validation_cost" in figures or done == last):
+            told = ", ".join(f"{name} {figures[name]:.3f}" for name in _TOLD if name in figures)
+            self.end()
+            write_note(f"round {done} of {last}: {told}")
+
+    def end(self) -> None:
+        """Leave the line empty."""
+        self._stack.close()
+        self._lines.clear()
+
+
+def _draw(trained: "Trained") -> None:
+    from gslcosim.training.learning.learning_curves import draw_curves
+
+    try:
+        draw_curves(trained.curves, trained.folder)
+    except UsageError as error:
+        write_note(f"No figure of the curves: {error}")
+
+
+def _fields(trained: "Trained", runs: list[str]) -> dict[str, Any]:
+    return {
+        "name": trained.name,
+        "folder": str(trained.folder),
+        "is_over": trained.is_over,
+        "rounds": len(trained.curves),
+        "best_round": trained.best_round,
+        "figures": trained.curves[-1],
+        "training_time_s": round(trained.took_s, 1),
+        "runs": runs,
+    }
+
+
+def _text(trained: "Trained", fields: dict[str, Any], file: str) -> str:
+    validated = [each for each in trained.curves if "validation_cost" in each]
+    lines = [f"{trained.name}: {fields['rounds']} rounds in {trained.took_s:.0f} s."]
+    if validated:
+        best = min(validated, key=lambda each: each["validation_cost"])
+        lines.append(
+            f"Best in validation: round {trained.best_round}, cost {best['validation_cost']:.3f}, success "
+            f"{100 * best['validation_success']:.0f} %."
+        )
+    if not trained.is_over:
+        lines.append(f"It is not over: gslcosim train {file} --out {trained.folder} --resume goes on.")
+    if fields["runs"]:
+        lines.append(f"Look at its flights: gslcosim view {fields['runs'][0]}")
+    return "\n".join([*lines, f"Everything is in {trained.folder}."])
+
+
+COMMAND = Command(
+    name="train",
+    summary="let a search method learn in a family of cases, with checkpoints, curves and flights to look at",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,1 @@
+"""Trainings: from a train file to a policy, with checkpoints, curves and evaluation flights."""

@@ -1,0 +1,142 @@
+"""Train files: which trainer learns what in which family, from which seed."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, ValidationError
+
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario.bundled import bundled_folder
+from gslcosim.scenario.explain import problems_of, shown
+from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec
+from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.training.families import Family, load_family
+from gslcosim.training.trainers.settings import CtrnnSettings, MethodSettings, TableSettings
+
+_Count = Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class PpoFileSettings(Spec):
+    """Recurrent PPO in so many `searches` at once; `settings` are those of `PpoSettings`, `rounds` among them."""
+
+    kind: Literal["recurrent_ppo"]
+    searches: _Count = 512
+    settings: dict[str, Any] = {}  # noqa: RUF012 - pydantic copies it
+
+
+def _kind_of(value: Any) -> str | None:
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return kind if isinstance(kind, str) else None
+
+
+TrainerSettings = Annotated[
+    Annotated[CtrnnSettings, Tag("ctrnn")]
+    | Annotated[TableSettings, Tag("table")]
+    | Annotated[MethodSettings, Tag("method")]
+    | Annotated[PpoFileSettings, Tag("recurrent_ppo")],
+    Discriminator(_kind_of),
+]
+
+
+class ActionSpec(Spec):
+    """What actions mean; see docs/train.md."""
+
+    kind: Literal["velocity", "velocity_3d", "waypoint", "waypoint_3d", "heading"] = "velocity"
+    step_m: Positive = 1.0
+    speed_m_s: Positive = 1.0
+    hold_s: NonNegative | None = None
+
+    @property
+    def settings(self) -> ActionSettings:
+        """What policies and environments take."""
+        return ActionSettings(**self.model_dump())
+
+
+class CasesSpec(Spec):
+    """How many cases of the family are trained in, and how many the policy is validated in."""
+
+    training: _Count = 256
+    validation: _Count = 64
+
+
+class TrainSpec(Spec):
+    """A whole train file.
+
+    After each `validate_every` rounds, and at the end, the policy flies the cases of validation; the best is kept.
+    After each `checkpoint_every` a checkpoint is written. `doping: false` lets all cases come equally often whatever
+    the family says.
+    """
+
+    schema_: Literal["gslcosim/train/1"] = Field(alias="schema")
+    name: Name
+    family: str
+    trainer: TrainerSettings
+    action: ActionSpec = ActionSpec()
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 1
+    cases: CasesSpec = CasesSpec()
+    validate_every: _Count = 10
+    checkpoint_every: _Count = 10
+    doping: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainFile:
+    """A valid train file with its family."""
+
+    spec: TrainSpec
+    family: Family
+    path: Path
+
+    @property
+    def identity(self) -> str:
+        """A hash of all that decides what is learned: the file as resolved, and its family."""
+        text = f"{self.spec.model_dump_json()}\n{self.family.identity}"
+        return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def bundled_train_files() -> dict[str, Path]:
+    """Return the train files beside the bundled families by name."""
+    folder = bundled_folder("families")
+    return {path.stem.removesuffix(".train"): path for path in sorted(folder.glob("*/*.train.yaml"))}
+
+
+def load_train_file(source: str | Path) -> TrainFile:
+    """Read and check a train file, and its family.
+
+    Args:
+        source: A file, or the name of a bundled one.
+
+    Raises:
+        ScenarioError: there is no such file, or it or its family has problems.
+    """
+    path, bundled = Path(source), bundled_train_files()
+    if not path.is_file():
+        if str(source) not in bundled:
+            raise ScenarioError(
+                f"{source}: expected a train file or a bundled one ({', '.join(bundled)}), found neither. "
+                f"{did_you_mean(str(source), list(bundled))}".rstrip()
+            )
+        path = bundled[str(source)]
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: expected a file of UTF-8 text, was one that cannot be read.") from error
+    tree = read_yaml(text, source=str(path))
+    if tree.block is None:
+        problem = Problem(path="", expected="a block of keys with family and trainer", found=shown(tree.values))
+        raise InvalidScenarioError(locate([problem], tree.marks), name=str(path))
+    try:
+        spec = TrainSpec.model_validate_json(json.dumps(tree.block), strict=True)
+    except ValidationError as error:
+        problems = locate(problems_of(error, root=TrainSpec), tree.marks)
+        raise InvalidScenarioError([*tree.problems, *problems], name=str(path)) from error
+    if tree.problems:
+        raise InvalidScenarioError(tree.problems, name=str(path))
+    beside = path.parent / spec.family
+    return TrainFile(spec=spec, family=load_family(beside if beside.is_file() else spec.family), path=path)

@@ -1,0 +1,270 @@
+"""A training: rounds, validations, checkpoints, and what is left at the end."""
+
+import json
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.errors import UsageError
+from gslcosim.safe_files import replace_file
+from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.search.learned.policies.policy import Policy
+from gslcosim.search.learned.policies.policy_files import KINDS, save_policy
+from gslcosim.training.families.models import Split
+from gslcosim.training.learning.checkpoints import CHECKPOINT, Checkpoint, load_checkpoint, save_checkpoint
+from gslcosim.training.learning.train_file import PpoFileSettings, TrainFile
+from gslcosim.training.learning.validating import Validation
+from gslcosim.training.trainers.evolved_ctrnn import EvolvedCtrnn
+from gslcosim.training.trainers.method_parameters import EvolvedMethod, MethodParameters
+from gslcosim.training.trainers.pool import Pool
+from gslcosim.training.trainers.settings import CtrnnSettings, MethodSettings, TableSettings
+from gslcosim.training.trainers.tabular_q import TabularQ
+from gslcosim.training.trainers.trainer import Trainer
+
+POLICY, PARAMETERS, CURVES = "policy.npz", "parameters.json", "curves.json"
+_PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
+
+# Is told what is being done, and how much of how much is over.
+Told = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trained:
+    """What a training has come to: figures of each round, and the best policy of those that were validated."""
+
+    name: str
+    folder: Path
+    is_over: bool
+    curves: list[dict[str, float]]
+    best_round: int
+    best: Any
+    took_s: float
+
+
+class Training:
+    """Learns what a train file says, into a folder.
+
+    Args:
+        file: The train file.
+        folder: Where checkpoint, policy and curves go; made where it is not there.
+        is_resumed: Whether to go on from the checkpoint there.
+        tell: Is told how it goes.
+        show: Is told the figures of each round, and the number of the last.
+        command: What makes the policy again, for its card.
+
+    Raises:
+        UsageError: the folder has a checkpoint and is not to be resumed, or none and is; or the checkpoint is corrupt
+            or of another train file; a case cannot be batched; or a setting is wrong.
+        ScenarioError: a case has problems.
+    """
+
+    def __init__(
+        self,
+        file: TrainFile,
+        folder: Path,
+        *,
+        is_resumed: bool = False,
+        tell: Told = lambda what, done, total: None,
+        show: Callable[[Mapping[str, float], int], None] = lambda figures, last: None,
+        command: str = "",
+    ) -> None:
+        self._file, self.folder, self._tell, self._show = file, folder, tell, show
+        self._command = command or f"gslcosim train {file.path.name}"
+        checkpoint = self._checkpoint(is_resumed=is_resumed)
+        spec, family = file.spec, file.family
+        cases: dict[str, list[LoadedScenario]] = {}
+        wanted: tuple[tuple[Split, int], ...] = (
+            ("training", spec.cases.training), ("validation", spec.cases.validation),
+        )  # fmt: skip
+        for split, n in wanted:
+            cases[split] = family.cases(split, n, report=partial(tell, f"cases of {split}"))
+            family.prepare(cases[split], report=partial(tell, f"rooms of {split}"))
+        self.validation_cases = cases["validation"]
+        tell("preparing searches", 0, 1)
+        self._pools: list[Pool] = []
+        self.trainer: Trainer = self._trainer(cases["training"])
+        is_batched = not isinstance(spec.trainer, MethodSettings)
+        validation_pool = self._pool(cases["validation"], len(cases["validation"])) if is_batched else None
+        self._validation = Validation(family.name, cases["validation"], validation_pool)
+        tell("preparing searches", 1, 1)
+        self._curves: list[dict[str, float]] = []
+        self._best: Any = None
+        self._best_round = 0
+        self._took_s = 0.0
+        self._state: Mapping[str, NDArray[Any]] = {}
+        if checkpoint is not None:
+            self._go_on(checkpoint)
+
+    @property
+    def n_rounds(self) -> int:
+        """How many rounds the whole training has."""
+        trainer = self._file.spec.trainer
+        return int(trainer.settings.get("rounds", 100)) if isinstance(trainer, PpoFileSettings) else trainer.rounds
+
+    @property
+    def n_done(self) -> int:
+        """How many rounds are done."""
+        return len(self._curves)
+
+    def train(self, *, rounds: int | None = None) -> Trained:
+        """Learn to the end, or for some rounds, and leave checkpoint, policy and curves.
+
+        Args:
+            rounds: At most so many now; the training can be resumed afterwards.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted; the last round is in the checkpoint.
+        """
+        last = self.n_rounds if rounds is None else min(self.n_done + rounds, self.n_rounds)
+        spec, began, before_s = self._file.spec, time.monotonic(), self._took_s
+        n_saved = self.n_done
+        try:
+            while self.n_done < last:
+                figures, n = dict(self.trainer.step()), self.n_done + 1
+                if n % spec.validate_every == 0 or n == self.n_rounds:
+                    figures |= self._validated(n)
+                self._state = self.trainer.state()
+                self._curves.append(figures)
+                self._took_s = before_s + time.monotonic() - began
+                if n % spec.checkpoint_every == 0 or n == last:
+                    self._save()
+                    n_saved = n
+                self._show(figures, self.n_rounds)
+        finally:
+            # What is kept is the state after the last whole round.
+            if n_saved < self.n_done:
+                self._save()
+            for pool in self._pools:
+                pool.close()
+        return self.trained()
+
+    def trained(self) -> Trained:
+        """Return what it has come to."""
+        return Trained(
+            name=self._file.spec.name, folder=self.folder, is_over=self.n_done >= self.n_rounds,
+            curves=list(self._curves), best_round=self._best_round, best=self._best, took_s=self._took_s,
+        )  # fmt: skip
+
+    def _checkpoint(self, *, is_resumed: bool) -> Checkpoint | None:
+        if is_resumed:
+            return load_checkpoint(self.folder, identity=self._file.identity)
+        if (self.folder / CHECKPOINT).exists():
+            raise UsageError(
+                f"{self.folder}: expected a folder without a checkpoint, was one with. Go on with --resume, or give "
+                "another folder with --out."
+            )
+        return None
+
+    def _pool(self, cases: Any, n_envs: int, discount: float = 0.99) -> Pool:
+        pool = Pool(cases, n_envs, action=self._file.spec.action.settings, discount=discount)
+        self._pools.append(pool)
+        return pool
+
+    def _trainer(self, cases: Any) -> Trainer:
+        spec, family = self._file.spec, self._file.family
+        settings, action, seed = spec.trainer, spec.action.settings, spec.seed
+        weights = family.weights if spec.doping else _evenly
+        if isinstance(settings, CtrnnSettings):
+            pool = self._pool(cases, settings.population * settings.cases_per_round)
+            return EvolvedCtrnn(pool, action=action, settings=settings, seed=seed, weights=weights)
+        if isinstance(settings, TableSettings):
+            pool = self._pool(cases, settings.searches, settings.discount)
+            return TabularQ(pool, action=action, settings=settings, seed=seed, weights=weights)
+        if isinstance(settings, MethodSettings):
+            return EvolvedMethod(family.name, cases, settings=settings, seed=seed, weights=weights)
+        from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo
+
+        told = PpoSettings.of(settings.settings)
+        pool = self._pool(cases, settings.searches, told.discount)
+        return RecurrentPpo(
+            pool.envs, observation_names=pool.observation_names, action=action, settings=told, seed=seed
+        )
+
+    def _validated(self, n: int) -> dict[str, float]:
+        policy = self.trainer.policy()
+        figures = self._validation.figures(policy)
+        costs = [each["validation_cost"] for each in self._curves if "validation_cost" in each]
+        if not costs or figures["validation_cost"] < min(costs):
+            self._best, self._best_round = policy, n
+        return figures
+
+    def _save(self) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        best = self._best
+        about: dict[str, Any] = {"curves": self._curves, "best_round": self._best_round, "took_s": self._took_s}
+        arrays: dict[str, Any] = {}
+        if isinstance(best, Policy):
+            arrays = dict(best.arrays)
+            about["best"] = {
+                "kind": best.kind, "observation_names": best.observation_names, "settings": best.settings,
+            }  # fmt: skip
+            save_policy(self.folder / POLICY, best, self._card())
+        elif isinstance(best, MethodParameters):
+            about["best"] = {"parameters": best.parameters}
+            card = {"method": best.entry.name, "parameters": best.parameters, **self._card()}
+            replace_file(self.folder, PARAMETERS, (json.dumps(card, indent=1) + "\n").encode())
+        replace_file(self.folder, CURVES, (json.dumps(self._curves, indent=1) + "\n").encode())
+        save_checkpoint(
+            self.folder,
+            Checkpoint(identity=self._file.identity, trainer=self._state, best=arrays, about=about),
+        )
+
+    def _go_on(self, checkpoint: Checkpoint) -> None:
+        about = checkpoint.about
+        self.trainer.resume(checkpoint.trainer)
+        self._state = checkpoint.trainer
+        self._curves, self._best_round = list(about["curves"]), int(about["best_round"])
+        self._took_s = float(about["took_s"])
+        best = about.get("best")
+        if best is not None and "parameters" in best:
+            policy = self.trainer.policy()
+            self._best = MethodParameters(entry=policy.entry.model_copy(update={"parameters": best["parameters"]}))
+        elif best is not None:
+            self._best = KINDS[best["kind"]].of_arrays(
+                tuple(best["observation_names"]), self._file.spec.action.settings, checkpoint.best, best["settings"]
+            )
+
+    def _card(self) -> dict[str, Any]:
+        spec, seeds = self._file.spec, self._file.family.spec.seeds
+        last = self._curves[-1]
+        validated = [each for each in self._curves if "validation_cost" in each]
+        best = min(validated, key=lambda each: each["validation_cost"], default={})
+        return {
+            "data": f"family {self._file.family.name}, {spec.cases.training} cases of training",
+            "trainer": spec.trainer.model_dump(mode="json"),
+            "seeds": {
+                "training": spec.seed,
+                "cases": [seeds.training.first, seeds.training.first + spec.cases.training - 1],
+                "validation": [seeds.validation.first, seeds.validation.first + spec.cases.validation - 1],
+            },
+            "budget": {key: int(last[key]) for key in ("round", "steps", "flights") if key in last},
+            "best_round": self._best_round,
+            "validation": {key: best[key] for key in ("validation_cost", "validation_success") if key in best},
+            "doping": spec.doping and self._file.family.spec.doping is not None,
+            "training_time_s": round(self._took_s),
+            "machine": f"{platform.machine()}, Python {platform.python_version()}",
+            "versions": _versions(),
+            "command": self._command,
+        }
+
+
+def _evenly(costs: Any) -> Any:
+    return np.full(len(costs), 1.0 / len(costs))
+
+
+def _versions() -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,71 @@
+"""The settings of the trainers in a train file, strict as everything that a person writes."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
+
+_Count = Annotated[int, Field(ge=1, le=1_000_000)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+_SEEN = ("nose_ppm.amount", "wind.from_sin", "wind.from_cos", "x", "y", "refused")
+_Names = Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class CtrnnSettings(Spec):
+    """Evolution of a continuous-time recurrent network of `n_neurons`.
+
+    In each of `rounds` generations a `population` of networks searches in `cases_per_round` cases; `spread` is the
+    standard deviation of the first.
+    """
+
+    kind: Literal["ctrnn"]
+    rounds: _Count = 200
+    population: Annotated[int, Field(ge=4, le=10_000)] = 24
+    cases_per_round: _Count = 32
+    n_neurons: Annotated[int, Field(ge=1, le=1000)] = 8
+    spread: Positive = 0.5
+    observations: _Names = _SEEN
+
+
+class TableSettings(Spec):
+    """Tabular Q-learning, the smallest example.
+
+    In each of `rounds` a number of `searches` flies `steps_per_round` legs; the share of random legs falls from
+    `explore` to `explore_last`, the rate of learning from `rate` to `rate_last`. The state is made of the `gas` now in
+    classes between `gas_cuts`, of whether there is more than at the leg before, and of how many legs ago there was gas
+    last, in classes between `since_cuts`; legs are counted from the wind.
+    """
+
+    kind: Literal["table"]
+    rounds: _Count = 60
+    searches: _Count = 512
+    steps_per_round: _Count = 128
+    explore: _Share = 0.5
+    explore_last: _Share = 0.02
+    rate: _Share = 0.3
+    rate_last: _Share = 0.02
+    discount: _Share = 0.99
+    gas: str = "nose_ppm.amount"
+    gas_cuts: tuple[float, ...] = (0.02, 0.1, 0.2, 0.3)
+    change_cuts: tuple[float, ...] = (-0.005, 0.005)
+    since_cuts: tuple[float, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 1e6)
+    wind: tuple[str, str] = ("wind.from_sin", "wind.from_cos")
+
+
+class MethodSettings(Spec):
+    """Evolution of the parameters of a `method` within `ranges`, least and most of each, in flights of this process.
+
+    In each of `rounds` generations a `population` of settings flies `cases_per_round` cases with so many `robots`.
+    """
+
+    kind: Literal["method"]
+    method: str
+    robots: Annotated[int, Field(ge=1, le=100)] = 1
+    ranges: dict[str, tuple[float, float]]
+    rounds: _Count = 10
+    population: Annotated[int, Field(ge=4, le=10_000)] = 8
+    cases_per_round: _Count = 8
+    spread: Positive = 0.25
+    whole_numbers: tuple[str, ...] = ()
+    collision_cost: NonNegative = 0.0

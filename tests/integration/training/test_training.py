@@ -1,0 +1,133 @@
+"""Trainings: the same seed makes the same policy to the bit, interrupted or not; bad input is told at once."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="extra gym")
+pytest.importorskip("cma", reason="extra train")
+
+from gslcosim.cli.main import main
+from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.search.learned.policies.policy_files import load_policy
+from gslcosim.training.learning.checkpoints import CHECKPOINT
+from gslcosim.training.learning.train_file import bundled_train_files, load_train_file
+from gslcosim.training.learning.training import POLICY, Training
+
+TINY = "open_halls_tiny"
+
+
+def train_file(folder, **changes):
+    text = bundled_train_files()[TINY].read_text()
+    for before, after in changes.values():
+        assert before in text
+        text = text.replace(before, after)
+    path = folder / "mine.yaml"
+    path.write_text(text)
+    return load_train_file(path)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    return Training(load_train_file(TINY), folder).train(), folder
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_a_training_killed_after_a_checkpoint_ends_with_the_same_weights(whole, tmp_path):
+    trained, folder = whole
+    killed, found = tmp_path / "killed", tmp_path / "found"
+
+    # A process that is killed leaves what was in its folder then: round 3 is lost.
+    def kill(figures, last):
+        if figures["round"] == 3:
+            shutil.copytree(killed, found)
+            raise KeyboardInterrupt
+
+    file = train_file(tmp_path, checkpoint_every=("checkpoint_every: 1", "checkpoint_every: 2"))
+    with pytest.raises(KeyboardInterrupt):
+        Training(file, killed, show=kill).train()
+    for left, n in ((found, 2), (killed, 3)):
+        again = Training(file, left, is_resumed=True)
+        assert again.n_done == n
+        resumed = again.train()
+        assert resumed.curves == trained.curves
+        for name, array in load_policy(folder / POLICY).arrays.items():
+            assert np.array_equal(load_policy(left / POLICY).arrays[name], array)
+
+
+@pytest.mark.slow
+def test_what_is_left_of_a_training(whole):
+    trained, folder = whole
+    assert trained.is_over
+    assert len(trained.curves) == 4
+    assert json.loads((folder / "curves.json").read_text()) == trained.curves
+    best = min((each for each in trained.curves if "validation_cost" in each), key=lambda each: each["validation_cost"])
+    assert best["round"] == trained.best_round
+
+
+@pytest.mark.slow
+def test_a_folder_with_a_checkpoint_is_not_written_over(whole):
+    with pytest.raises(UsageError, match=r"expected a folder without a checkpoint, was one with\. Go on with --resume"):
+        Training(load_train_file(TINY), whole[1])
+
+
+@pytest.mark.slow
+def test_a_checkpoint_of_another_train_file_is_refused(whole, tmp_path):
+    other = train_file(tmp_path, seed=("seed: 1", "seed: 2"))
+    with pytest.raises(UsageError, match="of this train file and family"):
+        Training(other, whole[1], is_resumed=True)
+
+
+@pytest.mark.slow
+def test_a_corrupt_checkpoint_is_refused_before_anything_is_prepared(whole, tmp_path):
+    shutil.copytree(whole[1], tmp_path / "corrupt")
+    (tmp_path / "corrupt" / CHECKPOINT).write_bytes(b"PK")
+    with pytest.raises(UsageError, match="corrupt"):
+        Training(load_train_file(TINY), tmp_path / "corrupt", is_resumed=True, tell=lambda *_: pytest.fail("told"))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        ("seed: 1", "seed: 1\ncolour: red", "colour"),
+        ("kind: ctrnn", "kind: magic", "magic"),
+        ("n_neurons: 3", "n_neurons: 0", "n_neurons"),
+        ("family: open_halls", "family: nowhere", "expected a family file or a bundled family"),
+    ],
+)
+def test_a_wrong_train_file_is_told_by_its_place(tmp_path, before, after, expected):
+    with pytest.raises(ScenarioError) as error:
+        train_file(tmp_path, change=(before, after))
+    assert expected in str(error.value)
+
+
+def test_a_family_that_cannot_be_batched_is_told(tmp_path):
+    seeds = "seeds: {training: {first: 1, count: 9}, validation: {first: 20, count: 9}, test: {first: 40, count: 9}}"
+    (tmp_path / "family.yaml").write_text(f"schema: gslcosim/family/1\nname: f\nscenario: tiny_room\n{seeds}\n")
+    file = train_file(tmp_path, family=("family: open_halls", "family: family.yaml"))
+    with pytest.raises(UsageError, match=r"agents\[0\].vehicle.model: expected holonomic in a batch, was iris"):
+        Training(file, tmp_path / "out")
+
+
+def test_a_name_that_is_not_observed_is_told(tmp_path):
+    file = train_file(tmp_path, names=("n_neurons: 3", "n_neurons: 3, observations: [smell]"))
+    with pytest.raises(UsageError, match=r"trainer.observations: expected names among x, y.*was smell"):
+        Training(file, tmp_path / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_the_command_leaves_a_policy_curves_and_a_recording(tmp_path, capsys):
+    folder = tmp_path / "out"
+    assert main(["train", TINY, "--out", str(folder), "--rounds", "2", "--record", "1", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["rounds"], told["is_over"]) == (2, False)
+    assert (Path(told["runs"][0]) / "recording.rrd").stat().st_size > 0
+    assert (folder / "curves.svg").is_file()
+    assert main(["train", TINY, "--out", str(folder), "--resume", "--record", "0"]) == 0
+    assert "4 rounds" in capsys.readouterr().out
