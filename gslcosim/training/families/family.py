@@ -22,7 +22,7 @@ from gslcosim.scenario.loading import LoadedScenario, find_scenario
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import read_yaml
-from gslcosim.training.families.models import SPLITS, Axis, FamilySpec, Split
+from gslcosim.training.families.family_models import SPLITS, Axis, FamilySpec, Split
 from gslcosim.training.learning_task import LearningTask
 
 FAMILY_FILE = "family.yaml"

@@ -17,7 +17,7 @@ from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import read_yaml
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.families import Family, load_family
-from gslcosim.training.trainers.settings import CtrnnSettings, MethodSettings, TableSettings
+from gslcosim.training.trainers.trainer_settings import CtrnnSettings, MethodSettings, TableSettings
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000)]
 

@@ -18,16 +18,16 @@ from gslcosim.safe_files import replace_file
 from gslcosim.scenario.loading import LoadedScenario
 from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.search.learned.policies.policy_files import KINDS, save_policy
-from gslcosim.training.families.models import Split
+from gslcosim.training.families.family_models import Split
 from gslcosim.training.learning.checkpoints import CHECKPOINT, Checkpoint, load_checkpoint, save_checkpoint
 from gslcosim.training.learning.train_file import PpoFileSettings, TrainFile
-from gslcosim.training.learning.validating import Validation
+from gslcosim.training.learning.validating import PolicyValidation
 from gslcosim.training.trainers.evolved_ctrnn import EvolvedCtrnn
 from gslcosim.training.trainers.method_parameters import EvolvedMethod, MethodParameters
-from gslcosim.training.trainers.pool import Pool
-from gslcosim.training.trainers.settings import CtrnnSettings, MethodSettings, TableSettings
+from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.tabular_q import TabularQ
 from gslcosim.training.trainers.trainer import Trainer
+from gslcosim.training.trainers.trainer_settings import CtrnnSettings, MethodSettings, TableSettings
 
 POLICY, PARAMETERS, CURVES = "policy.npz", "parameters.json", "curves.json"
 _PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
@@ -89,11 +89,11 @@ class Training:
             family.prepare(cases[split], report=partial(tell, f"rooms of {split}"))
         self.validation_cases = cases["validation"]
         tell("preparing searches", 0, 1)
-        self._pools: list[Pool] = []
+        self._pools: list[SearchPool] = []
         self.trainer: Trainer = self._trainer(cases["training"])
         is_batched = not isinstance(spec.trainer, MethodSettings)
         validation_pool = self._pool(cases["validation"], len(cases["validation"])) if is_batched else None
-        self._validation = Validation(family.name, cases["validation"], validation_pool)
+        self._validation = PolicyValidation(family.name, cases["validation"], validation_pool)
         tell("preparing searches", 1, 1)
         self._curves: list[dict[str, float]] = []
         self._best: Any = None
@@ -163,8 +163,8 @@ class Training:
             )
         return None
 
-    def _pool(self, cases: Any, n_envs: int, discount: float = 0.99) -> Pool:
-        pool = Pool(cases, n_envs, action=self._file.spec.action.settings, discount=discount)
+    def _pool(self, cases: Any, n_envs: int, discount: float = 0.99) -> SearchPool:
+        pool = SearchPool(cases, n_envs, action=self._file.spec.action.settings, discount=discount)
         self._pools.append(pool)
         return pool
 

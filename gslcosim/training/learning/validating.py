@@ -13,16 +13,16 @@ from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.training.families.flying import CaseFlight, rows_of
 from gslcosim.training.trainers.method_parameters import MethodParameters, cost_of
-from gslcosim.training.trainers.pool import Pool
-from gslcosim.training.trainers.searching import search
+from gslcosim.training.trainers.policy_searches import search
+from gslcosim.training.trainers.search_pool import SearchPool
 
 LEARNED = "learned"
 
 
-class Validation:
+class PolicyValidation:
     """Flies a policy in the cases of validation, each with its own seed: in a batch, or a method in this process."""
 
-    def __init__(self, family: str, cases: Sequence[LoadedScenario], pool: Pool | None) -> None:
+    def __init__(self, family: str, cases: Sequence[LoadedScenario], pool: SearchPool | None) -> None:
         self._family, self._cases, self._pool = family, tuple(cases), pool
         self._seeds = np.array([case.scenario.seed for case in cases], np.int64)
 

@@ -10,10 +10,10 @@ from gslcosim.rng import stream
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.trainers.evolution import Evolution
-from gslcosim.training.trainers.pool import Pool
-from gslcosim.training.trainers.searching import search
-from gslcosim.training.trainers.settings import CtrnnSettings
+from gslcosim.training.trainers.policy_searches import search
+from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.trainer import taken_from
+from gslcosim.training.trainers.trainer_settings import CtrnnSettings
 
 Weights = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 # What a number of 1 in the genome makes of weights, biases, and powers of e in time constants.
@@ -40,7 +40,7 @@ class EvolvedCtrnn:
     """
 
     def __init__(
-        self, pool: Pool, *, action: ActionSettings, settings: CtrnnSettings, seed: int, weights: Weights
+        self, pool: SearchPool, *, action: ActionSettings, settings: CtrnnSettings, seed: int, weights: Weights
     ) -> None:
         self.pool, self.action, self.settings, self.seed, self.weights = pool, action, settings, seed, weights
         self.names = settings.observations

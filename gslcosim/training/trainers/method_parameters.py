@@ -22,8 +22,8 @@ from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.training.families.flying import rows_of
 from gslcosim.training.trainers.evolution import Evolution
 from gslcosim.training.trainers.evolved_ctrnn import Weights
-from gslcosim.training.trainers.settings import MethodSettings
 from gslcosim.training.trainers.trainer import taken_from
+from gslcosim.training.trainers.trainer_settings import MethodSettings
 
 _DIGITS = 4
 

@@ -11,9 +11,9 @@ from gslcosim.rng import stream
 from gslcosim.search.learned.policies.action_values import Change, Digit, Level, Since, ValueTable
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.trainers.evolved_ctrnn import Weights
-from gslcosim.training.trainers.pool import Pool
-from gslcosim.training.trainers.settings import TableSettings
+from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.trainer import taken_from
+from gslcosim.training.trainers.trainer_settings import TableSettings
 
 
 class TabularQ:
@@ -36,7 +36,7 @@ class TabularQ:
     """
 
     def __init__(
-        self, pool: Pool, *, action: ActionSettings, settings: TableSettings, seed: int, weights: Weights
+        self, pool: SearchPool, *, action: ActionSettings, settings: TableSettings, seed: int, weights: Weights
     ) -> None:
         if not action.n_choices:
             raise UsageError(f"action.kind: expected heading for trainer.kind: table, was {action.kind}.")

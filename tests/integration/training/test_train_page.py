@@ -24,7 +24,8 @@ def test_a_program_of_the_page_runs(program, tmp_path, monkeypatch):
 
 
 def test_train_files_and_families_of_the_page_are_valid(tmp_path):
-    family, train = (text for text in re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL))
+    blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    family, train = (next(block for block in blocks if f"gslcosim/{kind}/1" in block) for kind in ("family", "train"))
     (tmp_path / "family.yaml").write_text(family.replace("hall.yaml", "tiny_room"))
     (tmp_path / "train.yaml").write_text(train)
     assert load_family(tmp_path / "family.yaml").values_of("test", 0)["environment.layout.seed"] >= 50000

@@ -15,7 +15,7 @@ from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.batch import BatchSearchEnv
 
 
-class Pool:
+class SearchPool:
     """Prepared cases and a batch of searches in them.
 
     Args:
