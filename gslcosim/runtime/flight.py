@@ -15,6 +15,7 @@ from gslcosim.machine import fault_text
 from gslcosim.recording.machine_notes import MachineLog
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
+from gslcosim.runtime.foreign.program_hashes import program_hashes
 from gslcosim.runtime.grouping import Group, groups_of
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
@@ -192,6 +193,7 @@ def fly_into_folder(
             environment_hash=setup.environment.content_hash,
             processes=processes,
             origin=origin,
+            programs=program_hashes(scenario.participants, directory),
         )
         report(FlightStatus(state="starting", run_dir=run_dir.path))
         return fly_it(setup, report)

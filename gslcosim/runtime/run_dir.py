@@ -120,9 +120,17 @@ class RunDir:
         return "\n".join(line[:300] for line in lines[-n_lines:])
 
     def save_manifest(
-        self, *, seed: int, environment_hash: str, processes: Processes, origin: Mapping[str, Any] | None = None
+        self,
+        *,
+        seed: int,
+        environment_hash: str,
+        processes: Processes,
+        origin: Mapping[str, Any] | None = None,
+        programs: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         """Write `manifest.json`: all that the determinism contract depends on, and `origin`, the run it repeats.
+
+        `programs` are the files of participants' programs with their hashes, by participant.
 
         Raises:
             RunFolderError: it cannot be written.
@@ -133,6 +141,7 @@ class RunDir:
             "processes": processes,
             **(origin or {}),
             "environment_hash": environment_hash,
+            **({"participants": programs} if programs else {}),
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
             "contract_hash": contract_hash(),
             "gslcosim": gslcosim.__version__,

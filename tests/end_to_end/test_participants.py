@@ -1,5 +1,6 @@
 """Models of one's own as programs: one digest wherever they are hosted, and each of their faults by name."""
 
+import hashlib
 import json
 import shutil
 import subprocess
@@ -60,6 +61,23 @@ def test_an_air_conditioner_in_c_flies_in_both_kinds_of_hosting_with_one_digest(
     }
     assert here.result["digest"] == many.result["digest"] is not None
     assert (many.run_dir / "logs" / "participant_air_conditioner.log").exists()
+
+
+def test_the_same_in_rust_is_right_and_has_that_digest_in_both_kinds_of_hosting(room, tmp_path):
+    if shutil.which("rustc") is None:
+        pytest.skip("needs a Rust compiler: https://rustup.rs")
+    folder = tmp_path / "rust"
+    shutil.copytree(room.parent, folder)
+    build = ["rustc", "--edition", "2021", "-O", "-D", "warnings", "-o", "air_conditioner", "air_conditioner.rs"]
+    subprocess.run(build, cwd=folder, check=True)
+    assert main(["participant", "check", "--", str(folder / "air_conditioner")]) == 0
+    in_c = fly_here(room, tmp_path / "c")
+    here = fly_here(folder / room.name, tmp_path / "here")
+    many = fly(folder / room.name, tmp_path / "many")
+    assert in_c.result["digest"] == here.result["digest"] == many.result["digest"] is not None
+    hashes = [json.loads((run.run_dir / "manifest.json").read_text())["participants"] for run in (in_c, here, many)]
+    program = hashlib.sha256((folder / "air_conditioner").read_bytes()).hexdigest()
+    assert hashes[1] == hashes[2] == {"air_conditioner": {"./air_conditioner": program}} != hashes[0]
 
 
 def test_the_same_in_python_and_among_grouped_services_has_that_digest_too(room, tmp_path):

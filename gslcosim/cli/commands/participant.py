@@ -43,7 +43,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(check)
     check.set_defaults(act=_check)
     new = actions.add_parser("new", help="write a working program to begin with", allow_abbrev=False)
-    new.add_argument("language", metavar="LANGUAGE", help="c or python")
+    new.add_argument("language", metavar="LANGUAGE", help="c, python or rust")
     new.add_argument("name", metavar="NAME", help="the participant's name, such as my_model")
     new.add_argument(
         "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"

@@ -11,7 +11,7 @@ from gslcosim.runtime.foreign.hearing import is_name
 TEMPLATES = Path(__file__).parents[1] / "templates" / "participants"
 ORIGINAL = "air_conditioner"
 SCENARIO = "ventilated_room.yaml"
-_ENDINGS = {"c": ".c", "python": ".py"}
+_ENDINGS = {"c": ".c", "python": ".py", "rust": ".rs"}
 
 
 def create_participant(language: str, name: str, folder: Path) -> str:
@@ -42,7 +42,10 @@ def create_participant(language: str, name: str, folder: Path) -> str:
             f"start: {{command: [{sys.executable}, ./{program.name}], format: json}}",
         )
     (folder / SCENARIO).write_text(scenario)
-    build = f"cc -O2 -ffp-contract=off -o {name} {name}.c -lm"
+    builds = {
+        ".c": f"cc -O2 -ffp-contract=off -o {name} {name}.c -lm",
+        ".rs": f"rustc --edition 2021 -O -o {name} {name}.rs",
+    }
     check = f"--format json -- {sys.executable} ./{program.name}" if is_python else f"-- ./{name}"
-    steps = [*([] if is_python else [build]), f"gslcosim participant check {check}", f"gslcosim up {SCENARIO}"]
+    steps = [*([] if is_python else [builds[ending]]), f"gslcosim participant check {check}", f"gslcosim up {SCENARIO}"]
     return "\n".join([f"{folder} holds a working participant. From that folder:", *(f"  {step}" for step in steps)])

@@ -6,7 +6,7 @@ from gslcosim.conformance.participants.beginning import create_participant
 from gslcosim.errors import UsageError
 
 
-@pytest.mark.parametrize(("language", "program"), [("c", "my_fan.c"), ("python", "my_fan.py")])
+@pytest.mark.parametrize(("language", "program"), [("c", "my_fan.c"), ("python", "my_fan.py"), ("rust", "my_fan.rs")])
 def test_a_new_participant_has_its_name_everywhere(language, program, tmp_path):
     told = create_participant(language, "my_fan", tmp_path / "fan")
     texts = [path.read_text() for path in (tmp_path / "fan").iterdir()]
@@ -19,7 +19,7 @@ def test_a_new_participant_has_its_name_everywhere(language, program, tmp_path):
 @pytest.mark.parametrize(
     ("language", "name", "told"),
     [
-        ("cobol", "fan", "expected one of the languages c, python, was 'cobol'"),
+        ("cobol", "fan", "expected one of the languages c, python, rust, was 'cobol'"),
         ("c", "My-Fan", "expected a name of lower-case letters, digits and _"),
         ("c", "fan", "expected a folder that is new or empty"),
     ],
