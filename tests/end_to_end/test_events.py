@@ -3,6 +3,7 @@
 import pytest
 from flights import ROOT, fly, fly_here
 from rerun.chunk import RrdReader
+from test_fork import forked
 
 from gslcosim import open_run
 
@@ -76,6 +77,20 @@ def test_doors_go_on_as_they_are_in_snapshots_and_replays(tmp_path):
     assert [event["what"] for event in flown.result["events"]] == ["door_opens", "door_closes"]
     for at_s in (0, 9, 17):
         assert replay(flown.run_dir, tmp_path / f"from_{at_s}", *(("--from", str(at_s)) if at_s else ())) == 0
+
+
+def test_a_fork_may_close_the_door_again_and_not_make_another_of_it(tmp_path):
+    short = ("--set", "referee.stop.time_limit_s=16")
+    flown = fly_here(ROOT / "scenarios" / "event_door.yaml", tmp_path / "flown", *short)
+    fork = forked(flown.run_dir, tmp_path / "fork", 11, "--event", "{what: door_closes, at_s: 12, door: gate}")
+    assert [event["what"] for event in fork.result["events"]] == ["door_opens", "door_closes"]
+    assert fork.result["fork_of"]["divergence"] is None
+    assert replay(fork.run_dir, tmp_path / "again") == 0
+    refused = forked(flown.run_dir, tmp_path / "no", 11, "--set", "environment.doors[0].min_m=[3, 1.5, 0]")
+    assert (refused.exit_code, refused.run_dir) == (2, None)
+    assert "environment.doors" in refused.errors
+    twice = forked(flown.run_dir, tmp_path / "no", 11, "--event", "{what: door_opens, at_s: 12, door: gate}")
+    assert "expected an event of a door that is closed then" in twice.errors
 
 
 def peak_ppm(flown):
