@@ -81,7 +81,7 @@ def legend_text(scenario: Scenario) -> str:
         rows.append(("Radio", "texts between agents and who heard them"))
     if any(agent.sensors for agent in agents):
         rows.append(("curves", "the true gas at a sensor, what it reports, and the wind speed at an anemometer, the "
-                               "true one in white; several vehicles in the colours of the distances"))  # fmt: skip
+                               "true one in grey; several vehicles in the colours of the distances"))  # fmt: skip
     rows.append(("Distance", "to the nearest source; in pale, where an agent publishes beliefs, the mean distance of "
                              "the places that it believes in"))  # fmt: skip
     rows.append(("Control error", "behind the tab of the distance: how far a vehicle is from where its controller "

@@ -46,7 +46,7 @@ def flight_plots(
         plots.append(_together(responses))
     if any(agent.wind_sensors for agent in agents):
         # Without a legend: what is measured is noisy everywhere.
-        plots.append(_plot(entities.WIND_PLOTS, "Wind speed [m/s], true in white", 0))
+        plots.append(_plot(entities.WIND_PLOTS, "Wind speed [m/s], true in grey", 0))
     distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
     behind = [
         _plot(entities.TRACKING_PLOTS, "Control error [m]", 0),

@@ -213,7 +213,7 @@ class AgentRows:
             of_sensor = f"{sensor.name} " if len(names.wind_sensors) > 1 else ""
             measured = colors.shade(names.color if label else colors.WIND, i)
             styles[names.measured_wind(sensor.name)] = [(f"{label}{of_sensor}measured", measured)]
-            styles[names.true_wind(sensor.name)] = [(f"{label}{of_sensor}true", colors.READING)]
+            styles[names.true_wind(sensor.name)] = [(f"{label}{of_sensor}true", colors.TRUTH)]
         for sensor, curves in names.on_board_sensors:
             for item in curves:
                 if item.labels:

@@ -40,7 +40,7 @@ def test_a_search_has_one_page_with_gas_wind_distance_and_error(make_room):
     assert _plots(pages["Flight"]) == [
         "True ethanol at the sensor [ppm]",
         "Reading of TGS2600 [Ω]",
-        "Wind speed [m/s], true in white",
+        "Wind speed [m/s], true in grey",
         *ALWAYS,
     ]
 
