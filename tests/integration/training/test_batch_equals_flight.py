@@ -5,6 +5,8 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="extra gym")
 
+from gymnasium.vector import AutoresetMode, VectorEnv
+
 from gslcosim.errors import UsageError
 from gslcosim.search.learned.observing import ObservationVector
 from gslcosim.training.batch import BatchSearchEnv
@@ -157,3 +159,37 @@ def test_what_cannot_be_batched_is_told_in_one_sentence(override, sentence):
         BatchSearchEnv([task.loaded(1)], 2)
     assert sentence in str(caught.value)
     assert "Change it, or fly single environments of gslcosim/Search-v0." in str(caught.value)
+
+
+def test_ten_thousand_searches_take_less_than_32_mb():
+    batch = BatchSearchEnv([LearningTask(scenario="tiny_room", overrides=BALL).loaded(1)], 10_000)
+    assert 10_000 * batch.bytes_per_env < 32_000_000
+    batch.close()
+
+
+@pytest.mark.slow
+def test_it_is_a_vector_environment_whose_searches_begin_again_as_it_declares():
+    case = LearningTask(scenario="tiny_room", overrides=(*BALL, LIMIT)).loaded(1)
+    for mode, declared in (("next_step", AutoresetMode.NEXT_STEP), ("same_step", AutoresetMode.SAME_STEP)):
+        envs = BatchSearchEnv([case], 3, autoreset_mode=mode, hold_s=1.0)
+        assert isinstance(envs, VectorEnv)
+        assert envs.metadata["autoreset_mode"] == declared
+        first, _ = envs.reset(seed=5)
+        again, _ = envs.reset(seed=5)
+        assert np.array_equal(first, again)
+        assert envs.observation_space.contains(first)
+        truncated = np.zeros(3, np.bool_)
+        while not truncated.any():
+            seen, rewards, terminated, truncated, infos = envs.step(np.zeros((3, 2), np.float32))
+            assert rewards.shape == terminated.shape == (3,)
+        assert list(infos["outcome"]) == ["time_limit"] * 3
+        if mode == "same_step":
+            assert (infos["time_s"] < 8).all()
+            assert all(told[8] == 1.0 for told in infos["final_obs"])
+        else:
+            assert (seen[:, 8] == 1.0).all()
+            seen, rewards, terminated, truncated, infos = envs.step(np.zeros((3, 2), np.float32))
+            assert not (rewards.any())
+            assert not (truncated.any())
+            assert (infos["time_s"] < 8).all()
+        envs.close()
