@@ -85,7 +85,7 @@ class TabularQ:
         seen = observed[:, self._places]
         states, memory = table.states(seen, memory)
         begins = np.zeros(n, np.bool_)
-        rewarded, successes, n_ended = 0.0, 0.0, 0
+        rewarded, successes = 0.0, 0.0
         for _ in range(s.steps_per_round):
             choices = np.argmax(self._values[states], axis=1)
             drawn = rng.random(n) < explore
@@ -102,9 +102,8 @@ class TabularQ:
             rewarded += float(np.asarray(rewards)[~begins].sum())
             self._n_steps += int((~begins).sum())
             if ends.any():
-                success = np.asarray(infos["success"])[ends]
-                successes, n_ended = successes + float(success.sum()), n_ended + len(success)
                 first = ends & is_first
+                successes += float(np.asarray(infos["success"])[first].sum())
                 self._remember(cases[first], 1.0 - np.asarray(infos["success"])[first].astype(np.float64))
                 is_first &= ~ends
             states, begins = after, ends
@@ -113,7 +112,8 @@ class TabularQ:
             "round": float(self._n_rounds),
             "steps": float(self._n_steps),
             "mean_reward": rewarded / (n * s.steps_per_round),
-            "success": successes / n_ended if n_ended else 0.0,
+            # Of the first searches of a round; one that has not ended in it has not succeeded.
+            "success": successes / n,
             "explore": explore,
         }
 

@@ -131,3 +131,19 @@ def test_the_command_leaves_a_policy_curves_and_a_recording(tmp_path, capsys):
     assert (folder / "curves.svg").is_file()
     assert main(["train", TINY, "--out", str(folder), "--resume", "--record", "0"]) == 0
     assert "4 rounds" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_table_resumed_ends_with_the_same_values(tmp_path):
+    table = "kind: table, rounds: 2, searches: 8, steps_per_round: 12}"
+    changes = {
+        "trainer": ("kind: ctrnn, rounds: 4, population: 4, cases_per_round: 4, n_neurons: 3}", table),
+        "action": ("{kind: velocity, speed_m_s: 0.8, hold_s: 1}", "{kind: heading, step_m: 1, hold_s: 0}"),
+    }
+    file = train_file(tmp_path, **changes)
+    whole = Training(file, tmp_path / "whole").train()
+    Training(file, tmp_path / "half").train(rounds=1)
+    resumed = Training(file, tmp_path / "half", is_resumed=True).train()
+    assert resumed.curves == whole.curves
+    assert all(0 <= each["success"] <= 1 for each in whole.curves)
+    assert np.array_equal(resumed.best.values, whole.best.values)
