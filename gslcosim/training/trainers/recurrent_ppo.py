@@ -25,7 +25,8 @@ class PpoSettings:
     each environment and learns after each segment, `epochs` times from `parts` parts of the environments.
     `n_encoded` and `n_units` are the sizes of the network. `observations` are those that the policy gets, all where
     it is absent. `refused_cost` is taken from the reward where a command was refused: an agent that is asked again at
-    once, in front of a wall for example, loses hardly any time by it, and learns slowly to leave.
+    once, in front of a wall for example, loses hardly any time by it, and learns slowly to leave. `flown_spread` is
+    which share of the spread of training the policy is flown with.
     """
 
     rounds: int = 100
@@ -39,10 +40,11 @@ class PpoSettings:
     discount: float = 0.99
     trace: float = 0.95
     clip: float = 0.2
-    entropy_weight: float = 0.003
+    entropy_weight: float = 0.01
     value_weight: float = 0.5
     max_gradient: float = 0.5
     refused_cost: float = 0.01
+    flown_spread: float = 1.0
     observations: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -54,7 +56,7 @@ class PpoSettings:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
                 raise UsageError(f"recurrent_ppo.{name}: expected a number above 0 and up to {most:g}, was {value!r}.")
-        for name in ("entropy_weight", "value_weight", "max_gradient", "refused_cost"):
+        for name in ("entropy_weight", "value_weight", "max_gradient", "refused_cost", "flown_spread"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
                 raise UsageError(f"recurrent_ppo.{name}: expected a number from 0, was {value!r}.")
@@ -133,9 +135,12 @@ class RecurrentPpo:
         return self.n_rounds >= self.settings.rounds
 
     def policy(self) -> GruPolicy:
-        """Return the policy as it is now; it takes the most likely action."""
+        """Return the policy as it is now, with the share of its spread that is flown; of choices the most likely."""
+        spread = 0.0
+        if "log_spread" in self._arrays:
+            spread = self.settings.flown_spread * float(np.exp(np.mean(np.array(self._arrays["log_spread"]))))
         arrays = {name: np.array(array) for name, array in self._arrays.items() if name not in _OF_VALUES}
-        return GruPolicy.of_arrays(self.observation_names, self.action, arrays, {})
+        return GruPolicy.of_arrays(self.observation_names, self.action, arrays, {"spread": spread})
 
     def step(self) -> dict[str, float]:
         """Fly and learn for a round, and return its figures: losses, reward and success of the searches.

@@ -6,7 +6,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, checked
+from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError, checked
+from gslcosim.search.learned.policies.scatter import normal_numbers
 
 
 class GruPolicy(Policy):
@@ -27,6 +28,8 @@ class GruPolicy(Policy):
         recurrent_bias: Of the same, of which usually n0' alone is not zero, (3 h,).
         outputs: C, (o, h).
         output_bias: c, (o,).
+        spread: Standard deviation of what is added to the outputs before tanh; 0 flies the mean. What is added
+            follows from the bits of the observation: see `normal_numbers`.
 
     Source:
         Cho et al. 2014, arXiv 1406.1078, with the reset gate behind the product, as cuDNN and PyTorch have it.
@@ -47,8 +50,10 @@ class GruPolicy(Policy):
         recurrent_bias: Floats,
         outputs: Floats,
         output_bias: Floats,
+        spread: float = 0.0,
     ) -> None:
         super().__init__(observation_names, action)
+        self.spread = spread
         self._arrays: dict[str, NDArray[Any]] = {
             "encoder": encoder, "encoder_bias": encoder_bias, "gates": gates, "gates_bias": gates_bias,
             "recurrent_gates": recurrent_gates, "recurrent_bias": recurrent_bias, "outputs": outputs,
@@ -66,6 +71,8 @@ class GruPolicy(Policy):
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
         """Step the units once and read them; see `Policy`."""
         outputs, after = self.outputs(observations, memory)
+        if self.spread:
+            outputs = outputs + np.float32(self.spread) * normal_numbers(observations, outputs.shape[1])
         return self.action.chosen(outputs), after
 
     def outputs(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
@@ -85,6 +92,11 @@ class GruPolicy(Policy):
         """See `Policy`."""
         return dict(self._arrays)
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """See `Policy`."""
+        return {"spread": self.spread}
+
     @classmethod
     def of_arrays(
         cls,
@@ -94,7 +106,11 @@ class GruPolicy(Policy):
         settings: Mapping[str, Any],
     ) -> Self:
         """Return the network; see `Policy`."""
-        del settings
+        spread = settings.get("spread", 0.0)
+        if isinstance(spread, bool) or not isinstance(spread, int | float) or not 0 <= spread < float("inf"):
+            raise PolicyError(f"settings.spread: expected a number from 0, was {spread!r}.")
+        if spread and action.n_choices:
+            raise PolicyError(f"settings.spread: expected 0 for action {action.kind}, which has choices, was {spread}.")
         encoder = checked(arrays, "encoder", (None, len(observation_names)))
         m = len(encoder)
         h = checked(arrays, "outputs", (action.n_outputs, None)).shape[1]
@@ -109,4 +125,5 @@ class GruPolicy(Policy):
             recurrent_bias=checked(arrays, "recurrent_bias", (3 * h,)),
             outputs=checked(arrays, "outputs", (action.n_outputs, h)),
             output_bias=checked(arrays, "output_bias", (action.n_outputs,)),
+            spread=float(spread),
         )

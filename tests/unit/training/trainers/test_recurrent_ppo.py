@@ -36,15 +36,16 @@ def test_the_exported_policy_acts_as_the_network_that_was_trained(action):
     jax, _ = load_jax()
     one = trainer(action=action)
     one.step()
-    policy, observed = one.policy(), np.random.default_rng(4).uniform(-1, 1, (40, 8, 4)).astype(np.float32)
+    policy = one.policy()
+    assert policy.spread == pytest.approx(0.6 if action is VELOCITY else 0.0, abs=0.03)
+    observed = np.random.default_rng(4).uniform(-1, 1, (40, 8, 4)).astype(np.float32)
     starts = np.random.default_rng(5).uniform(size=(40, 8)) < 0.1
     outputs, _ = forward(jax, one._arrays, observed, starts, np.zeros((8, 8), np.float32))
     memory = policy.memory(8)
     for t in range(40):
         memory = np.where(starts[t][:, None], np.float32(0.0), memory)
-        actions, memory = policy.act(observed[t], memory)
-        expected = action.chosen(np.array(outputs[t]))
-        np.testing.assert_allclose(actions, expected, atol=2e-6)
+        flown, memory = policy.outputs(observed[t], memory)
+        np.testing.assert_allclose(action.chosen(flown), action.chosen(np.array(outputs[t])), atol=2e-6)
 
 
 @pytest.mark.slow

@@ -1,0 +1,195 @@
+"""What is lost from training to flight: learned agents and three hand-made ones, on the same cases, with intervals.
+
+    python docs/studies/training_to_flight.py --n 100
+
+Every agent meets the same cases of the split `test` of the family `open_halls`, with the same starts, gas and noise, in
+four places:
+
+- `batch`: the batch environment, learned agents only;
+- `holonomic`: the same searches as single flights in this process;
+- `quadrotor`: the same with an Iris in place of the holonomic vehicle, from the ground;
+- `elsewhere`: rooms, winds and gas that no policy was trained on: the quickstart's warehouse with its young wind, a
+  plume that meanders, an open field that gusts, and a hall whose wind has settled, from starts drawn anew.
+
+Success comes with Wilson's interval, the restricted mean time (failures count the time limit) with Student's, and
+differences are those of pairs, with bootstrap intervals: of a learned agent to each hand-made one in the same place,
+and of each place to the one before it.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.benchmark.statistics.estimates import Estimate
+from gslcosim.benchmark.statistics.pairs import paired_difference
+from gslcosim.benchmark.statistics.rates import wilson
+from gslcosim.benchmark.statistics.times import counted_times, restricted_mean
+from gslcosim.runtime.flight import fly
+from gslcosim.scenario.bundled import bundled_agents, bundled_folder
+from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.search.learned.policies.policy import Policy
+from gslcosim.search.learned.policies.policy_agent import bundled_policies
+from gslcosim.search.learned.policies.policy_files import load_policy
+from gslcosim.training.batch import BatchSearchEnv
+from gslcosim.training.families import load_family
+from gslcosim.training.learning_task import LearningTask
+
+FAMILY = "open_halls"
+HAND_MADE = ("e_coli", "dung_beetle", "persistent_walk")
+# The agent that flies any policy has the one of another agent.
+NOT_OWN = ("learned",)
+PLACES = ("batch", "holonomic", "quadrotor", "elsewhere")
+QUADROTOR = "iris"
+SENSORS = "agents[0].sensors=[{model: tgs2600, name: nose}, {model: anemometer, name: wind}]"
+METHODS = bundled_folder("suites") / "methods"
+ELSEWHERE: tuple[tuple[str | Path, tuple[str, ...]], ...] = (
+    ("warehouse_empty", ("agents[0].vehicle={model: holonomic, start_m: random, search_height_m: 2, hold_s: 0.5}",)),
+    (METHODS / "meander.yaml", (SENSORS, "agents[0].vehicle.hold_s=0.5")),
+    (METHODS / "field.yaml", (SENSORS, "agents[0].vehicle.hold_s=0.5")),
+    (METHODS / "settled.yaml", (SENSORS, "agents[0].vehicle.hold_s=0.5")),
+)
+FIRST_SEED = 60_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Searches:
+    """How an agent's searches of one place went, in the order of its cases."""
+
+    success: NDArray[np.bool_]
+    counted_s: NDArray[np.float64]
+    limit_s: NDArray[np.float64]
+
+
+def flown(loaded: Sequence[LoadedScenario], agent: str) -> Searches:
+    """Fly an agent through cases in this process."""
+    rows = []
+    for one in loaded:
+        spec = one.scenario.agents[0]
+        start = spec.start.model_copy(update={"python": agent})
+        flier = spec.model_copy(update={"start": start, "parameters": {}})
+        recording = one.scenario.recording.model_copy(update={"enabled": False})
+        scenario = one.scenario.model_copy(update={"agents": (flier,), "recording": recording})
+        with tempfile.TemporaryDirectory() as runs_dir:
+            result = fly(replace(one, scenario=scenario), runs_dir=Path(runs_dir), processes="one").result
+        if not result["valid"] or result["faults"]:
+            raise RuntimeError(f"expected a valid flight of {agent} in {scenario.name}, was {result}")
+        limit_s = scenario.referee.stop.time_limit_s
+        rows.append((result["agents"][0]["outcome"] == "success", result["sim_time_s"], limit_s))
+    return searches_of(rows)
+
+
+def stepped(loaded: Sequence[LoadedScenario], policy: Policy) -> Searches:
+    """Fly a policy through cases in the batch environment."""
+    n, settings = len(loaded), policy.action
+    envs = BatchSearchEnv(
+        loaded, n, action=settings.kind, step_m=settings.step_m, speed_m_s=settings.speed_m_s, hold_s=settings.hold_s
+    )
+    seeds = np.array([one.scenario.seed for one in loaded])
+    observed, _ = envs.reset(seed=0, options={"cases": np.arange(n), "seeds": seeds})
+    places = np.array([envs.observation_names.index(name) for name in policy.observation_names])
+    memory, goes_on = policy.memory(n), np.ones(n, np.bool_)
+    success, time_s = np.zeros(n, np.bool_), np.zeros(n)
+    while goes_on.any():
+        actions, memory = policy.act(observed[:, places], memory)
+        observed, _, terminated, truncated, infos = envs.step(actions)
+        ends = (terminated | truncated) & goes_on
+        if ends.any():
+            success[ends], time_s[ends] = infos["success"][ends], infos["time_s"][ends]
+        goes_on &= ~ends
+    envs.close()
+    limits_s = [one.scenario.referee.stop.time_limit_s for one in loaded]
+    return searches_of(list(zip(success.tolist(), time_s.tolist(), limits_s, strict=True)))
+
+
+def searches_of(rows: Sequence[tuple[bool, float, float]]) -> Searches:
+    """Return searches from success, time [s] and time limit [s] of each."""
+    success, time_s, limit_s = (np.array(column) for column in zip(*rows, strict=True))
+    return Searches(success=success, counted_s=counted_times(time_s, success, limit_s), limit_s=limit_s)
+
+
+def cases_of(place: str, n: int) -> list[LoadedScenario]:
+    """Return the cases of a place."""
+    if place == "elsewhere":
+        tasks = [LearningTask(scenario=source, overrides=overrides) for source, overrides in ELSEWHERE]
+        return [tasks[i % len(tasks)].loaded(FIRST_SEED + i) for i in range(n)]
+    return [on_quadrotor(one) if place == "quadrotor" else one for one in load_family(FAMILY).cases("test", n)]
+
+
+def on_quadrotor(one: LoadedScenario) -> LoadedScenario:
+    """Return a case with a quadrotor in the same place."""
+    agent = one.scenario.agents[0]
+    vehicle = agent.vehicle.model_copy(update={"model": QUADROTOR})
+    scenario = one.scenario.model_copy(update={"agents": (agent.model_copy(update={"vehicle": vehicle}),)})
+    return replace(one, scenario=scenario)
+
+
+def main() -> None:
+    """Fly all, and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--n", type=int, default=100, help="cases of each place")
+    parser.add_argument("--places", nargs="*", choices=PLACES, default=PLACES, help="places to fly in (default: all)")
+    parser.add_argument("--agents", nargs="*", help="learned agents (default: all that are bundled)")
+    given = parser.parse_args()
+    files = bundled_policies(bundled_agents()["learned"].parents[1])
+    learned = given.agents or [name for name in files if name not in NOT_OWN]
+    found: dict[tuple[str, str], Searches] = {}
+    for place in given.places:
+        loaded = cases_of(place, given.n)
+        for name in learned if place == "batch" else (*learned, *HAND_MADE):
+            own = stepped(loaded, load_policy(files[name])) if place == "batch" else flown(loaded, name)
+            found[place, name] = own
+            sys.stderr.write(f"{place}: {name}: {own.success.sum()} of {len(loaded)}\n")
+    sys.stdout.write(f"{rates(found)}\n{against_hand_made(found, learned)}\n{losses(found, learned)}")
+
+
+def rates(found: dict[tuple[str, str], Searches]) -> str:
+    """Return success and restricted mean time of each agent in each place."""
+    lines = ["| place | agent | n | success, % | restricted mean time, s |", "|---|---|---|---|---|"]
+    for (place, name), own in found.items():
+        success = wilson(int(own.success.sum()), len(own.success))
+        mean_s = restricted_mean(own.counted_s, own.success, own.limit_s)
+        lines.append(f"| {place} | `{name}` | {success.n} | {shown(success, 100)} | {shown(mean_s)} |")
+    return "\n".join(lines) + "\n"
+
+
+def against_hand_made(found: dict[tuple[str, str], Searches], learned: Sequence[str]) -> str:
+    """Return by how much learned agents differ from hand-made ones in the same cases."""
+    lines = ["| place | agent | beside | more success, points | sooner, s |", "|---|---|---|---|---|"]
+    for place in dict.fromkeys(place for place, name in found if name in HAND_MADE):
+        for name in learned:
+            for other in HAND_MADE:
+                cells = _differences(found[place, name], found[place, other])
+                lines.append(f"| {place} | `{name}` | `{other}` | {cells} |")
+    return "\n".join(lines) + "\n"
+
+
+def losses(found: dict[tuple[str, str], Searches], learned: Sequence[str]) -> str:
+    """Return by how much learned agents do better or worse in a place than in the one before it, in the same cases."""
+    lines = ["| agent | from | to | more success, points | sooner, s |", "|---|---|---|---|---|"]
+    for name in learned:
+        for before, after in pairwise(place for place in PLACES[:3] if (place, name) in found):
+            lines.append(f"| `{name}` | {before} | {after} | {_differences(found[after, name], found[before, name])} |")
+    return "\n".join(lines) + "\n"
+
+
+def _differences(a: Searches, b: Searches) -> str:
+    success = paired_difference(a.success.astype(float), b.success.astype(float))
+    sooner_s = paired_difference(b.counted_s, a.counted_s)
+    return f"{shown(success, 100, sign='+')} | {shown(sooner_s, sign='+')}"
+
+
+def shown(figure: Estimate, scale: float = 1.0, sign: str = "") -> str:
+    """Return a figure with its interval."""
+    value, low, high = (f"{scale * part:{sign}.0f}" for part in (figure.value, figure.low, figure.high))
+    return f"{value} [{low}, {high}]"
+
+
+if __name__ == "__main__":
+    main()
