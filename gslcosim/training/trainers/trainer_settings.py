@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
+from gslcosim.scenario.models.spec import Positive, Spec
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000)]
 _Share = Annotated[float, Field(ge=0, le=1)]
@@ -68,4 +68,3 @@ class MethodSettings(Spec):
     cases_per_round: _Count = 8
     spread: Positive = 0.25
     whole_numbers: tuple[str, ...] = ()
-    collision_cost: NonNegative = 0.0
