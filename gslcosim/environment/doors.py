@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from gslcosim.environment.door_boxes import DOOR_RGBA, door_box
 from gslcosim.environment.grid import point_text
 from gslcosim.environment.model import Box, Cell, Environment
-from gslcosim.environment.occupancy import reachable_from, voxelize
 from gslcosim.environment.openings import cells_at
 from gslcosim.environment.room import Room
+from gslcosim.environment.voxels import voxelize
 from gslcosim.scenario.models.layouts import DoorSpec
 from gslcosim.scenario.problems import Problem
 
 DOORS_PATH = "environment.doors"
-DOOR_RGBA = (0.55, 0.36, 0.20, 1.0)
 
 
 def with_doors(room: Room, doors: Sequence[DoorSpec]) -> Room:
@@ -33,11 +33,6 @@ def with_doors(room: Room, doors: Sequence[DoorSpec]) -> Room:
     return replace(room, occupancy=occupancy, boxes=(*room.boxes, *boxes))
 
 
-def door_box(door: DoorSpec) -> Box:
-    """Return the box of a closed door."""
-    return Box(name=door.name, kind="obstacle", min_m=door.min_m, max_m=door.max_m, rgba=DOOR_RGBA)
-
-
 def without_still_air(room: Room) -> Room:
     """Return a room for wind: what no opening reaches is solid, as the air stands still there.
 
@@ -45,6 +40,8 @@ def without_still_air(room: Room) -> Room:
     """
     if not room.openings:
         return room
+    from gslcosim.environment.occupancy import reachable_from  # compiles, and most rooms have no doors
+
     is_reached = reachable_from(room.occupancy != Cell.SOLID, room.openings, room.grid)
     return replace(room, occupancy=np.where(is_reached, room.occupancy, np.uint8(Cell.SOLID)))
 
@@ -91,6 +88,8 @@ def problems_of_cut_air(room: Room, path: str) -> list[Problem]:
     """
     is_air = room.occupancy != Cell.SOLID
     inlets = [opening for opening in room.openings if opening.kind == "inlet"]
+    from gslcosim.environment.occupancy import reachable_from  # compiles, and most rooms have no doors
+
     is_reached = reachable_from(is_air, inlets, room.grid)
     return [
         Problem(

@@ -1,15 +1,16 @@
 """Occupancy: which cells of a room are air, which are solid, and which touch an outlet."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid, point_text
-from gslcosim.environment.model import Box, Cell, Opening
+from gslcosim.environment.model import Cell, Opening
 from gslcosim.environment.occupancy_kernels import reachable_cells
-from gslcosim.environment.openings import cells_at, snapped_range
+from gslcosim.environment.openings import cells_at
 from gslcosim.environment.plan import LAYOUT_PATH, RoomPlan
+from gslcosim.environment.voxels import voxelize
 from gslcosim.scenario.problems import Problem
 
 
@@ -27,22 +28,6 @@ def occupancy_of(plan: RoomPlan) -> NDArray[np.uint8]:
             layer = occupancy[cells_at(opening, plan.grid)]
             layer[layer == Cell.FREE] = Cell.OUTLET
     return occupancy
-
-
-def voxelize(boxes: Iterable[Box], grid: Grid) -> NDArray[np.bool_]:
-    """Return which of the (nx, ny, nz) cells are solid.
-
-    A cell is solid when its centre lies in a box (its lower faces included). A box that is thinner than a cell and
-    holds no centre along an axis takes the cell that holds its middle there, so that gas and sight never pass
-    through a thin plate. Boxes outside the grid take no cell.
-    """
-    is_solid = np.zeros(grid.shape, dtype=np.bool_)
-    for box in boxes:
-        (i0, i1), (j0, j1), (k0, k1) = (
-            snapped_range(box.min_m[axis], box.max_m[axis], grid, axis, is_outward=False) for axis in range(3)
-        )
-        is_solid[i0:i1, j0:j1, k0:k1] = True
-    return is_solid
 
 
 def reachable_from(is_open: NDArray[np.bool_], openings: Sequence[Opening], grid: Grid) -> NDArray[np.bool_]:

@@ -30,6 +30,7 @@ from gslcosim.world.guidance.avoidance import Avoidance
 from gslcosim.world.guidance.guide import Guide
 from gslcosim.world.guidance.separation import Neighbours, rehearse_separation
 from gslcosim.world.guidance.starts import check_overlaps, check_starts
+from gslcosim.world.paths.legs import rehearse_legs
 from gslcosim.world.paths.routes import Routes, routes_of
 from gslcosim.world.paths.space import CLEARANCE_M, FlightSpace
 from gslcosim.world.physics import records
@@ -173,7 +174,8 @@ class WorldCore:
         return {keys.BODIES: _new_poses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._crafts))}
 
     def rehearse(self) -> None:
-        """Use what is used only in flight, where vehicles use it: planning, and keeping apart."""
+        """Use what is used only in flight, where vehicles use it: legs, planning, and keeping apart."""
+        rehearse_legs()
         if self._routes:
             rehearse_planning()
         if any(agent.vehicle.separation_m for agent in self._agents):

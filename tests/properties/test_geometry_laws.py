@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from gslcosim.environment.geometry.solid_room import room_of_geometry
 from gslcosim.environment.model import Box, Cell
-from gslcosim.environment.occupancy import reachable_from, voxelize
+from gslcosim.environment.occupancy import reachable_from
+from gslcosim.environment.voxels import voxelize
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.scenario import WindSpec

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.doors import door_box
+from gslcosim.environment.door_boxes import door_box
 from gslcosim.environment.model import Box, Environment
-from gslcosim.environment.occupancy import voxelize
 from gslcosim.environment.room import Room
 from gslcosim.environment.situations import situations_of
+from gslcosim.environment.voxels import voxelize
 from gslcosim.scenario.models.event_kinds import DoorClosesSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import Scenario, VehicleSpec
 from gslcosim.scenario.problems import Problem

@@ -153,3 +153,9 @@ def swings_out(leg: Leg, path: Trajectory, state: NDArray[np.float64], limits: L
         return False
     aside_m = farthest_aside_m(path.coefficients, path.duration_s, np.array(leg.place_world_m))
     return bool(aside_m > allowed_aside_m(speed_m_s, limits.max_acceleration_m_s2))
+
+
+def rehearse_legs() -> None:
+    """Look once at a made-up path, so that no kernel is compiled or loaded while simulated time passes."""
+    allowed_aside_m(1.0, 1.0)
+    farthest_aside_m(np.zeros((3, 6)), 1.0, np.zeros(3))

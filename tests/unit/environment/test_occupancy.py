@@ -6,8 +6,9 @@ import pytest
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.layouts.kinds import plan_room
 from gslcosim.environment.model import Box, Cell
-from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy, voxelize
+from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
 from gslcosim.environment.occupancy_kernels import reachable_cells
+from gslcosim.environment.voxels import voxelize
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 GRID = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(8, 6, 4))

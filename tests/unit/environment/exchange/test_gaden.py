@@ -10,7 +10,7 @@ from gslcosim.environment.exchange.gaden_grid import occupancy_text
 from gslcosim.environment.exchange.wind_files import NoWindWarning
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell
-from gslcosim.environment.occupancy import voxelize
+from gslcosim.environment.voxels import voxelize
 from gslcosim.errors import EnvironmentDataError
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(4, 3, 2))

@@ -10,8 +10,8 @@ import pytest
 from gslcosim.environment.exchange.gsl_bench import import_gsl_bench, load_gsl_bench_room
 from gslcosim.environment.exchange.wind_files import NoWindWarning
 from gslcosim.environment.model import Cell
-from gslcosim.environment.occupancy import voxelize
 from gslcosim.environment.store import load_environment, save_environment
+from gslcosim.environment.voxels import voxelize
 from gslcosim.errors import EnvironmentDataError
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))

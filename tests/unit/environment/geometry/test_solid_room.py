@@ -11,8 +11,8 @@ from gslcosim.environment.exchange.stl import stl_of
 from gslcosim.environment.geometry.solid_room import room_of_geometry
 from gslcosim.environment.layouts.building import build_room
 from gslcosim.environment.model import Cell, WindFrames
-from gslcosim.environment.occupancy import voxelize
 from gslcosim.environment.room import with_wind
+from gslcosim.environment.voxels import voxelize
 from gslcosim.errors import EnvironmentDataError, ScenarioError
 from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.layouts import ComplexWarehouseSpec, OfficeSpec, SimpleWarehouseSpec

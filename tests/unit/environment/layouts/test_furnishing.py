@@ -65,7 +65,8 @@ def test_every_room_of_a_flat_can_be_reached(seed):
     """No air is walled in: sealed air would become solid, and more than the walls would be."""
     layout = HomeSpec(seed=seed, n_rooms=6, has_furniture=False)
     wind = WindSpec(cell_m=0.2)
-    from gslcosim.environment.occupancy import occupancy_of, voxelize
+    from gslcosim.environment.occupancy import occupancy_of
+    from gslcosim.environment.voxels import voxelize
 
     plan = plan_room(layout, wind)
     assert int((occupancy_of(plan) == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())
