@@ -270,8 +270,9 @@ class Run:
                     if entry.row["status"] != FLOWN and tries[trial.id] < _TRIES:
                         self._submit(pool, trial)
                         continue
-                    journal.append(entry)
+                    # Before it is journalled: who interrupts that must not lose it.
                     self._entries[trial.id] = entry
+                    journal.append(entry)
                     self._count(entry.row)
                     self._flying_s += entry.row["wall_flying_s"] or 0.0
                     left -= 1
