@@ -1,18 +1,13 @@
 """Suite files to frozen models, with every problem of a file told at once."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-
-from pydantic import ValidationError
 
 from gslcosim.benchmark.suite.models import Suite
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_folder
-from gslcosim.scenario.explain import problems_of, shown
-from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.scenario.yaml_tree import read_yaml
 
 SUITE_FILE = "suite.yaml"
 _ENDINGS = (".yaml", ".yml")
@@ -83,7 +78,7 @@ def _load(source: str | Path, seed: int | None, within: tuple[Path, ...]) -> Loa
         way = " includes ".join(inner.parent.name for inner in (*within, path))
         raise ScenarioError(f"{source}: include: expected suites that do not include themselves, was {way}.")
     shown_path = str(source) if Path(source).is_file() else str(path)
-    suite = _read(path, shown_path)
+    suite = read_spec_file(path, Suite, shown_path=shown_path, keys="scenarios and entries")
     if seed is not None:
         suite = suite.model_copy(update={"seed": seed})
     included = tuple(_load(_beside(path, name), seed, (*within, path)) for name in suite.include)
@@ -93,22 +88,3 @@ def _load(source: str | Path, seed: int | None, within: tuple[Path, ...]) -> Loa
 def _beside(path: Path, name: str) -> str | Path:
     beside = path.parent / name
     return beside if beside.exists() else name
-
-
-def _read(path: Path, shown_path: str) -> Suite:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read.") from error
-    tree = read_yaml(text, source=shown_path)
-    if tree.block is None:
-        problem = Problem(path="", expected="a block of keys with scenarios and entries", found=shown(tree.values))
-        raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
-    try:
-        suite = Suite.model_validate_json(json.dumps(tree.block), strict=True)
-    except ValidationError as error:
-        problems = locate(problems_of(error, root=Suite), tree.marks)
-        raise InvalidScenarioError([*tree.problems, *problems], name=shown_path) from error
-    if tree.problems:
-        raise InvalidScenarioError(tree.problems, name=shown_path)
-    return suite

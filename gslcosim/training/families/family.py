@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from gslcosim.benchmark.tuning.deriving import seeds_of_bundled_suites
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.generation import prepare_environment
 from gslcosim.rng import stream
 from gslcosim.scenario.bundled import bundled_folder
-from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.loading import LoadedScenario, find_scenario
-from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.scenario.yaml_tree import read_yaml
 from gslcosim.training.families.family_models import SPLITS, Axis, FamilySpec, Split
 from gslcosim.training.learning_task import LearningTask
 
@@ -142,7 +140,8 @@ def load_family(source: str | Path) -> Family:
         ScenarioError: there is no such family, or it has problems: all of them in one error.
     """
     path = _find(source)
-    spec = _read(path, shown_path=str(source) if Path(source).is_file() else str(path))
+    shown_path = str(source) if Path(source).is_file() else str(path)
+    spec = read_spec_file(path, FamilySpec, shown_path=shown_path, keys="scenario and seeds", check=_taken_seeds)
     return Family(spec=spec, path=path, directory=path.parent.resolve())
 
 
@@ -156,26 +155,6 @@ def _find(source: str | Path) -> Path:
         f"{source}: expected a family file or a bundled family ({', '.join(bundled)}), found neither. "
         f"{did_you_mean(str(source), list(bundled))}".rstrip()
     )
-
-
-def _read(path: Path, shown_path: str) -> FamilySpec:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read.") from error
-    tree = read_yaml(text, source=shown_path)
-    if tree.block is None:
-        problem = Problem(path="", expected="a block of keys with scenario and seeds", found=shown(tree.values))
-        raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
-    try:
-        spec = FamilySpec.model_validate_json(json.dumps(tree.block), strict=True)
-    except ValidationError as error:
-        problems = locate(problems_of(error, root=FamilySpec), tree.marks)
-        raise InvalidScenarioError([*tree.problems, *problems], name=shown_path) from error
-    problems = [*tree.problems, *locate(list(_taken_seeds(spec)), tree.marks)]
-    if problems:
-        raise InvalidScenarioError(problems, name=shown_path)
-    return spec
 
 
 def _taken_seeds(spec: FamilySpec) -> Iterator[Problem]:

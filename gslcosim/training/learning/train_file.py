@@ -1,20 +1,17 @@
 """Train files: which trainer learns what in which family, from which seed."""
 
 import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, ValidationError
+from pydantic import Discriminator, Field, Tag
 
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_folder
-from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec
-from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.scenario.yaml_tree import read_yaml
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.families import Family, load_family
 from gslcosim.training.trainers.trainer_settings import CtrnnSettings, MethodSettings, TableSettings
@@ -123,20 +120,6 @@ def load_train_file(source: str | Path) -> TrainFile:
                 f"{did_you_mean(str(source), list(bundled))}".rstrip()
             )
         path = bundled[str(source)]
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: expected a file of UTF-8 text, was one that cannot be read.") from error
-    tree = read_yaml(text, source=str(path))
-    if tree.block is None:
-        problem = Problem(path="", expected="a block of keys with family and trainer", found=shown(tree.values))
-        raise InvalidScenarioError(locate([problem], tree.marks), name=str(path))
-    try:
-        spec = TrainSpec.model_validate_json(json.dumps(tree.block), strict=True)
-    except ValidationError as error:
-        problems = locate(problems_of(error, root=TrainSpec), tree.marks)
-        raise InvalidScenarioError([*tree.problems, *problems], name=str(path)) from error
-    if tree.problems:
-        raise InvalidScenarioError(tree.problems, name=str(path))
+    spec = read_spec_file(path, TrainSpec, shown_path=str(path), keys="family and trainer")
     beside = path.parent / spec.family
     return TrainFile(spec=spec, family=load_family(beside if beside.is_file() else spec.family), path=path)

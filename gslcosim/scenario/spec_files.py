@@ -1,0 +1,48 @@
+"""YAML files that are one block of keys, other than scenarios: suites, families of cases, trainings."""
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from gslcosim.errors import ScenarioError
+from gslcosim.scenario.explain import problems_of, shown
+from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.yaml_tree import read_yaml
+
+S = TypeVar("S", bound=BaseModel)
+
+
+def read_spec_file(
+    path: Path, model: type[S], *, shown_path: str, keys: str, check: Callable[[S], Iterable[Problem]] = lambda _: ()
+) -> S:
+    """Return what a file says.
+
+    Args:
+        path: The file.
+        model: What it has to be.
+        shown_path: How errors name it.
+        keys: Its required keys, for who has written no block of keys.
+        check: Finds problems that the model does not.
+
+    Raises:
+        ScenarioError: it cannot be read, or has problems: all of them in one error.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read.") from error
+    tree = read_yaml(text, source=shown_path)
+    if tree.block is None:
+        problem = Problem(path="", expected=f"a block of keys with {keys}", found=shown(tree.values))
+        raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
+    try:
+        spec = model.model_validate_json(json.dumps(tree.block), strict=True)
+    except ValidationError as error:
+        problems = locate(problems_of(error, root=model), tree.marks)
+        raise InvalidScenarioError([*tree.problems, *problems], name=shown_path) from error
+    if problems := [*tree.problems, *locate(list(check(spec)), tree.marks)]:
+        raise InvalidScenarioError(problems, name=shown_path)
+    return spec
