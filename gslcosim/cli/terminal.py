@@ -5,7 +5,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TextIO
 
 from gslcosim.errors import MachineError
 from gslcosim.machine import machine_error
@@ -43,9 +43,13 @@ def finish_output() -> None:
 
 def give_up_output() -> None:
     """Let what waits in stdout's buffer go nowhere: Python would complain once more when it flushes at exit."""
+    _give_up(sys.stdout)
+
+
+def _give_up(stream: TextIO) -> None:
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
 
 
@@ -76,9 +80,11 @@ def write_json(content: Any) -> None:
 
 def write_note(text: str) -> None:
     """Write a line that is not part of the result to stderr; where that is full or gone, nobody needs it."""
-    with contextlib.suppress(OSError):
+    try:
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
+    except OSError:
+        _give_up(sys.stderr)
 
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
