@@ -150,7 +150,7 @@ def _value_remedy(slot: Slot, value: Any) -> str:
         return _name_remedy(value) if slot.constraints else _text_remedy(value)
     if holds_blocks(kind) and not isinstance(value, list):
         return "Begin each block with a dash."
-    if typing.get_origin(kind) is tuple and not isinstance(value, list):
+    if typing.get_origin(kind) is tuple and not isinstance(value, list | tuple):
         return "Put it in brackets: [ … ]."
     return ""
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ __all__ = ["Check", "LoadedScenario", "dump_resolved", "find_scenario", "load_sc
 Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
 
 _ENDINGS = (".yaml", ".yml")
+_MOST_TREES = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +75,7 @@ def load_scenario(
     """
     path = find_scenario(source)
     text = _read_text(path)
-    tree = apply_overrides(read_yaml(text, source=_shown_path(source, path)), overrides, seed=seed, source=set_in)
+    tree = apply_overrides(_read_tree(text, _shown_path(source, path)), overrides, seed=seed, source=set_in)
     directory = path.parent.resolve()
     unplaced = put_random_places(tree.block, directory, placer) if tree.block is not None else []
     scenario, problems = _check(tree, directory, known=unplaced)
@@ -126,6 +128,12 @@ def find_scenario(source: str | Path) -> Path:
         f"{source}: expected a file or a bundled scenario ({', '.join(bundled)}), found neither. "
         f"{did_you_mean(str(source), bundled)}".rstrip()
     )
+
+
+# Families load one file many times; `apply_overrides` modifies nothing of what it is given.
+@lru_cache(_MOST_TREES)
+def _read_tree(text: str, source: str) -> YamlTree:
+    return read_yaml(text, source=source)
 
 
 def _read_text(path: Path) -> str:

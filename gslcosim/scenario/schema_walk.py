@@ -138,6 +138,9 @@ def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
     if isinstance(segment, int):
         item, constraints = _split(_item_annotation(slot.annotation))
         return None if item is None else Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
+    if (value := _value_annotation(slot.annotation)) is not None:
+        item, constraints = _split(value)
+        return Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
     # Pydantic puts the kind of a block between the block's key and its own.
     if (variant := _variant(slot.annotation, segment)) is not None:
         return Slot(path=slot.path, key=slot.key, annotation=variant)
@@ -220,6 +223,13 @@ def _variants(annotation: Any) -> dict[str, type[BaseModel]]:
 def _item_annotation(annotation: Any) -> Any:
     kind, _ = _split(annotation)
     return typing.get_args(kind)[0] if typing.get_origin(kind) is tuple else None
+
+
+# Of a block whose keys are names of the author's choice.
+def _value_annotation(annotation: Any) -> Any:
+    kind, _ = _split(annotation)
+    key, value = typing.get_args(kind) if typing.get_origin(kind) is dict else (None, None)
+    return value if key is str and value is not Any else None
 
 
 def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:

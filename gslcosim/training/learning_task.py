@@ -8,14 +8,19 @@ from gslcosim.environment.of_scenario.places import problems_of_places
 from gslcosim.environment.of_scenario.random_places import draw_places
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scenario.overrides import SET_OPTION
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningTask:
-    """A scenario with values replaced; each seed draws its random places, gas and noise anew."""
+    """A scenario with values replaced; each seed draws its random places, gas and noise anew.
+
+    Problems with values are said to stand in `set_in`.
+    """
 
     scenario: str | Path
     overrides: Sequence[str] = field(default=())
+    set_in: str = SET_OPTION
 
     def loaded(self, seed: int) -> LoadedScenario:
         """Return the scenario with a seed.
@@ -27,6 +32,13 @@ class LearningTask:
             self.scenario,
             overrides=self.overrides,
             seed=seed,
+            set_in=self.set_in,
             checks=(lambda scenario, directory: problems_of_places(scenario, scenario_dir=directory),),
             placer=draw_places,
         )
+
+
+def room_key(loaded: LoadedScenario) -> str:
+    """Return what scenarios have in common whose room and wind are the same."""
+    scenario = loaded.scenario
+    return f"{loaded.directory}\n{scenario.environment.model_dump_json()}\n{scenario.wind.model_dump_json()}"

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -20,6 +20,7 @@ from gslcosim.ticks import NS_PER_S
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_actions import BATCHED_ACTIONS, BatchActions
 from gslcosim.training.batch.batch_arrays import Searches, Work, new_touch, new_work
+from gslcosim.training.batch.case_shares import case_of, shares_of_cases
 from gslcosim.training.batch.drawing_kernels import scrambled
 from gslcosim.training.batch.preparing import prepare
 from gslcosim.training.batch.stepping_kernels import fly
@@ -48,8 +49,9 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     searches with `mode: on_request` fly on for different times.
 
     `infos` has arrays: `distance_to_source_m`, `path_length_m`, `n_commands`, `time_s`; and of searches that end
-    `outcome` and `success`. A search that is over begins anew with its next step (`AutoresetMode.NEXT_STEP`), whose
-    action is of no account and whose reward is 0, or at once with `autoreset_mode="same_step"`.
+    `outcome`, `success` and `case`, the number of the case that they flew. A search that is over begins anew with its
+    next step (`AutoresetMode.NEXT_STEP`), whose action is of no account and whose reward is 0, or at once with
+    `autoreset_mode="same_step"`.
 
     Each search draws its cases and seeds from a stream of its own, which follows from the seed of `reset` and the
     search's index alone.
@@ -65,6 +67,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         discount: Of the shaping of `potential`.
         autoreset_mode: `next_step` or `same_step`.
         n_threads: How many threads fly; absent: as many as there are processors. Results do not depend on it.
+        report: Is told how many of how many cases are prepared.
 
     Raises:
         UsageError: a scenario cannot be batched, or an argument is not one of those.
@@ -83,6 +86,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         discount: float = 0.99,
         autoreset_mode: str = "next_step",
         n_threads: int | None = None,
+        report: Callable[[int, int], None] | None = None,
     ) -> None:
         if n_envs < 1:
             raise UsageError(f"n_envs: expected at least 1, was {n_envs}.")
@@ -93,7 +97,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if autoreset_mode not in ("next_step", "same_step"):
             raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
         self._loaded = tuple(cases)
-        self._prepared = prepare(self._loaded, hold_s)
+        self._prepared = prepare(self._loaded, hold_s, report)
         self._reward, self._discount = reward, discount
         self._resets_at_once = autoreset_mode == "same_step"
         self.metadata = {
@@ -119,6 +123,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self._is_over = np.zeros(n_envs, np.bool_)
         self._next_cases, self._next_seeds = np.zeros(n_envs, np.int64), np.zeros(n_envs, np.int64)
         self._stream_seed: int | None = None
+        # Shares of the cases, summed up; absent: all come equally often.
+        self._shares: NDArray[np.float64] | None = None
         self.n_ticks = 0
         n_threads = n_threads or len(os.sched_getaffinity(0))
         n_places = self._prepared.cases.places_m.shape[1]
@@ -133,7 +139,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
 
         Args:
             seed: Decides what all searches draw from now on; absent: drawn at the first reset, and kept.
-            options: `cases` and `seeds`, (n_envs,) each: which case and which scenario's seed each search takes now.
+            options: `cases` and `seeds`, (n_envs,) each: which case and which scenario's seed each search takes now;
+                `weights`, one for each case: how often it comes, now and until the next call; absent: equally often.
 
         Raises:
             UsageError: there are other options, or they do not fit.
@@ -142,15 +149,16 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if seed is not None or self._stream_seed is None:
             self._stream_seed = int(self.np_random.integers(2**62)) if seed is None else int(seed)
             self._searches.searches["n_begun"] = 0
-        rows = np.arange(self.num_envs)
+        rows, options = np.arange(self.num_envs), dict(options or {})
+        self._shares = shares_of_cases(options.pop("weights", None), len(self._loaded))
         cases, seeds = self._drawn(rows)
-        for name, values in (options or {}).items():
+        for name, values in options.items():
             chosen = np.asarray(values, np.int64)
             most = {"cases": len(self._loaded), "seeds": _MOST_SEED}.get(name)
             if most is None or chosen.shape != (self.num_envs,) or chosen.min() < 0 or chosen.max() >= most:
                 raise UsageError(
                     f"reset: options: expected cases (0 to {len(self._loaded) - 1}) and seeds (0 to {_MOST_SEED - 1}), "
-                    f"{self.num_envs} of each, was {name} = {values!r}."
+                    f"{self.num_envs} of each, or weights, was {name} = {values!r}."
                 )
             cases, seeds = (chosen, seeds) if name == "cases" else (cases, chosen)
         self._begin(rows, cases, seeds)
@@ -204,6 +212,11 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         return replace(loaded, scenario=loaded.scenario.model_copy(update=update))
 
     @property
+    def diagonals_m(self) -> NDArray[np.float64]:
+        """The diagonals of the cases' rooms [m]."""
+        return self._prepared.cases.cases["diagonal_m"].copy()
+
+    @property
     def bytes_per_env(self) -> int:
         """How many bytes each search takes, beside the cases that all share."""
         arrays = (
@@ -222,7 +235,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         searches, n_cases = self._searches.searches, len(self._loaded)
         assert self._stream_seed is not None, "reset has drawn it"
         bits = [scrambled(self._stream_seed, i, int(searches["n_begun"][i])) for i in rows.tolist()]
-        cases = np.array([(int(b) >> 32) % n_cases for b in bits], np.int64)
+        cases = np.array([case_of(int(b) >> 32, n_cases, self._shares) for b in bits], np.int64)
         seeds = np.array([int(b) % _MOST_SEED for b in bits], np.int64)
         return cases, seeds
 
@@ -306,7 +319,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             outcomes[~ended] = None
             infos["outcome"], infos["_outcome"] = outcomes, ended
             infos["success"] = ended & (searches["outcome"] == batch_records.SUCCESS)
-            infos["_success"] = ended
+            infos["case"] = searches["case"].astype(np.int64)
+            infos["_success"] = infos["_case"] = ended
         return infos
 
 

@@ -1,7 +1,7 @@
 """From scenarios to what the kernels know of them; and what cannot be batched."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +29,7 @@ from gslcosim.training.batch.batch_arrays import Cases
 from gslcosim.training.batch.batch_gas import BatchGas, fits
 from gslcosim.training.batch.batch_instruments import ELSE, BatchInstruments
 from gslcosim.training.batch.batch_rooms import BatchRooms
+from gslcosim.training.learning_task import room_key
 from gslcosim.vehicles import Vehicle, vehicle_of
 from gslcosim.world.core import WorldCore, physics_step_ms
 from gslcosim.world.guidance.abilities import abilities_of
@@ -128,10 +129,11 @@ class _Preparing:
         self._add_case(scenario, agent, environment, len(instruments.places_m))
 
     def _environment(self, loaded: LoadedScenario) -> Environment:
-        folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
-        if str(folder) not in self._environments:
-            self._environments[str(folder)] = load_environment(folder)
-        return self._environments[str(folder)]
+        key = room_key(loaded)
+        if key not in self._environments:
+            folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
+            self._environments[key] = load_environment(folder)
+        return self._environments[key]
 
     def _names(self, agent: AgentSpec, scenario: Scenario, environment: Environment) -> tuple[str, ...]:
         briefing = briefing_of(agent, scenario, environment, seed=scenario.seed)
@@ -208,12 +210,15 @@ class _Preparing:
         return rows
 
 
-def prepare(loaded: Sequence[LoadedScenario], hold_s: float | None) -> Prepared:
+def prepare(
+    loaded: Sequence[LoadedScenario], hold_s: float | None, report: Callable[[int, int], None] | None = None
+) -> Prepared:
     """Prepare cases: their rooms, starts, gas and sensors.
 
     Args:
         loaded: At least one scenario, places drawn.
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
+        report: Is told how many of how many are prepared.
 
     Raises:
         UsageError: a scenario cannot be batched, or its observations are not those of the first.
@@ -222,8 +227,10 @@ def prepare(loaded: Sequence[LoadedScenario], hold_s: float | None) -> Prepared:
     if not loaded:
         raise UsageError("cases: expected at least one scenario, was none.")
     preparing = _Preparing(hold_s)
-    for each in loaded:
+    for n_done, each in enumerate(loaded, start=1):
         preparing.add(each)
+        if report is not None:
+            report(n_done, len(loaded))
     assert preparing.briefing is not None, "there is a case"
     n_places = max(len(instruments.places_m) for instruments in preparing.instruments)
     places_m = np.zeros((len(loaded), n_places, 3))

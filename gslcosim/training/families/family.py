@@ -12,7 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.benchmark.tuning.deriving import seeds_of_bundled_suites
+from gslcosim.environment.model import Environment
+from gslcosim.environment.store import load_environment
 from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.fields.gas_setup import gas_seed
+from gslcosim.fields.models.filament_gas import taped_plume
 from gslcosim.generation import prepare_environment
 from gslcosim.rng import stream
 from gslcosim.scenario.bundled import bundled_folder
@@ -21,7 +25,7 @@ from gslcosim.scenario.problems import Problem
 from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.training.families.family_models import SPLITS, Axis, FamilySpec, Split
-from gslcosim.training.learning_task import LearningTask
+from gslcosim.training.learning_task import LearningTask, room_key
 
 FAMILY_FILE = "family.yaml"
 _DIGITS = 6
@@ -84,10 +88,18 @@ class Family:
         return cases
 
     def case(self, split: Split, i: int) -> LoadedScenario:
-        """Return the i-th case of a split, from 0 on."""
+        """Return the i-th case of a split, from 0 on.
+
+        Raises:
+            ScenarioError: it has problems; the text names its seed.
+        """
         seed = self.spec.seeds.of(split).first + i
         overrides = tuple(f"{path}={json.dumps(value)}" for path, value in self.values_of(split, i).items())
-        return LearningTask(scenario=self.scenario, overrides=overrides).loaded(seed)
+        task = LearningTask(scenario=self.scenario, overrides=overrides, set_in=str(self.path))
+        try:
+            return task.loaded(seed)
+        except ScenarioError as error:
+            raise ScenarioError(f"{self.path}: seed {seed} of {split}: {error}") from error
 
     def values_of(self, split: Split, i: int) -> dict[str, Any]:
         """Return the values that the i-th case of a split sets, by their paths."""
@@ -98,10 +110,23 @@ class Family:
         return values
 
     def prepare(self, cases: Sequence[LoadedScenario], *, report: Told = lambda done, total: None) -> None:
-        """Make the rooms and winds of cases that were not made before."""
-        for i, case in enumerate(cases):
+        """Make the rooms and winds of cases that were not made before, each once; `report` is told of rooms."""
+        rooms = {room_key(case): case for case in cases}
+        for i, case in enumerate(rooms.values()):
             prepare_environment(case.scenario, scenario_dir=case.directory)
-            report(i + 1, len(cases))
+            report(i + 1, len(rooms))
+
+    def record_tapes(self, cases: Sequence[LoadedScenario], *, report: Told = lambda done, total: None) -> None:
+        """Record the gas of cases that have it on tape and were not recorded before; their rooms are there."""
+        taped = [case for case in cases if case.scenario.gas.tape]
+        environments: dict[str, Environment] = {}
+        for i, case in enumerate(taped):
+            key = room_key(case)
+            if key not in environments:
+                folder = prepare_environment(case.scenario, scenario_dir=case.directory)
+                environments[key] = load_environment(folder)
+            taped_plume(case.scenario, environments[key]).reset(gas_seed(case.scenario, case.scenario.seed))
+            report(i + 1, len(taped))
 
     def weights(self, costs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how often cases come in training, as probabilities, (n,).

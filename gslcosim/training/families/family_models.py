@@ -114,6 +114,17 @@ class DopingSpec(Spec):
     power: Positive = 1.0
     floor: Fraction = 0.1
 
+    @model_validator(mode="after")
+    def _check_floor(self) -> Self:
+        if self.floor == 1.0:
+            raise broken_rule(
+                key="floor",
+                expected="a share below 1: with 1 all cases come equally often, whatever they cost",
+                found="1",
+                remedy="Lower it, or leave doping out.",
+            )
+        return self
+
 
 class FamilySpec(Spec):
     """A whole family file.
@@ -134,6 +145,13 @@ class FamilySpec(Spec):
     @model_validator(mode="after")
     def _check_vary(self) -> Self:
         for i, axis in enumerate(self.vary):
+            if not axis:
+                raise broken_rule(
+                    key=f"vary[{i}]",
+                    expected="at least one path of a value that varies",
+                    found="an empty block",
+                    remedy="Leave it out.",
+                )
             lengths = {key: len(drawn.values) for key, drawn in axis.items() if drawn.values is not None}
             if len(set(lengths.values())) > 1:
                 raise broken_rule(

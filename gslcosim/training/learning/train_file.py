@@ -122,4 +122,10 @@ def load_train_file(source: str | Path) -> TrainFile:
         path = bundled[str(source)]
     spec = read_spec_file(path, TrainSpec, shown_path=str(path), keys="family and trainer")
     beside = path.parent / spec.family
-    return TrainFile(spec=spec, family=load_family(beside if beside.is_file() else spec.family), path=path)
+    family = load_family(beside if beside.is_file() else spec.family)
+    if "doping" in spec.model_fields_set and family.spec.doping is None:
+        raise ScenarioError(
+            f"{path}: doping: expected nothing with the family {family.name}, which has no doping, was "
+            f"{str(spec.doping).lower()}. Leave it out, or give the family doping."
+        )
+    return TrainFile(spec=spec, family=family, path=path)

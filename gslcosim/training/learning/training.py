@@ -87,14 +87,13 @@ class Training:
         for split, n in wanted:
             cases[split] = family.cases(split, n, report=partial(tell, f"cases of {split}"))
             family.prepare(cases[split], report=partial(tell, f"rooms of {split}"))
+            family.record_tapes(cases[split], report=partial(tell, f"tapes of {split}"))
         self.validation_cases = cases["validation"]
-        tell("preparing searches", 0, 1)
         self._pools: list[SearchPool] = []
         self.trainer: Trainer = self._trainer(cases["training"])
         is_batched = not isinstance(spec.trainer, MethodSettings)
         validation_pool = self._pool(cases["validation"], len(cases["validation"])) if is_batched else None
         self._validation = PolicyValidation(family.name, cases["validation"], validation_pool)
-        tell("preparing searches", 1, 1)
         self._curves: list[dict[str, float]] = []
         self._best: Any = None
         self._best_round = 0
@@ -108,6 +107,10 @@ class Training:
         """How many rounds the whole training has."""
         trainer = self._file.spec.trainer
         return int(trainer.settings.get("rounds", 100)) if isinstance(trainer, PpoFileSettings) else trainer.rounds
+
+    @property
+    def _has_doping(self) -> bool:
+        return self._file.spec.doping is not False and self._file.family.spec.doping is not None
 
     @property
     def n_done(self) -> int:
@@ -164,14 +167,17 @@ class Training:
         return None
 
     def _pool(self, cases: Any, n_envs: int, discount: float = 0.99) -> SearchPool:
-        pool = SearchPool(cases, n_envs, action=self._file.spec.action.settings, discount=discount)
+        what = "searches of validation" if self._pools else "searches of training"
+        pool = SearchPool(
+            cases, n_envs, action=self._file.spec.action.settings, discount=discount, report=partial(self._tell, what)
+        )
         self._pools.append(pool)
         return pool
 
     def _trainer(self, cases: Any) -> Trainer:
         spec, family = self._file.spec, self._file.family
         settings, action, seed = spec.trainer, spec.action.settings, spec.seed
-        weights = family.weights if spec.doping else _evenly
+        weights = family.weights if self._has_doping else _evenly
         if isinstance(settings, CtrnnSettings):
             pool = self._pool(cases, settings.population * settings.cases_per_round)
             return EvolvedCtrnn(pool, action=action, settings=settings, seed=seed, weights=weights)
@@ -185,8 +191,9 @@ class Training:
         told = PpoSettings.of(settings.settings)
         pool = self._pool(cases, settings.searches, told.discount)
         return RecurrentPpo(
-            pool.envs, observation_names=pool.observation_names, action=action, settings=told, seed=seed
-        )
+            pool.envs, observation_names=pool.observation_names, action=action, settings=told, seed=seed,
+            doping=pool.costs(weights) if self._has_doping else None,
+        )  # fmt: skip
 
     def _validated(self, n: int) -> dict[str, float]:
         policy = self.trainer.policy()
@@ -248,7 +255,7 @@ class Training:
             "budget": {key: int(last[key]) for key in ("round", "steps", "flights") if key in last},
             "best_round": self._best_round,
             "validation": {key: best[key] for key in ("validation_cost", "validation_success") if key in best},
-            "doping": spec.doping and self._file.family.spec.doping is not None,
+            "doping": self._has_doping,
             "training_time_s": round(self._took_s),
             "machine": f"{platform.machine()}, Python {platform.python_version()}",
             "versions": _versions(),

@@ -1,6 +1,6 @@
 """Evolution of continuous-time recurrent networks: all networks of a generation search in the same cases at once."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from gslcosim.rng import stream
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.training.trainers.case_costs import Weights
 from gslcosim.training.trainers.evolution import Evolution
 from gslcosim.training.trainers.policy_searches import search
 from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.trainer import taken_from
 from gslcosim.training.trainers.trainer_settings import CtrnnSettings
 
-Weights = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 # What a number of 1 in the genome makes of weights, biases, and powers of e in time constants.
 _WEIGHT, _INPUT, _BIAS = 2.0, 4.0, 1.0
 # Of a case's mean cost: the last generation counts a half.

@@ -20,8 +20,8 @@ from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.loading import LoadedScenario
 from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.training.families.flying import rows_of
+from gslcosim.training.trainers.case_costs import Weights
 from gslcosim.training.trainers.evolution import Evolution
-from gslcosim.training.trainers.evolved_ctrnn import Weights
 from gslcosim.training.trainers.trainer import taken_from
 from gslcosim.training.trainers.trainer_settings import MethodSettings
 

@@ -20,11 +20,23 @@ class Searched:
     n_steps: int
 
     def costs(self, time_limits_s: NDArray[np.float64], diagonals_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what each search cost, between 0 and 2.
+        """Return what each search cost, between 0 and 2; see `costs_of`."""
+        return costs_of(self.success, self.time_s / time_limits_s, self.distance_m / diagonals_m)
 
-        cost = t / limit upon success, else 1 + distance / diagonal, so that who fails nearer fails less.
-        """
-        return np.where(self.success, self.time_s / time_limits_s, 1.0 + np.minimum(self.distance_m / diagonals_m, 1.0))
+
+def costs_of(
+    success: NDArray[np.bool_], shares_of_time: NDArray[np.float64], shares_of_room: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what searches cost, between 0 and 2.
+
+    cost = t / limit upon success, else 1 + distance / diagonal, so that who fails nearer fails less.
+
+    Args:
+        success: Of each search, (n,).
+        shares_of_time: Times over time limits, (n,).
+        shares_of_room: Last distances to the source over diagonals of rooms, (n,).
+    """
+    return np.where(success, shares_of_time, 1.0 + np.minimum(shares_of_room, 1.0))
 
 
 def search(

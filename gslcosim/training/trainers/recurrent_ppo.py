@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.errors import UsageError
 from gslcosim.search.learned.policies.gated import GruPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.training.trainers.case_costs import CaseCosts
 from gslcosim.training.trainers.ppo_network import Segments, advantages, first_arrays, load_jax, updater
 
 # The observation that says that the last command was refused or changed.
@@ -89,6 +90,8 @@ class RecurrentPpo:
         action: What the actions mean.
         settings: Of the trainer.
         seed: Of the training.
+        doping: What the cases have cost, where hard ones are to come more often: a round draws its cases by what those
+            before it have cost. Absent: all come equally often.
 
     Raises:
         UsageError: JAX is not installed, or a setting does not fit the environments.
@@ -102,8 +105,10 @@ class RecurrentPpo:
         action: ActionSettings,
         settings: PpoSettings,
         seed: int,
+        doping: CaseCosts | None = None,
     ) -> None:
         load_jax()
+        self._doping = doping
         self.envs, self.action, self.settings, self.seed = envs, action, settings, seed
         self.n_envs = int(envs.num_envs)
         if self.n_envs % settings.parts:
@@ -149,7 +154,8 @@ class RecurrentPpo:
         """
         self.n_rounds += 1
         rng = np.random.default_rng([self.seed, self.n_rounds])
-        observed, _ = self.envs.reset(seed=int(rng.integers(2**31)))
+        options = {} if self._doping is None else {"options": {"weights": self._doping.shares}}
+        observed, _ = self.envs.reset(seed=int(rng.integers(2**31)), **options)
         flight = _Flight(
             observed=np.asarray(observed)[:, self._places],
             memory=self.policy().memory(self.n_envs),
@@ -172,6 +178,7 @@ class RecurrentPpo:
         leaves = jax.tree_util.tree_leaves(self._optimiser)
         return {
             "n_rounds": np.array(self.n_rounds),
+            **({} if self._doping is None else {"case_costs": self._doping.costs.copy()}),
             **{f"network.{name}": np.array(array) for name, array in self._arrays.items()},
             **{f"optimiser.{i}": np.array(leaf) for i, leaf in enumerate(leaves)},
         }
@@ -194,6 +201,8 @@ class RecurrentPpo:
         parts = [np.asarray(state[f"optimiser.{i}"]) for i in range(len(leaves))]
         self._optimiser = jax.tree_util.tree_unflatten(tree, parts)
         self._arrays = {name: np.asarray(state[f"network.{name}"]) for name in self._arrays}
+        if self._doping is not None:
+            self._doping.costs = np.array(state["case_costs"], np.float64)
         self.n_rounds = int(state["n_rounds"])
 
     def _fly(self, flight: "_Flight", rng: np.random.Generator) -> Segments:
@@ -212,6 +221,8 @@ class RecurrentPpo:
             paid = np.asarray(rewards) - self._cost(np.asarray(observed), ends)
             rows.append((flight.observed, flight.starts, chosen, log_likely, paid, ends, is_step))
             flight.count(np.asarray(rewards), ends, infos)
+            if self._doping is not None and ends.any():
+                self._doping.count(infos, ends)
             flight.starts = ends.copy() if self._resets_at_once else flight.ends.copy()
             flight.observed, flight.memory, flight.ends = np.asarray(observed)[:, self._places], after, ends
         columns = list(zip(*rows, strict=True))

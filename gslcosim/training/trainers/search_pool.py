@@ -1,18 +1,15 @@
 """Cases of a family with the searches that fly them."""
 
-import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.store import load_environment
 from gslcosim.errors import UsageError
-from gslcosim.generation import prepare_environment
 from gslcosim.scenario.loading import LoadedScenario
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.batch import BatchSearchEnv
+from gslcosim.training.trainers.case_costs import CaseCosts, Weights
 
 
 class SearchPool:
@@ -23,22 +20,29 @@ class SearchPool:
         n_envs: How many searches fly at once.
         action: What their actions mean.
         discount: Of the shaping of rewards.
+        report: Is told how many of how many cases are prepared.
 
     Raises:
         UsageError: a case cannot be batched.
     """
 
     def __init__(
-        self, cases: Sequence[LoadedScenario], n_envs: int, *, action: ActionSettings, discount: float = 0.99
+        self,
+        cases: Sequence[LoadedScenario],
+        n_envs: int,
+        *,
+        action: ActionSettings,
+        discount: float = 0.99,
+        report: Callable[[int, int], None] | None = None,
     ) -> None:
         self.envs = BatchSearchEnv(
             cases, n_envs, action=action.kind, step_m=action.step_m, speed_m_s=action.speed_m_s, hold_s=action.hold_s,
-            discount=discount,
+            discount=discount, report=report,
         )  # fmt: skip
         self.n_cases = len(cases)
         self.observation_names: tuple[str, ...] = self.envs.observation_names
         self._limits_s = np.array([case.scenario.referee.stop.time_limit_s for case in cases])
-        self._diagonals_m = np.array([_diagonal_m(case) for case in cases])
+        self._diagonals_m = self.envs.diagonals_m
         vehicle = cases[0].scenario.agents[0].vehicle
         self.step_s = vehicle.hold_s if action.hold_s is None else action.hold_s
 
@@ -59,11 +63,10 @@ class SearchPool:
         """Return the time limits [s] and the rooms' diagonals [m] of cases."""
         return self._limits_s[cases], self._diagonals_m[cases]
 
+    def costs(self, weights: Weights) -> CaseCosts:
+        """Return where the costs of the cases are kept, from which `weights` says how often each comes."""
+        return CaseCosts(weights, time_limits_s=self._limits_s, diagonals_m=self._diagonals_m)
+
     def close(self) -> None:
         """End the searches."""
         self.envs.close()
-
-
-def _diagonal_m(case: LoadedScenario) -> float:
-    grid: Any = load_environment(prepare_environment(case.scenario, scenario_dir=case.directory)).grid
-    return math.dist(grid.origin_m, grid.max_m)

@@ -10,7 +10,7 @@ from gslcosim.errors import UsageError
 from gslcosim.rng import stream
 from gslcosim.search.learned.policies.action_values import Change, Digit, Level, Since, ValueTable
 from gslcosim.search.learned.policies.policy import ActionSettings
-from gslcosim.training.trainers.evolved_ctrnn import Weights
+from gslcosim.training.trainers.case_costs import Weights
 from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.trainer import taken_from
 from gslcosim.training.trainers.trainer_settings import TableSettings

@@ -168,6 +168,26 @@ def test_ten_thousand_searches_take_less_than_32_mb():
 
 
 @pytest.mark.slow
+def test_cases_are_drawn_by_weights_at_every_reset_until_the_next():
+    cases = [LearningTask(scenario="tiny_room", overrides=(*BALL, LIMIT)).loaded(seed) for seed in (1, 2, 3)]
+    envs = BatchSearchEnv(cases, 40, hold_s=1.0)
+    envs.reset(seed=5, options={"weights": [1, 0, 3]})
+    flown = []
+    for _ in range(20):
+        _, _, terminated, truncated, infos = envs.step(np.zeros((40, 2), np.float32))
+        if (ends := terminated | truncated).any():
+            assert np.array_equal(infos["_case"], ends)
+            flown.append(infos["case"][ends])
+    counts = np.bincount(np.concatenate(flown), minlength=3)
+    assert len(flown) > 1
+    assert counts[1] == 0
+    assert 1.5 < counts[2] / counts[0] < 6
+    with pytest.raises(UsageError, match="or weights, was speeds"):
+        envs.reset(options={"speeds": [1] * 40})
+    envs.close()
+
+
+@pytest.mark.slow
 def test_it_is_a_vector_environment_whose_searches_begin_again_as_it_declares():
     case = LearningTask(scenario="tiny_room", overrides=(*BALL, LIMIT)).loaded(1)
     for mode, declared in (("next_step", AutoresetMode.NEXT_STEP), ("same_step", AutoresetMode.SAME_STEP)):

@@ -114,6 +114,17 @@ def test_a_family_that_cannot_be_batched_is_told(tmp_path):
         Training(file, tmp_path / "out")
 
 
+def test_doping_for_a_family_without_is_told(tmp_path):
+    seeds = "seeds: {training: {first: 1, count: 9}, validation: {first: 20, count: 9}, test: {first: 40, count: 9}}"
+    (tmp_path / "family.yaml").write_text(f"schema: gslcosim/family/1\nname: f\nscenario: tiny_room\n{seeds}\n")
+    changes = {
+        "family": ("family: open_halls", "family: family.yaml"),
+        "doping": ("seed: 1", "seed: 1\ndoping: false"),
+    }
+    with pytest.raises(ScenarioError, match="doping: expected nothing with the family f, which has no doping, was fal"):
+        train_file(tmp_path, **changes)
+
+
 def test_a_name_that_is_not_observed_is_told(tmp_path):
     file = train_file(tmp_path, names=("n_neurons: 3", "n_neurons: 3, observations: [smell]"))
     with pytest.raises(UsageError, match=r"trainer.observations: expected names among x, y.*was smell"):
@@ -147,3 +158,40 @@ def test_a_table_resumed_ends_with_the_same_values(tmp_path):
     assert resumed.curves == whole.curves
     assert all(0 <= each["success"] <= 1 for each in whole.curves)
     assert np.array_equal(resumed.best.values, whole.best.values)
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_recurrent_ppo_draws_hard_cases_more_often_and_goes_on_to_the_same_bits(tmp_path):
+    pytest.importorskip("jax", reason="extra train")
+    trainer = (
+        "{kind: recurrent_ppo, searches: 8, settings: {rounds: 3, horizon: 64, segments: 3, epochs: 1, parts: 2, "
+        "n_encoded: 4, n_units: 4}}"
+    )
+    changes = {
+        "trainer": ("{kind: ctrnn, rounds: 4, population: 4, cases_per_round: 4, n_neurons: 3}", trainer),
+        "cases": ("training: 4", "training: 6"),
+    }
+    file = train_file(tmp_path, **changes)
+    whole = Training(file, tmp_path / "whole").train()
+    Training(file, tmp_path / "half").train(rounds=1)
+    half = Training(file, tmp_path / "half", is_resumed=True)
+    costs = half.trainer.state()["case_costs"]
+    assert np.nanmax(costs) > np.nanmin(costs)
+    resumed = half.train()
+    assert resumed.curves == whole.curves
+    kept = load_costs(tmp_path / "whole")
+    assert np.array_equal(half.trainer.state()["case_costs"], kept, equal_nan=True)
+    for name, array in whole.best.arrays.items():
+        assert np.array_equal(resumed.best.arrays[name], array), name
+    evenly = train_file(tmp_path, **changes, doping=("seed: 1", "seed: 1\ndoping: false"))
+    other = Training(evenly, tmp_path / "evenly").train(rounds=2)
+    # The first round knows no costs yet, and without doping it draws otherwise; nor does a checkpoint hold any.
+    assert other.curves[1] != whole.curves[1]
+    with np.load(tmp_path / "evenly" / CHECKPOINT) as left:
+        assert "trainer.case_costs" not in left.files
+
+
+def load_costs(folder):
+    with np.load(folder / CHECKPOINT) as left:
+        return left["trainer.case_costs"]

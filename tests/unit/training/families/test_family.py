@@ -78,10 +78,25 @@ def test_a_seed_of_a_suite_is_refused(tmp_path):
         ({"vary": "vary: [{a: {between: [0, 1], log: true}}]\n"}, "above 0"),
         ({"vary": "vary: [{a: [1]}, {a: [2]}]\n"}, "a twice"),
         ({"more": "doping: {power: -1}"}, "power"),
+        ({"more": "doping: {floor: 1}"}, "doping.floor: expected a share below 1"),
+        ({"vary": "vary: [{}]\n"}, "vary[0]: expected at least one path"),
+        (
+            {"vary": "vary: [{a: {beteen: [1, 2]}}]\n"},
+            "vary[0].a.beteen: expected one of the keys values, between, log, rooms, was an unknown key. Did you mean "
+            "between?",
+        ),
+        ({"vary": "vary: [{a: 5}]\n"}, "vary[0].a: expected a block with the keys values, between, log and rooms"),
+        ({"vary": "vary: [{a: {between: [1]}}]\n"}, "vary[0].a.between: expected a list of 2 numbers, was [1]."),
     ],
 )
 def test_what_means_nothing_is_refused_by_its_place(tmp_path, change, expected):
     assert expected in told(tmp_path, **change)
+
+
+def test_a_case_that_has_problems_is_told_with_file_and_seed(tmp_path):
+    mine = family(tmp_path, vary="vary: [{environment.layut.seed: {rooms: 2}}]\n")
+    with pytest.raises(ScenarioError, match=r"family.yaml: seed 21 of validation: .*layut: expected one of the keys"):
+        mine.case("validation", 1)
 
 
 def test_more_cases_than_seeds_are_refused(tmp_path):
