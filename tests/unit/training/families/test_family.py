@@ -81,9 +81,9 @@ def test_a_seed_of_a_suite_is_refused(tmp_path):
         ({"more": "doping: {floor: 1}"}, "doping.floor: expected a share below 1"),
         ({"vary": "vary: [{}]\n"}, "vary[0]: expected at least one path"),
         (
-            {"vary": "vary: [{a: {beteen: [1, 2]}}]\n"},
-            "vary[0].a.beteen: expected one of the keys values, between, log, rooms, was an unknown key. Did you mean "
-            "between?",
+            {"vary": "vary: [{a: {rooms: 2, logs: true}}]\n"},
+            "vary[0].a.logs: expected one of the keys values, between, log, rooms, was an unknown key. Did you mean "
+            "log?",
         ),
         ({"vary": "vary: [{a: 5}]\n"}, "vary[0].a: expected a block with the keys values, between, log and rooms"),
         ({"vary": "vary: [{a: {between: [1]}}]\n"}, "vary[0].a.between: expected a list of 2 numbers, was [1]."),
