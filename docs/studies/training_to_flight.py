@@ -2,15 +2,21 @@
 
     python docs/studies/training_to_flight.py --n 100
 
-Every agent meets the same cases of the split `test` of the family `open_halls`, with the same starts, gas and noise, in
-four places:
+Every agent meets the same cases of the split `test` of each family, with the same starts, gas and noise, in three
+places:
 
-- `batch`: the batch environment, learned agents only;
+- `batch`: the batch environment, policies only;
 - `holonomic`: the same searches as single flights in this process;
 - `quadrotor`: the same with an Iris in place of the holonomic vehicle, from the ground;
-- `elsewhere`: rooms, winds and gas that no policy was trained on: the quickstart's warehouse with its young wind, a
-  plume that meanders, an open field that gusts, and a hall whose wind has settled, from starts drawn anew.
 
+and in rooms, winds and gas that no policy was trained on, from starts drawn anew, with the holonomic vehicle:
+
+- `elsewhere_open`: the quickstart's warehouse with its young wind, a plume that meanders, an open field that gusts, and
+  a hall whose wind has settled;
+- `elsewhere_cluttered`: two warehouses with racks, one of them settled, nine rooms with passages, and a furnished flat,
+  all of the suite `methods`.
+
+A policy flies where the cases have what it observes.
 Success comes with Wilson's interval, the restricted mean time (failures count the time limit) with Student's, and
 differences are those of pairs, with bootstrap intervals: of a learned agent to each hand-made one in the same place,
 and of each place to the one before it.
@@ -19,8 +25,8 @@ and of each place to the one before it.
 import argparse
 import sys
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -38,24 +44,36 @@ from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.search.learned.policies.policy_agent import bundled_policies
 from gslcosim.search.learned.policies.policy_files import load_policy
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.families import load_family
+from gslcosim.training.families import bundled_families, load_family
 from gslcosim.training.learning_task import LearningTask
 
-FAMILY = "open_halls"
 HAND_MADE = ("e_coli", "dung_beetle", "persistent_walk")
 # The agent that flies any policy has the one of another agent.
-NOT_OWN = ("learned",)
-PLACES = ("batch", "holonomic", "quadrotor", "elsewhere")
+PILOT = "learned"
+PLACES = ("batch", "holonomic", "quadrotor")
 QUADROTOR = "iris"
-SENSORS = "agents[0].sensors=[{model: tgs2600, name: nose}, {model: anemometer, name: wind}]"
-METHODS = bundled_folder("suites") / "methods"
-ELSEWHERE: tuple[tuple[str | Path, tuple[str, ...]], ...] = (
-    ("warehouse_empty", ("agents[0].vehicle={model: holonomic, start_m: random, search_height_m: 2, hold_s: 0.5}",)),
-    (METHODS / "meander.yaml", (SENSORS, "agents[0].vehicle.hold_s=0.5")),
-    (METHODS / "field.yaml", (SENSORS, "agents[0].vehicle.hold_s=0.5")),
-    (METHODS / "settled.yaml", (SENSORS, "agents[0].vehicle.hold_s=0.5")),
+EQUIPPED = (
+    "agents[0].sensors=[{model: tgs2600, name: nose}, {model: anemometer, name: wind}, {model: four_range_finders, "
+    "name: ranges}]",
+    "agents[0].vehicle.hold_s=0.5",
 )
+METHODS = bundled_folder("suites") / "methods"
+ELSEWHERE: dict[str, tuple[tuple[str | Path, tuple[str, ...]], ...]] = {
+    "elsewhere_open": (
+        (
+            "warehouse_empty",
+            ("agents[0].vehicle={model: holonomic, start_m: random, search_height_m: 2, hold_s: 0.5}", EQUIPPED[0]),
+        ),
+        *((METHODS / f"{name}.yaml", EQUIPPED) for name in ("meander", "field", "settled")),
+    ),
+    "elsewhere_cluttered": tuple(
+        (METHODS / f"{name}.yaml", EQUIPPED) for name in ("racks", "racks_settled", "rooms", "flat")
+    ),
+}
 FIRST_SEED = 60_000
+
+# Where an agent flew: cases, place, agent.
+Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,19 +85,49 @@ class Searches:
     limit_s: NDArray[np.float64]
 
 
-def flown(loaded: Sequence[LoadedScenario], agent: str) -> Searches:
+@dataclass(frozen=True, kw_only=True)
+class Flier:
+    """An agent: its name in the tables, the bundled agent that flies, its parameters, and its policy if it has one."""
+
+    name: str
+    python: str
+    parameters: Mapping[str, str] = field(default_factory=dict[str, str])
+    policy: Policy | None = None
+
+
+def learned_fliers() -> dict[str, Flier]:
+    """Return all agents that have learned, by name: bundled ones, and policies that lie beside their families."""
+    found: dict[str, Flier] = {}
+    for name, file in bundled_policies(bundled_agents()[PILOT].parents[1]).items():
+        if name != PILOT:
+            found[name] = Flier(name=name, python=name, policy=load_policy(file))
+    for file in sorted(bundled_folder("families").glob("*/*.npz")):
+        parameters = {"policy": str(file)}
+        found[file.stem] = Flier(name=file.stem, python=PILOT, parameters=parameters, policy=load_policy(file))
+    return found
+
+
+def can_fly(flier: Flier, cases: Sequence[LoadedScenario]) -> bool:
+    """Return whether the cases' sensors tell all that a policy observes."""
+    names = {sensor.name for sensor in cases[0].scenario.agents[0].sensors}
+    observed = () if flier.policy is None else flier.policy.observation_names
+    # An estimate of a mixing ratio has the name of its sensor before its own.
+    return all(any(part.startswith(name) for name in names) for part in observed if "." in part)
+
+
+def flown(loaded: Sequence[LoadedScenario], flier: Flier) -> Searches:
     """Fly an agent through cases in this process."""
     rows = []
     for one in loaded:
         spec = one.scenario.agents[0]
-        start = spec.start.model_copy(update={"python": agent})
-        flier = spec.model_copy(update={"start": start, "parameters": {}})
+        start = spec.start.model_copy(update={"python": flier.python})
+        agent = spec.model_copy(update={"start": start, "parameters": dict(flier.parameters)})
         recording = one.scenario.recording.model_copy(update={"enabled": False})
-        scenario = one.scenario.model_copy(update={"agents": (flier,), "recording": recording})
+        scenario = one.scenario.model_copy(update={"agents": (agent,), "recording": recording})
         with tempfile.TemporaryDirectory() as runs_dir:
             result = fly(replace(one, scenario=scenario), runs_dir=Path(runs_dir), processes="one").result
         if not result["valid"] or result["faults"]:
-            raise RuntimeError(f"expected a valid flight of {agent} in {scenario.name}, was {result}")
+            raise RuntimeError(f"expected a valid flight of {flier.name} in {scenario.name}, was {result}")
         limit_s = scenario.referee.stop.time_limit_s
         rows.append((result["agents"][0]["outcome"] == "success", result["sim_time_s"], limit_s))
     return searches_of(rows)
@@ -114,12 +162,12 @@ def searches_of(rows: Sequence[tuple[bool, float, float]]) -> Searches:
     return Searches(success=success, counted_s=counted_times(time_s, success, limit_s), limit_s=limit_s)
 
 
-def cases_of(place: str, n: int) -> list[LoadedScenario]:
-    """Return the cases of a place."""
-    if place == "elsewhere":
-        tasks = [LearningTask(scenario=source, overrides=overrides) for source, overrides in ELSEWHERE]
+def cases_of(cases: str, place: str, n: int) -> list[LoadedScenario]:
+    """Return n cases of a family, or of `ELSEWHERE`, in a place."""
+    if cases in ELSEWHERE:
+        tasks = [LearningTask(scenario=source, overrides=overrides) for source, overrides in ELSEWHERE[cases]]
         return [tasks[i % len(tasks)].loaded(FIRST_SEED + i) for i in range(n)]
-    return [on_quadrotor(one) if place == "quadrotor" else one for one in load_family(FAMILY).cases("test", n)]
+    return [on_quadrotor(one) if place == "quadrotor" else one for one in load_family(cases).cases("test", n)]
 
 
 def on_quadrotor(one: LoadedScenario) -> LoadedScenario:
@@ -132,50 +180,62 @@ def on_quadrotor(one: LoadedScenario) -> LoadedScenario:
 
 def main() -> None:
     """Fly all, and print the tables."""
+    every = (*bundled_families(), *ELSEWHERE)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--n", type=int, default=100, help="cases of each place")
+    parser.add_argument("--n", type=int, default=100, help="cases of each kind")
+    parser.add_argument("--cases", nargs="*", choices=every, default=every, help="cases to fly (default: all)")
     parser.add_argument("--places", nargs="*", choices=PLACES, default=PLACES, help="places to fly in (default: all)")
-    parser.add_argument("--agents", nargs="*", help="learned agents (default: all that are bundled)")
+    parser.add_argument("--agents", nargs="*", help="learned agents (default: all)")
     given = parser.parse_args()
-    files = bundled_policies(bundled_agents()["learned"].parents[1])
-    learned = given.agents or [name for name in files if name not in NOT_OWN]
-    found: dict[tuple[str, str], Searches] = {}
-    for place in given.places:
-        loaded = cases_of(place, given.n)
-        for name in learned if place == "batch" else (*learned, *HAND_MADE):
-            own = stepped(loaded, load_policy(files[name])) if place == "batch" else flown(loaded, name)
-            found[place, name] = own
-            sys.stderr.write(f"{place}: {name}: {own.success.sum()} of {len(loaded)}\n")
-    sys.stdout.write(f"{rates(found)}\n{against_hand_made(found, learned)}\n{losses(found, learned)}")
+    learned = learned_fliers()
+    if given.agents:
+        learned = {name: learned[name] for name in given.agents}
+    found: dict[Key, Searches] = {}
+    for cases in given.cases:
+        for place in given.places if cases not in ELSEWHERE else ("holonomic",):
+            loaded = cases_of(cases, place, given.n)
+            hand_made = [Flier(name=name, python=name) for name in HAND_MADE if place != "batch"]
+            for flier in (*learned.values(), *hand_made):
+                if not can_fly(flier, loaded):
+                    continue
+                if place != "batch":
+                    own = flown(loaded, flier)
+                elif flier.policy is not None:
+                    own = stepped(loaded, flier.policy)
+                else:
+                    continue
+                found[cases, place, flier.name] = own
+                sys.stderr.write(f"{cases}: {place}: {flier.name}: {own.success.sum()} of {len(loaded)}\n")
+    sys.stdout.write(f"{rates(found)}\n{against_hand_made(found)}\n{losses(found)}")
 
 
-def rates(found: dict[tuple[str, str], Searches]) -> str:
+def rates(found: Mapping[Key, Searches]) -> str:
     """Return success and restricted mean time of each agent in each place."""
-    lines = ["| place | agent | n | success, % | restricted mean time, s |", "|---|---|---|---|---|"]
-    for (place, name), own in found.items():
+    lines = ["| cases | place | agent | n | success, % | restricted mean time, s |", "|---|---|---|---|---|---|"]
+    for (cases, place, name), own in found.items():
         success = wilson(int(own.success.sum()), len(own.success))
         mean_s = restricted_mean(own.counted_s, own.success, own.limit_s)
-        lines.append(f"| {place} | `{name}` | {success.n} | {shown(success, 100)} | {shown(mean_s)} |")
+        lines.append(f"| {cases} | {place} | `{name}` | {success.n} | {shown(success, 100)} | {shown(mean_s)} |")
     return "\n".join(lines) + "\n"
 
 
-def against_hand_made(found: dict[tuple[str, str], Searches], learned: Sequence[str]) -> str:
+def against_hand_made(found: Mapping[Key, Searches]) -> str:
     """Return by how much learned agents differ from hand-made ones in the same cases."""
-    lines = ["| place | agent | beside | more success, points | sooner, s |", "|---|---|---|---|---|"]
-    for place in dict.fromkeys(place for place, name in found if name in HAND_MADE):
-        for name in learned:
-            for other in HAND_MADE:
-                cells = _differences(found[place, name], found[place, other])
-                lines.append(f"| {place} | `{name}` | `{other}` | {cells} |")
+    lines = ["| cases | place | agent | beside | more success, points | sooner, s |", "|---|---|---|---|---|---|"]
+    for cases, place, name in (key for key in found if key[2] not in HAND_MADE):
+        for other in (other for other in HAND_MADE if (cases, place, other) in found):
+            cells = _differences(found[cases, place, name], found[cases, place, other])
+            lines.append(f"| {cases} | {place} | `{name}` | `{other}` | {cells} |")
     return "\n".join(lines) + "\n"
 
 
-def losses(found: dict[tuple[str, str], Searches], learned: Sequence[str]) -> str:
+def losses(found: Mapping[Key, Searches]) -> str:
     """Return by how much learned agents do better or worse in a place than in the one before it, in the same cases."""
-    lines = ["| agent | from | to | more success, points | sooner, s |", "|---|---|---|---|---|"]
-    for name in learned:
-        for before, after in pairwise(place for place in PLACES[:3] if (place, name) in found):
-            lines.append(f"| `{name}` | {before} | {after} | {_differences(found[after, name], found[before, name])} |")
+    lines = ["| cases | agent | from | to | more success, points | sooner, s |", "|---|---|---|---|---|---|"]
+    for cases, name in dict.fromkeys((key[0], key[2]) for key in found if key[2] not in HAND_MADE):
+        for before, after in pairwise(place for place in PLACES if (cases, place, name) in found):
+            cells = _differences(found[cases, after, name], found[cases, before, name])
+            lines.append(f"| {cases} | `{name}` | {before} | {after} | {cells} |")
     return "\n".join(lines) + "\n"
 
 

@@ -3,7 +3,7 @@
 import json
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -18,6 +18,7 @@ from gslcosim.safe_files import replace_file
 from gslcosim.scenario.loading import LoadedScenario
 from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.search.learned.policies.policy_files import KINDS, save_policy
+from gslcosim.training.batch.preparing import refusal_of
 from gslcosim.training.families.family_models import Split
 from gslcosim.training.learning.checkpoints import CHECKPOINT, Checkpoint, load_checkpoint, save_checkpoint
 from gslcosim.training.learning.train_file import PpoFileSettings, TrainFile
@@ -86,12 +87,15 @@ class Training:
         )  # fmt: skip
         for split, n in wanted:
             cases[split] = family.cases(split, n, report=partial(tell, f"cases of {split}"))
+        is_batched = not isinstance(spec.trainer, MethodSettings)
+        if is_batched:
+            _check_batch(file, (*cases["training"], *cases["validation"]))
+        for split, _ in wanted:
             family.prepare(cases[split], report=partial(tell, f"rooms of {split}"))
             family.record_tapes(cases[split], report=partial(tell, f"tapes of {split}"))
         self.validation_cases = cases["validation"]
         self._pools: list[SearchPool] = []
         self.trainer: Trainer = self._trainer(cases["training"])
-        is_batched = not isinstance(spec.trainer, MethodSettings)
         validation_pool = self._pool(cases["validation"], len(cases["validation"])) if is_batched else None
         self._validation = PolicyValidation(family.name, cases["validation"], validation_pool)
         self._curves: list[dict[str, float]] = []
@@ -261,6 +265,16 @@ class Training:
             "versions": _versions(),
             "command": self._command,
         }
+
+
+# Before rooms and winds are made, which may take minutes.
+def _check_batch(file: TrainFile, cases: Sequence[LoadedScenario]) -> None:
+    for case in cases:
+        if (refusal := refusal_of(case.scenario)) is not None:
+            raise UsageError(
+                f"{file.family.path}: seed {case.scenario.seed}: expected cases that can be batched for trainer.kind: "
+                f"{file.spec.trainer.kind}. {refusal}"
+            )
 
 
 def _evenly(costs: Any) -> Any:

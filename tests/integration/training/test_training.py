@@ -13,6 +13,7 @@ pytest.importorskip("cma", reason="extra train")
 from gslcosim.cli.main import main
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.search.learned.policies.policy_files import load_policy
+from gslcosim.training.families import bundled_families
 from gslcosim.training.learning.checkpoints import CHECKPOINT
 from gslcosim.training.learning.train_file import bundled_train_files, load_train_file
 from gslcosim.training.learning.training import POLICY, Training
@@ -110,8 +111,18 @@ def test_a_family_that_cannot_be_batched_is_told(tmp_path):
     seeds = "seeds: {training: {first: 1, count: 9}, validation: {first: 20, count: 9}, test: {first: 40, count: 9}}"
     (tmp_path / "family.yaml").write_text(f"schema: gslcosim/family/1\nname: f\nscenario: tiny_room\n{seeds}\n")
     file = train_file(tmp_path, family=("family: open_halls", "family: family.yaml"))
-    with pytest.raises(UsageError, match=r"agents\[0\].vehicle.model: expected holonomic in a batch, was iris"):
-        Training(file, tmp_path / "out")
+    words = r"family.yaml: seed 1: .* for trainer.kind: ctrnn. agents\[0\].vehicle.model: expected holonomic in a batch"
+    with pytest.raises(UsageError, match=words):
+        Training(file, tmp_path / "out", tell=lambda what, *_: what.startswith("cases") or pytest.fail(what))
+
+
+def test_a_recipe_of_obstacles_that_cannot_be_batched_is_told_before_any_wind_is_solved(tmp_path):
+    text = bundled_families()["cluttered_halls"].read_text()
+    (tmp_path / "hall.yaml").write_text(bundled_families()["cluttered_halls"].with_name("hall.yaml").read_text())
+    (tmp_path / "family.yaml").write_text(text.replace("vary:", "set:\n  agents[0].vehicle.avoidance: 2d\nvary:"))
+    file = train_file(tmp_path, family=("family: open_halls", "family: family.yaml"))
+    with pytest.raises(UsageError, match=r"seed 100000: .* agents\[0\].vehicle.avoidance: expected none in a batch"):
+        Training(file, tmp_path / "out", tell=lambda what, *_: what.startswith("cases") or pytest.fail(what))
 
 
 def test_doping_for_a_family_without_is_told(tmp_path):

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,23 +28,41 @@ def test_it_prints_every_agent_in_the_places_that_are_asked_for(study, monkeypat
     monkeypatch.setattr(
         sys,
         "argv",
-        ["training_to_flight.py", "--n", "2", "--places", "batch", "holonomic", "--agents", "recurrent_ppo"],
+        [
+            "training_to_flight.py",
+            "--n",
+            "2",
+            "--cases",
+            "open_halls",
+            "--places",
+            "batch",
+            "holonomic",
+            "--agents",
+            "recurrent_ppo",
+        ],
     )
     study.main()
     told = capsys.readouterr().out
-    assert "| batch | `recurrent_ppo` | 2 |" in told
+    assert "| open_halls | batch | `recurrent_ppo` | 2 |" in told
     for name in ("recurrent_ppo", *study.HAND_MADE):
-        assert f"| holonomic | `{name}` | 2 |" in told
-    assert told.count("| `recurrent_ppo` | batch | holonomic |") == 1
+        assert f"| open_halls | holonomic | `{name}` | 2 |" in told
+    assert told.count("| open_halls | `recurrent_ppo` | batch | holonomic |") == 1
     assert "quadrotor" not in told
 
 
 @pytest.mark.slow
 def test_a_policy_does_in_the_batch_what_it_does_in_single_flights(study):
     """One search at a time: the last bits of products of matrices are others for many rows."""
-    cases = study.cases_of("batch", 3)
-    policy = study.load_policy(study.bundled_policies(study.bundled_agents()["learned"].parents[1])["recurrent_ppo"])
-    alone = study.flown(cases, "recurrent_ppo")
-    stepped = [study.stepped([one], policy) for one in cases]
+    cases, flier = study.cases_of("open_halls", "batch", 3), study.learned_fliers()["recurrent_ppo"]
+    alone = study.flown(cases, flier)
+    stepped = [study.stepped([one], flier.policy) for one in cases]
     assert [bool(one.success[0]) for one in stepped] == alone.success.tolist()
     np.testing.assert_allclose([one.counted_s[0] for one in stepped], alone.counted_s, atol=1e-6)
+
+
+def test_a_policy_flies_where_the_sensors_are_that_it_observes(study):
+    case = study.cases_of("open_halls", "batch", 1)
+    fliers = study.learned_fliers()
+    assert study.can_fly(fliers["recurrent_ppo"], case)
+    ranges = study.Flier(name="r", python="learned", policy=SimpleNamespace(observation_names=("ranges.closeness_0",)))
+    assert not study.can_fly(ranges, case)
