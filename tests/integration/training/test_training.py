@@ -12,6 +12,7 @@ pytest.importorskip("cma", reason="extra train")
 
 from gslcosim.cli.main import main
 from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.generation import prepare_environment
 from gslcosim.search.learned.policies.policy_files import load_policy
 from gslcosim.training.families import bundled_families
 from gslcosim.training.learning.checkpoints import CHECKPOINT
@@ -201,6 +202,37 @@ def test_recurrent_ppo_draws_hard_cases_more_often_and_goes_on_to_the_same_bits(
     assert other.curves[1] != whole.curves[1]
     with np.load(tmp_path / "evenly" / CHECKPOINT) as left:
         assert "trainer.case_costs" not in left.files
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_family_with_obstacles_has_winds_and_tapes_made_once_with_progress(tmp_path):
+    """The bundled family with winds of 2 s, so that they are made soon."""
+    bundled = bundled_families()["cluttered_halls"]
+    (tmp_path / "hall.yaml").write_text(bundled.with_name("hall.yaml").read_text())
+    short = "set:\n  wind.end_time_s: 2\n  wind.average_from_s: 1\nvary:"
+    (tmp_path / "family.yaml").write_text(bundled.read_text().replace("vary:", short))
+    observed = ", observations: [nose_ppm.amount, ranges.closeness_0]"
+    changes = {
+        "family": ("family: open_halls", "family: family.yaml"),
+        "names": ("n_neurons: 3", f"n_neurons: 3{observed}"),
+        "cases": ("{training: 4, validation: 3}", "{training: 3, validation: 2}"),
+        "rounds": ("rounds: 4", "rounds: 1"),
+    }
+    file, told = train_file(tmp_path, **changes), []
+    training = Training(file, tmp_path / "out", tell=lambda *what: told.append(what))
+    assert ("tapes of training", 3, 3) in told
+    assert ("searches of validation", 2, 2) in told
+    n_rooms = max(total for what, _, total in told if what == "rooms of training")
+    assert 1 <= n_rooms <= 3
+    assert training.train().curves[0]["round"] == 1
+    before = made_at(training)
+    assert made_at(Training(file, tmp_path / "other")) == before
+
+
+def made_at(training):
+    folders = [prepare_environment(case.scenario, scenario_dir=case.directory) for case in training.validation_cases]
+    return [(folder, folder.stat().st_ctime_ns) for folder in folders]
 
 
 def load_costs(folder):
