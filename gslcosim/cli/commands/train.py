@@ -37,8 +37,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
     from gslcosim.training.learning.train_file import load_train_file
-    from gslcosim.training.learning.training import POLICY, Training
+    from gslcosim.training.learning.training import Training
     from gslcosim.training.learning.validating import entry_of, record_flights
 
     file = load_train_file(arguments.file)
@@ -59,7 +60,7 @@ def _run(arguments: argparse.Namespace) -> int:
     runs: list[str] = []
     if trained.best is not None and arguments.record:
         cases = training.validation_cases[: arguments.record]
-        flown = record_flights(file.family.name, cases, entry_of(trained.best, folder / POLICY), folder / "runs")
+        flown = record_flights(file.family.name, cases, entry_of(trained.best, folder / POLICY_FILE), folder / "runs")
         runs = [str(result.run_dir) for result in flown]
     fields = _fields(trained, runs)
     if arguments.json:

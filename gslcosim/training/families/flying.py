@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.benchmark.execution.flying import Rooms, fly_trial, record_trial
-from gslcosim.benchmark.execution.judging import Row
+from gslcosim.benchmark.execution.judging import FLOWN, Row
 from gslcosim.benchmark.suite.equipping import card_of, with_entry
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.benchmark.suite.trials import Trial
+from gslcosim.errors import MethodError, SimulationFault
 from gslcosim.generation import prepare_environment
 from gslcosim.runtime.status import FlightResult
 from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.loading import LoadedScenario, resolve_values
+from gslcosim.sensing.method_checks import problems_of_methods
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +32,30 @@ class CaseFlight:
     case: LoadedScenario
     entry: EntrySpec
 
+    def check(self) -> None:
+        """Check that the method has all that it needs in the case.
+
+        Raises:
+            ScenarioError: it lacks something.
+        """
+        self._trial()
+
     def row(self, rooms: Rooms) -> Row:
-        """Fly, and return the row that a benchmark has of such a flight."""
-        scenario = self.case.scenario
-        folder = prepare_environment(scenario, scenario_dir=self.case.directory)
-        return fly_trial(self._trial(), folder, rooms).row
+        """Fly, and return the row that a benchmark has of such a flight.
+
+        Raises:
+            ScenarioError: the method lacks something.
+            SimulationFault: a service failed.
+            MethodError: the method did something wrong.
+        """
+        trial = self._trial()
+        folder = prepare_environment(self.case.scenario, scenario_dir=self.case.directory)
+        row = fly_trial(trial, folder, rooms).row
+        if row["status"] != FLOWN:
+            raise SimulationFault(f"family {self.family}: {trial.id}: {row['fault']}")
+        if row["agent_faults"]:
+            raise MethodError(f"family {self.family}: {trial.id}: expected no faults, was {row['agent_faults']}")
+        return row
 
     def record(self, runs_dir: Path) -> FlightResult:
         """Fly with a recording into a run's folder of its own below `runs_dir`."""
@@ -46,7 +67,8 @@ class CaseFlight:
             case.scenario, case.name, self.entry, card=card_of(self.entry, directory), directory=directory,
             scenario_dir=directory,
         )  # fmt: skip
-        flown = resolve_values(values, directory, source=f"family {self.family}: entry {self.entry.name}")
+        source = f"family {self.family}: entry {self.entry.name}"
+        flown = resolve_values(values, directory, source=source, checks=(problems_of_methods,))
         name = f"{case.name}/{case.scenario.seed}"
         return Trial(
             id=f"{self.entry.name}/{name}", index=0, case=name, scenario=case.name, family=self.family, varied="{}",
@@ -56,6 +78,6 @@ class CaseFlight:
 
 
 def rows_of(family: str, cases: Sequence[LoadedScenario], entry: EntrySpec) -> list[Row]:
-    """Return a row for the flight of a method in each case, in their order."""
+    """Return a row for the flight of a method in each case, in their order; see `CaseFlight.row`."""
     rooms = Rooms()
     return [CaseFlight(family=family, case=case, entry=entry).row(rooms) for case in cases]

@@ -3,12 +3,13 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_folder
+from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec
 from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
@@ -80,6 +81,17 @@ class TrainSpec(Spec):
     validate_every: _Count = 10
     checkpoint_every: _Count = 10
     doping: bool = True
+
+    @model_validator(mode="after")
+    def _check_action(self) -> Self:
+        if isinstance(self.trainer, MethodSettings) and "action" in self.model_fields_set:
+            raise broken_rule(
+                key="action",
+                expected="none for trainer.kind: method, whose methods command what they like",
+                found="one",
+                remedy="Leave it out.",
+            )
+        return self
 
 
 @dataclass(frozen=True, kw_only=True)

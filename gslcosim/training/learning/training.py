@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from gslcosim.errors import UsageError
 from gslcosim.safe_files import replace_file
 from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.search.learned.parameter_files import save_parameters
 from gslcosim.search.learned.policies.policy import Policy
+from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policies.policy_files import KINDS, save_policy
 from gslcosim.training.batch.preparing import refusal_of
 from gslcosim.training.families.family_models import Split
@@ -30,7 +32,7 @@ from gslcosim.training.trainers.tabular_q import TabularQ
 from gslcosim.training.trainers.trainer import Trainer
 from gslcosim.training.trainers.trainer_settings import CtrnnSettings, MethodSettings, TableSettings
 
-POLICY, PARAMETERS, CURVES = "policy.npz", "parameters.json", "curves.json"
+CURVES = "curves.json"
 _PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
 
 # Is told what is being done, and how much of how much is over.
@@ -217,11 +219,10 @@ class Training:
             about["best"] = {
                 "kind": best.kind, "observation_names": best.observation_names, "settings": best.settings,
             }  # fmt: skip
-            save_policy(self.folder / POLICY, best, self._card())
+            save_policy(self.folder / POLICY_FILE, best, self._card())
         elif isinstance(best, MethodParameters):
             about["best"] = {"parameters": best.parameters}
-            card = {"method": best.entry.name, "parameters": best.parameters, **self._card()}
-            replace_file(self.folder, PARAMETERS, (json.dumps(card, indent=1) + "\n").encode())
+            save_parameters(self.folder, best.entry.name, best.parameters, self._card())
         replace_file(self.folder, CURVES, (json.dumps(self._curves, indent=1) + "\n").encode())
         save_checkpoint(
             self.folder,

@@ -14,18 +14,21 @@ from gslcosim.benchmark.suite.equipping import card_of
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import UsageError
+from gslcosim.methods.card import MethodCard
 from gslcosim.methods.needs import shortages_of
 from gslcosim.rng import stream
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.loading import LoadedScenario
 from gslcosim.scenario.models.scenario import StartSpec
-from gslcosim.training.families.flying import rows_of
+from gslcosim.training.families.flying import CaseFlight, rows_of
 from gslcosim.training.trainers.case_costs import Weights
 from gslcosim.training.trainers.evolution import Evolution
 from gslcosim.training.trainers.trainer import taken_from
 from gslcosim.training.trainers.trainer_settings import MethodSettings
 
 _DIGITS = 4
+# Of a case's mean cost: the last generation counts a half.
+_NEWEST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,8 @@ class MethodParameters:
 class EvolvedMethod:
     """Evolves parameters of a method within ranges; its policy are the parameters at the centre of the distribution.
 
+    It begins at the method's own defaults. The robots have the sensors of the family's cases.
+
     Args:
         family: Name of the family.
         cases: Of training.
@@ -51,7 +56,8 @@ class EvolvedMethod:
         weights: From mean costs of the cases to how often each comes; see `Family.weights`.
 
     Raises:
-        UsageError: the method, or a parameter of it, is not there.
+        UsageError: the method, or a parameter of it, is not there, or so many robots cannot fly it.
+        ScenarioError: the method lacks something in the cases.
 
     Source:
         Duisterhof et al. 2021, Sniffy Bug, IROS; the strategy is CMA-ES in place of their genetic algorithm, and the
@@ -65,12 +71,9 @@ class EvolvedMethod:
         self.seed, self.weights = seed, weights
         if settings.method not in bundled_agents():
             raise UsageError(f"trainer.method: expected a bundled method, was {settings.method!r}.")
-        if not settings.ranges:
-            raise UsageError("trainer.ranges: expected at least one parameter with its least and most, was none.")
-        for name, (low, high) in settings.ranges.items():
-            if not low < high:
-                raise UsageError(f"trainer.ranges.{name}: expected least below most, was {low:g} and {high:g}.")
-        self._check_parameters()
+        self._card = _card_for(settings, self._entry({}))
+        CaseFlight(family=family, case=self.cases[0], entry=self._entry({})).check()
+        self._begin = np.array([self._place_of_default(name) for name in settings.ranges])
         self._evolution = Evolution(
             len(settings.ranges), population=settings.population, spread=settings.spread, seed=seed
         )
@@ -99,7 +102,7 @@ class EvolvedMethod:
         self._evolution.tell(costs.mean(axis=1))
         for case, cost in zip(chosen.tolist(), costs.mean(axis=0).tolist(), strict=True):
             before = self._costs[case]
-            self._costs[case] = cost if np.isnan(before) else 0.5 * (before + cost)
+            self._costs[case] = cost if np.isnan(before) else (1 - _NEWEST) * before + _NEWEST * cost
         self._n_flights += costs.size
         return {
             "round": float(self._evolution.n_generations),
@@ -123,32 +126,54 @@ class EvolvedMethod:
     # From a number without bounds to one within a range: its middle at 0, its ends at -1 and 1, reflected beyond.
     def _with(self, genome: NDArray[np.float64]) -> MethodParameters:
         parameters: dict[str, ParameterValue] = {}
-        for place, (name, (low, high)) in zip(genome.tolist(), self.settings.ranges.items(), strict=True):
+        places = (self._begin + genome).tolist()
+        for place, (name, (low, high)) in zip(places, self.settings.ranges.items(), strict=True):
             share = abs(((place + 1.0) / 2.0 + 1.0) % 2.0 - 1.0)
             value = min(max(float(f"{low + share * (high - low):.{_DIGITS}g}"), low), high)
-            parameters[name] = round(value) if name in self.settings.whole_numbers else value
+            parameters[name] = _allowed(self._card, name, value)
         return MethodParameters(entry=self._entry(parameters))
+
+    def _place_of_default(self, name: str) -> float:
+        (low, high), default = self.settings.ranges[name], self._card.parameters[name].default
+        if not isinstance(default, int | float):
+            return 0.0
+        return 2.0 * min(max((float(default) - low) / (high - low), 0.0), 1.0) - 1.0
 
     def _entry(self, parameters: Mapping[str, ParameterValue]) -> EntrySpec:
         s = self.settings
-        return EntrySpec(
-            name=s.method, start=StartSpec(python=s.method), parameters=dict(parameters), sensors="by_method",
-            robots=s.robots,
-        )  # fmt: skip
+        return EntrySpec(name=s.method, start=StartSpec(python=s.method), parameters=dict(parameters), robots=s.robots)
 
-    def _check_parameters(self) -> None:
-        card = card_of(self._entry({}), Path())
-        assert card is not None, "bundled methods have cards"
-        for name, ends in self.settings.ranges.items():
-            for end in ends:
-                value = round(end) if name in self.settings.whole_numbers else end
-                wrong = shortages_of(card, sensors=(), knows=(), n_channels=0, parameters={name: value})
-                for shortage in wrong:
-                    if shortage.part.startswith("parameters."):
-                        raise UsageError(
-                            f"trainer.ranges.{name}: expected {shortage.expected}, was {shortage.found}. "
-                            f"{shortage.remedy}".rstrip()
-                        )
+
+def _allowed(card: MethodCard, name: str, value: float) -> ParameterValue:
+    is_whole = name in card.parameters and card.parameters[name].kind == "int"
+    return round(value) if is_whole else value
+
+
+# Checked before anything is flown.
+def _card_for(settings: MethodSettings, entry: EntrySpec) -> MethodCard:
+    card = card_of(entry, Path())
+    if card is None:
+        raise UsageError(f"trainer.method: expected a method with a card, was {settings.method}, which has none.")
+    least, most = card.robots if isinstance(card.robots, tuple) else (card.robots, card.robots)
+    if not least <= settings.robots <= most:
+        raise UsageError(
+            f"trainer.robots: expected {least if least == most else f'{least} to {most}'} for {settings.method}, was "
+            f"{settings.robots}."
+        )
+    if not settings.ranges:
+        raise UsageError("trainer.ranges: expected at least one parameter with its least and most, was none.")
+    for name, (low, high) in settings.ranges.items():
+        if not low < high:
+            raise UsageError(f"trainer.ranges.{name}: expected least below most, was {low:g} and {high:g}.")
+        for end in (low, high):
+            given = {name: _allowed(card, name, end)}
+            wrong = shortages_of(card, sensors=(), knows=(), n_channels=0, parameters=given)
+            for shortage in wrong:
+                if shortage.part.startswith("parameters."):
+                    raise UsageError(
+                        f"trainer.ranges.{name}: expected {shortage.expected}, was {shortage.found}. {shortage.remedy}"
+                    )
+    return card
 
 
 def cost_of(row: Row) -> float:

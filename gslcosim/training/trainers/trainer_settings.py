@@ -57,6 +57,7 @@ class MethodSettings(Spec):
     """Evolution of the parameters of a `method` within `ranges`, least and most of each, in flights of this process.
 
     In each of `rounds` generations a `population` of settings flies `cases_per_round` cases with so many `robots`.
+    `spread` is the standard deviation of the first about the method's defaults, in halves of the ranges.
     """
 
     kind: Literal["method"]
@@ -67,4 +68,3 @@ class MethodSettings(Spec):
     population: Annotated[int, Field(ge=4, le=10_000)] = 8
     cases_per_round: _Count = 8
     spread: Positive = 0.25
-    whole_numbers: tuple[str, ...] = ()

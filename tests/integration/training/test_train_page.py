@@ -25,11 +25,16 @@ def test_a_program_of_the_page_runs(program, tmp_path, monkeypatch):
 
 def test_train_files_and_families_of_the_page_are_valid(tmp_path):
     blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    family, train = (next(block for block in blocks if f"gslcosim/{kind}/1" in block) for kind in ("family", "train"))
+    family, train, method = (
+        next(block for block in blocks if text in block)
+        for text in ("gslcosim/family/1", "kind: ctrnn", "kind: method")
+    )
     (tmp_path / "family.yaml").write_text(family.replace("hall.yaml", "tiny_room"))
     (tmp_path / "train.yaml").write_text(train)
     assert load_family(tmp_path / "family.yaml").values_of("test", 0)["environment.layout.seed"] >= 50000
     assert load_train_file(tmp_path / "train.yaml").spec.trainer.kind == "ctrnn"
+    (tmp_path / "method.yaml").write_text(method)
+    assert load_train_file(tmp_path / "method.yaml").spec.trainer.robots == 3
 
 
 @pytest.mark.slow

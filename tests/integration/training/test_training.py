@@ -13,11 +13,13 @@ pytest.importorskip("cma", reason="extra train")
 from gslcosim.cli.main import main
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.generation import prepare_environment
+from gslcosim.search.learned.parameter_files import PARAMETERS_FILE, load_parameters
+from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policies.policy_files import load_policy
 from gslcosim.training.families import bundled_families
 from gslcosim.training.learning.checkpoints import CHECKPOINT
 from gslcosim.training.learning.train_file import bundled_train_files, load_train_file
-from gslcosim.training.learning.training import POLICY, Training
+from gslcosim.training.learning.training import Training
 
 TINY = "open_halls_tiny"
 
@@ -58,8 +60,8 @@ def test_a_training_killed_after_a_checkpoint_ends_with_the_same_weights(whole, 
         assert again.n_done == n
         resumed = again.train()
         assert resumed.curves == trained.curves
-        for name, array in load_policy(folder / POLICY).arrays.items():
-            assert np.array_equal(load_policy(left / POLICY).arrays[name], array)
+        for name, array in load_policy(folder / POLICY_FILE).arrays.items():
+            assert np.array_equal(load_policy(left / POLICY_FILE).arrays[name], array)
 
 
 @pytest.mark.slow
@@ -238,3 +240,61 @@ def made_at(training):
 def load_costs(folder):
     with np.load(folder / CHECKPOINT) as left:
         return left["trainer.case_costs"]
+
+
+METHOD_FILE = """
+schema: gslcosim/train/1
+name: tiny_method
+family: family.yaml
+trainer:
+  kind: method
+  method: s_pso
+  robots: 3
+  ranges: {inertia: [0, 1], leg_m: [0.3, 3]}
+  rounds: 2
+  population: 4
+  cases_per_round: 2
+cases: {training: 2, validation: 1}
+validate_every: 1
+checkpoint_every: 1
+"""
+
+
+@pytest.fixture
+def method_file(tmp_path):
+    """A training of two parameters of a swarm, in halls of which a search lasts 15 s."""
+    family = bundled_families()["open_halls"]
+    text = family.read_text().replace(
+        "scenario: hall.yaml", "scenario: hall.yaml\nset: {referee.stop.time_limit_s: 15}"
+    )
+    (tmp_path / "family.yaml").write_text(text)
+    shutil.copy(family.with_name("hall.yaml"), tmp_path / "hall.yaml")
+    path = tmp_path / "method.yaml"
+    path.write_text(METHOD_FILE)
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_parameters_of_a_method_resumed_are_the_same(method_file, tmp_path, capsys):
+    file = load_train_file(method_file)
+    whole = Training(file, tmp_path / "whole").train()
+    call = ["train", str(method_file), "--out", str(tmp_path / "half")]
+    assert main([*call, "--rounds", "1", "--record", "1", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (Path(told["runs"][0]) / "recording.rrd").stat().st_size > 0
+    assert main([*call, "--resume", "--record", "0", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["figures"] == whole.curves[-1]
+    cards = [json.loads((tmp_path / each / PARAMETERS_FILE).read_text()) for each in ("whole", "half")]
+    assert cards[0]["parameters"] == cards[1]["parameters"] == whole.best.parameters
+    assert load_parameters(tmp_path / "whole" / PARAMETERS_FILE) == whole.best.parameters
+    assert cards[0]["method"] == "s_pso"
+    assert cards[0]["budget"] == {"round": 2, "flights": 16}
+    assert cards[1]["command"] == f"gslcosim train {method_file}"
+    assert (tmp_path / "half" / "curves.svg").is_file()
+
+
+def test_an_action_of_a_method_is_refused(method_file):
+    method_file.write_text(f"{METHOD_FILE}action: {{kind: velocity}}\n")
+    with pytest.raises(ScenarioError, match=r"action: expected none for trainer\.kind: method"):
+        load_train_file(method_file)

@@ -214,7 +214,7 @@ class ValueTable(Policy):
             raise PolicyError(f"settings.turns_with: expected the names of sine and cosine, was {turns_with!r}.")
         digits = [_digit_of(one, i) for i, one in enumerate(told)]
         n_states = math.prod(digit.n_classes for digit in digits)
-        values = checked(arrays, "values", (n_states, action.n_choices or None))
+        values = checked(arrays, {"values": (n_states, action.n_choices or None)})["values"]
         pair = None if turns_with is None else (str(turns_with[0]), str(turns_with[1]))
         return cls(observation_names, action, digits=digits, values=values, turns_with=pair)
 

@@ -6,7 +6,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError, checked
+from gslcosim.search.learned.policies.policy import (
+    Actions,
+    ActionSettings,
+    Floats,
+    Policy,
+    PolicyError,
+    checked,
+    checked_number,
+)
 
 
 class CtrnnPolicy(Policy):
@@ -85,24 +93,13 @@ class CtrnnPolicy(Policy):
         settings: Mapping[str, Any],
     ) -> Self:
         """Return the network; see `Policy`."""
-        dt_s = settings.get("dt_s")
-        if isinstance(dt_s, bool) or not isinstance(dt_s, int | float) or not 0 < dt_s < float("inf"):
-            raise PolicyError(f"settings.dt_s: expected a number above 0, was {dt_s!r}.")
-        tau_s = checked(arrays, "tau_s", (None,))
+        dt_s = checked_number(settings, "dt_s", is_above=True)
+        tau_s = checked(arrays, {"tau_s": (None,)})["tau_s"]
         if tau_s.min() <= 0:
             raise PolicyError(f"tau_s: expected numbers above 0, was {float(tau_s.min()):g}.")
-        h = len(tau_s)
-        return cls(
-            observation_names,
-            action,
-            dt_s=float(dt_s),
-            tau_s=tau_s,
-            recurrent=checked(arrays, "recurrent", (h, h)),
-            bias=checked(arrays, "bias", (h,)),
-            inputs=checked(arrays, "inputs", (h, len(observation_names))),
-            outputs=checked(arrays, "outputs", (action.n_outputs, h)),
-            output_bias=checked(arrays, "output_bias", (action.n_outputs,)),
-        )
+        h, k, o = len(tau_s), len(observation_names), action.n_outputs
+        shapes = {"recurrent": (h, h), "bias": (h,), "inputs": (h, k), "outputs": (o, h), "output_bias": (o,)}
+        return cls(observation_names, action, dt_s=dt_s, tau_s=tau_s, **checked(arrays, shapes))
 
 
 # By tanh, which overflows nowhere.

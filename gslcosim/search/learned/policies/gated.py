@@ -6,7 +6,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError, checked
+from gslcosim.search.learned.policies.policy import (
+    Actions,
+    ActionSettings,
+    Floats,
+    Policy,
+    PolicyError,
+    checked,
+    checked_number,
+)
 from gslcosim.search.learned.policies.scatter import normal_numbers
 
 
@@ -106,24 +114,14 @@ class GruPolicy(Policy):
         settings: Mapping[str, Any],
     ) -> Self:
         """Return the network; see `Policy`."""
-        spread = settings.get("spread", 0.0)
-        if isinstance(spread, bool) or not isinstance(spread, int | float) or not 0 <= spread < float("inf"):
-            raise PolicyError(f"settings.spread: expected a number from 0, was {spread!r}.")
+        spread = checked_number(settings, "spread", is_above=False, default=0.0)
         if spread and action.n_choices:
             raise PolicyError(f"settings.spread: expected 0 for action {action.kind}, which has choices, was {spread}.")
-        encoder = checked(arrays, "encoder", (None, len(observation_names)))
-        m = len(encoder)
-        h = checked(arrays, "outputs", (action.n_outputs, None)).shape[1]
-        return cls(
-            observation_names,
-            action,
-            encoder=encoder,
-            encoder_bias=checked(arrays, "encoder_bias", (m,)),
-            gates=checked(arrays, "gates", (3 * h, m)),
-            gates_bias=checked(arrays, "gates_bias", (3 * h,)),
-            recurrent_gates=checked(arrays, "recurrent_gates", (3 * h, h)),
-            recurrent_bias=checked(arrays, "recurrent_bias", (3 * h,)),
-            outputs=checked(arrays, "outputs", (action.n_outputs, h)),
-            output_bias=checked(arrays, "output_bias", (action.n_outputs,)),
-            spread=float(spread),
-        )
+        k, o = len(observation_names), action.n_outputs
+        ends = checked(arrays, {"encoder": (None, k), "outputs": (o, None)})
+        m, h = len(ends["encoder"]), ends["outputs"].shape[1]
+        shapes = {
+            "encoder_bias": (m,), "gates": (3 * h, m), "gates_bias": (3 * h,), "recurrent_gates": (3 * h, h),
+            "recurrent_bias": (3 * h,), "output_bias": (o,),
+        }  # fmt: skip
+        return cls(observation_names, action, **ends, **checked(arrays, shapes), spread=spread)

@@ -1,5 +1,6 @@
 """What a learned policy is: from vectors of observations and a memory to actions, for one agent or a thousand."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -131,12 +132,29 @@ class Policy(ABC):
         """
 
 
-def checked(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int | None, ...]) -> Floats:
-    """Return an array as float32, (shape); None stands for any number from 1.
+def checked(arrays: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[int | None, ...]]) -> dict[str, Floats]:
+    """Return arrays of these names as float32, each of its shape; None stands for any number from 1.
 
     Raises:
-        PolicyError: it is missing, has another shape, or numbers that are not finite.
+        PolicyError: one is missing, has another shape, or numbers that are not finite.
     """
+    return {name: _checked(arrays, name, shape) for name, shape in shapes.items()}
+
+
+def checked_number(settings: Mapping[str, Any], name: str, *, is_above: bool, default: float | None = None) -> float:
+    """Return a number of the settings: finite, and from 0, or above it.
+
+    Raises:
+        PolicyError: it is missing without a default, or is none.
+    """
+    value = settings.get(name, default)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not 0 <= value < math.inf or (is_above and value == 0):
+        raise PolicyError(f"settings.{name}: expected a number {'above' if is_above else 'from'} 0, was {value!r}.")
+    return float(value)
+
+
+def _checked(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int | None, ...]) -> Floats:
     if name not in arrays:
         raise PolicyError(f"{name}: expected an array, was missing. It has {', '.join(sorted(arrays)) or 'none'}.")
     array = arrays[name]

@@ -11,6 +11,7 @@ from gslcosim.search.learned.observing import ObservationVector
 from gslcosim.search.learned.policies.fitting import places_of
 from gslcosim.search.learned.policies.policy import Policy, PolicyError
 from gslcosim.search.learned.policies.policy_files import load_policy
+from gslcosim.search.method import settings_of
 
 # The file of a policy that is an agent of its own, beside its program.
 POLICY_FILE = "policy.npz"
@@ -57,6 +58,21 @@ class PolicyAgent(Agent):
     def decide(self, observation: Observation) -> Command:
         """Return the command that the policy chooses."""
         return self.pilot.decide(observation)
+
+
+def policy_beside(briefing: Briefing, program: str) -> Policy:
+    """Return the policy of the file beside a bundled agent's program.
+
+    Args:
+        briefing: What the agent is told.
+        program: The agent's file (`__file__`), with its card beside it.
+
+    Raises:
+        MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
+        PolicyError: the file cannot be read.
+    """
+    settings_of(briefing, program)
+    return load_policy(Path(program).with_name(POLICY_FILE))
 
 
 def bundled_policies(agents: Path) -> dict[str, Path]:

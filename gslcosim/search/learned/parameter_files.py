@@ -1,0 +1,58 @@
+"""Parameters that were learned for a method, as a JSON file with a card beside the program that flies them."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from gslcosim.contract.knowledge import ParameterValue
+from gslcosim.errors import MethodError
+from gslcosim.safe_files import replace_file
+
+PARAMETERS_FILE = "parameters.json"
+SCHEMA = "gslcosim/parameters/1"
+
+
+def save_parameters(
+    folder: Path, method: str, parameters: Mapping[str, ParameterValue], card: Mapping[str, Any]
+) -> None:
+    """Write parameters of a method into a folder, with a card that says how they came to be.
+
+    Args:
+        folder: Where; it is there.
+        method: Name of the method.
+        parameters: As scenarios take them.
+        card: Plain values: data, seeds, budget, versions, the command.
+    """
+    whole = {"schema": SCHEMA, "method": method, "parameters": dict(parameters), **card}
+    replace_file(folder, PARAMETERS_FILE, (json.dumps(whole, indent=1) + "\n").encode())
+
+
+def load_parameters(path: Path) -> dict[str, ParameterValue]:
+    """Return the parameters of a file.
+
+    Raises:
+        MethodError: it cannot be read, or is no such file.
+    """
+    try:
+        whole = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise MethodError(f"expected a file of parameters that can be read, got: {error}.\nFile: {path}") from error
+    schema = whole.get("schema") if isinstance(whole, dict) else None
+    if schema != SCHEMA or not isinstance(whole.get("parameters"), dict):
+        raise MethodError(f"expected parameters of schema {SCHEMA}, was {schema!r}.\nFile: {path}")
+    return whole["parameters"]
+
+
+def with_learned_parameters(settings: SimpleNamespace, program: str) -> SimpleNamespace:
+    """Return the settings of a method with the learned parameters of the file beside its program.
+
+    Args:
+        settings: What the method's card leaves to the scenario, as `settings_of` returns it.
+        program: The agent's file (`__file__`).
+
+    Raises:
+        MethodError: the file cannot be read.
+    """
+    return SimpleNamespace(**vars(settings), **load_parameters(Path(program).with_name(PARAMETERS_FILE)))
