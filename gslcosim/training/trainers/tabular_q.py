@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gslcosim.errors import UsageError
 from gslcosim.rng import stream
-from gslcosim.search.learned.policies.action_values import Change, Digit, Level, Since, ValueTable
+from gslcosim.search.learned.policies.action_values import Change, Digit, Level, Since, ValueTable, WindPlace, best_but
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.trainers.case_costs import Weights
 from gslcosim.training.trainers.search_pool import SearchPool
@@ -41,14 +41,10 @@ class TabularQ:
         if not action.n_choices:
             raise UsageError(f"action.kind: expected heading for trainer.kind: table, was {action.kind}.")
         self.pool, self.action, self.settings, self.seed, self.weights = pool, action, settings, seed, weights
-        self.names = tuple(dict.fromkeys((settings.gas, *settings.wind)))
+        self._digits = _digits_of(settings)
+        observed = (name for digit in self._digits for name in digit.observed)
+        self.names = tuple(dict.fromkeys((*observed, *settings.wind, settings.refused)))
         self._places = pool.places_of(self.names)
-        gas, least = settings.gas, settings.gas_cuts[0] if settings.gas_cuts else 0.0
-        self._digits: tuple[Digit, ...] = (
-            Level(observation=gas, cuts=settings.gas_cuts),
-            Change(observation=gas, cuts=settings.change_cuts),
-            Since(observation=gas, cuts=settings.since_cuts, above=least),
-        )
         n_states = int(np.prod([digit.n_classes for digit in self._digits]))
         self._values = np.zeros((n_states, action.n_choices), np.float64)
         self._failures = np.full(pool.n_cases, np.nan)
@@ -67,6 +63,7 @@ class TabularQ:
             digits=self._digits,
             values=self._values.astype(np.float32),
             turns_with=self.settings.wind,
+            yields_with=self.settings.refused,
         )
 
     def step(self) -> dict[str, float]:
@@ -87,7 +84,7 @@ class TabularQ:
         begins = np.zeros(n, np.bool_)
         rewarded, successes = 0.0, 0.0
         for _ in range(s.steps_per_round):
-            choices = np.argmax(self._values[states], axis=1)
+            choices = best_but(self._values[states], memory[:, -1])
             drawn = rng.random(n) < explore
             choices = np.where(drawn, rng.integers(self.action.n_choices, size=n), choices)
             observed, rewards, terminated, truncated, infos = envs.step(table.turned(choices, seen))
@@ -149,3 +146,16 @@ class TabularQ:
         for case, failure in zip(cases.tolist(), failures.tolist(), strict=True):
             before = self._failures[case]
             self._failures[case] = failure if np.isnan(before) else 0.5 * (before + failure)
+
+
+def _digits_of(settings: TableSettings) -> tuple[Digit, ...]:
+    gas, least = settings.gas, settings.gas_cuts[0] if settings.gas_cuts else 0.0
+    of_gas = (
+        Level(observation=gas, cuts=settings.gas_cuts),
+        Change(observation=gas, cuts=settings.change_cuts),
+        Since(observation=gas, cuts=settings.since_cuts, above=least),
+    )
+    if not settings.place_cuts:
+        return of_gas
+    sin, cos = settings.wind
+    return (*of_gas, WindPlace(x="x", y="y", sin=sin, cos=cos, cuts=settings.place_cuts))

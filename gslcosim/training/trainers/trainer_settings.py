@@ -34,7 +34,8 @@ class TableSettings(Spec):
     In each of `rounds` a number of `searches` flies `steps_per_round` legs; the share of random legs falls from
     `explore` to `explore_last`, the rate of learning from `rate` to `rate_last`. The state is made of the `gas` now in
     classes between `gas_cuts`, of whether there is more than at the leg before, and of how many legs ago there was gas
-    last, in classes between `since_cuts`; legs are counted from the wind.
+    last, in classes between `since_cuts`, and with `place_cuts` of where in the room it is, seen upwind; legs are
+    counted from the wind, and after one that was `refused` the next best follows.
     """
 
     kind: Literal["table"]
@@ -50,7 +51,9 @@ class TableSettings(Spec):
     gas_cuts: tuple[float, ...] = (0.02, 0.1, 0.2, 0.3)
     change_cuts: tuple[float, ...] = (-0.005, 0.005)
     since_cuts: tuple[float, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 1e6)
+    place_cuts: tuple[float, ...] = ()
     wind: tuple[str, str] = ("wind.from_sin", "wind.from_cos")
+    refused: str = "refused"
 
 
 class MethodSettings(Spec):

@@ -13,6 +13,7 @@ from gslcosim.search.learned.acting import N_HEADINGS
 from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError, checked
 
 States = NDArray[np.int64]
+_REFUSED = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +110,44 @@ class Sector(Digit):
         return sectors_of(seen[0], seen[1], self.n_sectors), memory
 
 
-DIGITS: dict[str, type[Digit]] = {"level": Level, "change": Change, "since": Since, "sector": Sector}
+@dataclass(frozen=True, kw_only=True)
+class WindPlace(Digit):
+    """Where in the room it is, seen upwind: classes along the wind and across it, both between the same `cuts`.
+
+    along = x cos a + y sin a, across = y cos a - x sin a, with a the nearest of eight directions to the one that the
+    wind comes from, and x, y between -1 at one wall and 1 at the other.
+    """
+
+    x: str
+    y: str
+    sin: str
+    cos: str
+    cuts: tuple[float, ...]
+
+    @property
+    def n_classes(self) -> int:
+        """See `Digit`."""
+        return (len(self.cuts) + 1) ** 2
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """See `Digit`."""
+        return (self.x, self.y, self.sin, self.cos)
+
+    def classes(self, seen: Sequence[Floats], memory: Floats) -> tuple[States, Floats]:
+        """See `Digit`."""
+        x, y, sines, cosines = seen
+        angles = 2 * math.pi * sectors_of(sines, cosines, N_HEADINGS) / N_HEADINGS
+        sin, cos = np.sin(angles), np.cos(angles)
+        along, across = (
+            np.searchsorted(np.array(self.cuts), part, side="right") for part in (x * cos + y * sin, y * cos - x * sin)
+        )
+        return (along * (len(self.cuts) + 1) + across).astype(np.int64), memory
+
+
+DIGITS: dict[str, type[Digit]] = {
+    "level": Level, "change": Change, "since": Since, "sector": Sector, "wind_place": WindPlace,
+}  # fmt: skip
 
 
 def sectors_of(sines: Floats, cosines: Floats, n_sectors: int) -> States:
@@ -118,12 +156,24 @@ def sectors_of(sines: Floats, cosines: Floats, n_sectors: int) -> States:
     return np.floor(turns * n_sectors + 0.5).astype(np.int64) % n_sectors
 
 
+def best_but(values: Floats, ranks: Floats) -> States:
+    """Return the best choices, (n,), of values (n, choices), but for so many better ones, ranks (n,); the first wins.
+
+    Ranks begin anew when all choices are through.
+    """
+    if not ranks.any():
+        return np.argmax(values, axis=1)
+    order = np.argsort(-values, axis=1, kind="stable")
+    return order[np.arange(len(values)), ranks.astype(np.int64) % values.shape[1]]
+
+
 class ValueTable(Policy):
     """Takes the choice that a table values most in the state that digits make of the observations.
 
     The state is the number that the digits make, the first one counting most. With `turns_with`, the names of the sine
     and the cosine of a direction, headings are counted from the nearest of the eight directions to that one: upwind,
-    where that is where the wind comes from.
+    where that is where the wind comes from. With `yields_with`, the name of what is above a half after a command that
+    was refused, the next best choice follows each refusal.
 
     Args:
         observation_names: See `Policy`.
@@ -131,6 +181,7 @@ class ValueTable(Policy):
         digits: What makes a state.
         values: (states, choices); of equal values the first wins.
         turns_with: Names of sine and cosine, or nothing.
+        yields_with: Name of an observation, or nothing.
 
     Raises:
         PolicyError: a digit reads what is not observed, or the action has no choices.
@@ -146,16 +197,20 @@ class ValueTable(Policy):
         digits: Sequence[Digit],
         values: Floats,
         turns_with: tuple[str, str] | None = None,
+        yields_with: str | None = None,
     ) -> None:
         super().__init__(observation_names, action)
         if not action.n_choices:
             raise PolicyError(f"action.kind: expected one with choices (heading) for a table, was {action.kind!r}.")
-        self.digits, self.values, self.turns_with = tuple(digits), values, turns_with
+        self.digits, self.values = tuple(digits), values
+        self.turns_with, self.yields_with = turns_with, yields_with
         read = [name for digit in self.digits for name in digit.observed] + list(turns_with or ())
+        read += [] if yields_with is None else [yields_with]
         if strange := sorted(set(read).difference(self.observation_names)):
             raise PolicyError(f"settings: expected names among observation_names, was {', '.join(strange)}.")
         self._places = [[self.observation_names.index(name) for name in digit.observed] for digit in self.digits]
-        self._starts = np.array([0.0 if d.start is None else d.start for d in self.digits], np.float32)
+        starts = [0.0 if digit.start is None else digit.start for digit in self.digits]
+        self._starts = np.array([*starts, 0.0], np.float32)
 
     @property
     def n_states(self) -> int:
@@ -163,7 +218,7 @@ class ValueTable(Policy):
         return math.prod(digit.n_classes for digit in self.digits)
 
     def memory(self, n: int) -> Floats:
-        """Return a number for each digit, (n, digits); see `Policy`."""
+        """Return a number for each digit, and how many refusals there were in a row, (n, digits + 1); see `Policy`."""
         return np.tile(self._starts, (n, 1))
 
     def states(self, observations: Floats, memory: Floats) -> tuple[States, Floats]:
@@ -172,6 +227,9 @@ class ValueTable(Policy):
         for i, (digit, places) in enumerate(zip(self.digits, self._places)):
             classes, after[:, i] = digit.classes([observations[:, place] for place in places], memory[:, i])
             states = states * digit.n_classes + classes
+        if self.yields_with is not None:
+            is_refused = observations[:, self.observation_names.index(self.yields_with)] > _REFUSED
+            after[:, -1] = np.where(is_refused, memory[:, -1] + 1, 0)
         return states, after
 
     def turned(self, choices: States, observations: Floats) -> States:
@@ -184,7 +242,7 @@ class ValueTable(Policy):
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
         """Look the states up; see `Policy`."""
         states, after = self.states(observations, memory)
-        return self.turned(np.argmax(self.values[states], axis=1), observations), after
+        return self.turned(best_but(self.values[states], after[:, -1]), observations), after
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -196,7 +254,7 @@ class ValueTable(Policy):
         """See `Policy`."""
         names = {kind: name for name, kind in DIGITS.items()}
         digits = [{"digit": names[type(digit)], **asdict(digit)} for digit in self.digits]
-        return {"digits": digits, "turns_with": self.turns_with}
+        return {"digits": digits, "turns_with": self.turns_with, "yields_with": self.yields_with}
 
     @classmethod
     def of_arrays(
@@ -212,11 +270,14 @@ class ValueTable(Policy):
             raise PolicyError(f"settings.digits: expected a list of digits, was {told!r}.")
         if turns_with is not None and (not isinstance(turns_with, list | tuple) or len(turns_with) != 2):
             raise PolicyError(f"settings.turns_with: expected the names of sine and cosine, was {turns_with!r}.")
+        yields_with = settings.get("yields_with")
+        if yields_with is not None and not isinstance(yields_with, str):
+            raise PolicyError(f"settings.yields_with: expected the name of an observation, was {yields_with!r}.")
         digits = [_digit_of(one, i) for i, one in enumerate(told)]
         n_states = math.prod(digit.n_classes for digit in digits)
         values = checked(arrays, {"values": (n_states, action.n_choices or None)})["values"]
         pair = None if turns_with is None else (str(turns_with[0]), str(turns_with[1]))
-        return cls(observation_names, action, digits=digits, values=values, turns_with=pair)
+        return cls(observation_names, action, digits=digits, values=values, turns_with=pair, yields_with=yields_with)
 
 
 def _digit_of(told: Any, i: int) -> Digit:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from policies import EVERY_KIND, HEADING, NAMES, VELOCITY, ctrnn, gru, seen, table
 
-from gslcosim.search.learned.policies.action_values import Level, ValueTable
+from gslcosim.search.learned.policies.action_values import Level, ValueTable, WindPlace
 from gslcosim.search.learned.policies.policy import ActionSettings, PolicyError
 
 every_kind = pytest.mark.parametrize("make", EVERY_KIND.values(), ids=EVERY_KIND)
@@ -104,6 +104,19 @@ def test_a_table_looks_up_the_state_that_its_digits_make():
     assert state == ((0 * 3 + 2) * 3 + 1) * 4 + 2
 
 
+def test_a_place_is_seen_upwind_whatever_the_wind():
+    """A quarter of the room ahead and to the left of the middle is the same class in each of the eight winds."""
+    digit = WindPlace(x="x", y="y", sin="sin", cos="cos", cuts=(0.0, 0.9))
+    angles = 2 * np.pi * np.arange(8) / 8
+    x, y = 0.5 * np.cos(angles) - 0.4 * np.sin(angles), 0.5 * np.sin(angles) + 0.4 * np.cos(angles)
+    seen = [part.astype(np.float32) for part in (x, y, np.sin(angles + 0.2), np.cos(angles + 0.2))]
+    classes, _ = digit.classes(seen, np.zeros(8, np.float32))
+    assert classes.tolist() == [1 * 3 + 1] * 8
+    behind, _ = digit.classes([-seen[0], -seen[1], *seen[2:]], np.zeros(8, np.float32))
+    assert behind.tolist() == [0] * 8
+    assert digit.n_classes == 9
+
+
 def test_headings_of_a_table_turn_with_the_wind_and_to_hold_does_not():
     values = np.zeros((2, 9), np.float32)
     values[0, 1], values[1, 8] = 1.0, 1.0  # 45 degrees left of upwind; to hold where the last was refused
@@ -112,6 +125,19 @@ def test_headings_of_a_table_turn_with_the_wind_and_to_hold_does_not():
     wind = [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -1.0], [1.0, 0.0, 1.0, 0.0]]
     actions, _ = policy.act(np.array(wind, np.float32), policy.memory(4))
     assert actions.tolist() == [1, 3, 5, 8]
+
+
+def test_after_each_refusal_the_next_best_choice_follows():
+    values = np.array([[0.1, 0.5, 0.3, *[0.0] * 6]], np.float32)
+    policy = ValueTable(NAMES, HEADING, digits=[Level(observation="nose.amount", cuts=())], values=values,
+                        yields_with="refused")  # fmt: skip
+    memory, chosen = policy.memory(1), []
+    for is_refused in (0, 1, 1, 1, 0, 1):
+        actions, memory = policy.act(np.array([[is_refused, 0, 0, 1]], np.float32), memory)
+        chosen.append(int(actions[0]))
+    assert chosen == [1, 2, 0, 3, 1, 2]
+    again = ValueTable.of_arrays(NAMES, HEADING, policy.arrays, policy.settings)
+    assert again.yields_with == "refused"
 
 
 def test_wrong_settings_are_told():
