@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.world.paths.quickest_kernels import plan_inplace
 from gslcosim.world.paths.trajectory import Limits, fly_at, fly_through, fly_to, stay_at
 from gslcosim.world.paths.trajectory_kernels import (
     peak_speed_and_acceleration,
@@ -113,3 +114,33 @@ def test_a_state_that_comes_too_soon_is_reached_later_within_the_limits():
     assert speed <= 1.0 * 1.02
     assert acceleration <= 2.0 * 1.02
     assert leg.duration_s * 10 == pytest.approx(round(leg.duration_s * 10))
+
+
+def test_the_quickest_path_is_that_of_a_search_that_looks_at_every_duration():
+    rng = np.random.default_rng(4)
+    found, sought = np.zeros((3, 6)), np.zeros((3, 6))
+    n_searched = 0
+    for _ in range(300):
+        start, end = rng.normal(size=(2, 3, 3)) * np.array([[2.0], [0.6], [0.8]])
+        is_velocity = bool(rng.integers(2))
+        end[2] = 0.0
+        end[1] *= is_velocity
+        if is_velocity:
+            first_s = max(0.2, 0.3 * 1.5 * math.dist(end[1], start[1]) / 2.0)
+        else:
+            first_s = max(0.2, 0.3 * rest_to_rest_duration(math.dist(end[0], start[0]), 1.0, 2.0))
+        limits = max(1.0, *(math.hypot(*state[1]) for state in (start, end))), max(2.0, math.hypot(*start[2]))
+        for n in range(250):
+            duration_s = first_s * 1.04**n
+            if is_velocity:
+                set_quartic_to_velocity_inplace(sought, start, end[1], duration_s)
+            else:
+                set_quintic_inplace(sought, start, end, duration_s)
+            peaks = peak_speed_and_acceleration(sought, duration_s)
+            if max(peaks[0] / limits[0], peaks[1] / limits[1]) <= 1 + 1e-9:
+                planned_s = plan_inplace(found, start, end, is_velocity, 1.0, 2.0, 0.0, 0.0)
+                assert planned_s == pytest.approx(duration_s, rel=1e-12)
+                np.testing.assert_allclose(found, sought, rtol=1e-9, atol=1e-9)
+                n_searched += n > 0
+                break
+    assert n_searched > 200

@@ -41,7 +41,7 @@ class BatchActions:
         Args:
             actions: Of all searches.
             searches: (n,) records of `SEARCH`.
-            cases: (n,) records of `CASE`, of each search.
+            cases: Records of `CASE`, to which those of the searches point.
 
         Raises:
             UsageError: they have another shape, or are not finite, or no choices.
@@ -65,10 +65,11 @@ class BatchActions:
 
     # The next place from where the vehicle is, off the walls.
     def _send(self, offsets_m: NDArray[np.float64], searches: NDArray[np.void], cases: NDArray[np.void]) -> None:
-        from_m, n_axes = searches["position_m"].copy(), offsets_m.shape[1]
+        from_m, n_axes, i_cases = searches["position_m"].copy(), offsets_m.shape[1], searches["case"]
+        heights_m = cases["search_height_m"][i_cases]
         if n_axes == 2:
-            from_m[:, 2] = cases["search_height_m"]
+            from_m[:, 2] = heights_m
         from_m[:, :n_axes] += offsets_m
-        self.vectors[:] = np.clip(from_m, cases["least_m"], cases["most_m"])
+        self.vectors[:] = np.clip(from_m, cases["least_m"][i_cases], cases["most_m"][i_cases])
         if n_axes == 2:
-            self.vectors[:, 2] = cases["search_height_m"]
+            self.vectors[:, 2] = heights_m

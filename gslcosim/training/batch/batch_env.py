@@ -22,7 +22,7 @@ from gslcosim.training.batch.batch_actions import BATCHED_ACTIONS, BatchActions
 from gslcosim.training.batch.batch_arrays import Searches, Work, new_touch, new_work
 from gslcosim.training.batch.case_shares import case_of, shares_of_cases
 from gslcosim.training.batch.drawing_kernels import scrambled
-from gslcosim.training.batch.preparing import prepare
+from gslcosim.training.batch.preparing import EXACT, FLYING, prepare
 from gslcosim.training.batch.stepping_kernels import fly
 from gslcosim.training.registration import REMEDY
 from gslcosim.training.rewards import REWARDS, SUCCESS
@@ -45,8 +45,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     """Independent searches, each in a case drawn anew at its resets, stepped by compiled code in one call.
 
     Observations, actions, rewards and `infos` are those of `SearchEnv`, whose flights these are: with the same case,
-    seed and actions all numbers are the same, to the bit. A step lasts from each search's question to its next, so
-    searches with `mode: on_request` fly on for different times.
+    seed and actions all numbers of point robots are the same, to the bit. A step lasts from each search's question to
+    its next, so searches with `mode: on_request` fly on for different times.
 
     `infos` has arrays: `distance_to_source_m`, `path_length_m`, `n_commands`, `time_s`; and of searches that end
     `outcome`, `success` and `case`, the number of the case that they flew. A search that is over begins anew with its
@@ -66,6 +66,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         reward: `sparse` or `potential`.
         discount: Of the shaping of `potential`.
         autoreset_mode: `next_step` or `same_step`.
+        flying: `exact` takes point robots alone; `first_order` takes rotorcraft too, which then fly as point masses
+            whose force lags what their control wants. Their searches are near to single flights, not equal.
         n_threads: How many threads fly; absent: as many as there are processors. Results do not depend on it.
         report: Is told how many of how many cases are prepared.
 
@@ -85,6 +87,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         reward: str = "potential",
         discount: float = 0.99,
         autoreset_mode: str = "next_step",
+        flying: str = EXACT,
         n_threads: int | None = None,
         report: Callable[[int, int], None] | None = None,
     ) -> None:
@@ -96,8 +99,10 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             raise UsageError(f"reward: expected one of {', '.join(REWARDS)} in a batch, was {reward!r}.")
         if autoreset_mode not in ("next_step", "same_step"):
             raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
+        if flying not in FLYING:
+            raise UsageError(f"flying: expected {' or '.join(FLYING)}, was {flying!r}.")
         self._loaded = tuple(cases)
-        self._prepared = prepare(self._loaded, hold_s, report)
+        self._prepared = prepare(self._loaded, hold_s, flying, report)
         self._reward, self._discount = reward, discount
         self._resets_at_once = autoreset_mode == "same_step"
         self.metadata = {
@@ -175,16 +180,15 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if self._stream_seed is None:
             raise UsageError("step: expected searches that go on, was none. Call reset first.")
         searches = self._searches.searches
-        self._actions.take(actions, searches, self._prepared.cases.cases[searches["case"]])
+        self._actions.take(actions, searches, self._prepared.cases.cases)
         was_over = self._is_over.copy()
         flying = np.flatnonzero(~was_over)
-        before = self._searches.searches[["scored_distance_m", "tick", "case"]].copy()
+        distances_m, ticks = searches["scored_distance_m"].copy(), searches["tick"].copy()
         self._fly(flying, batch_records.STEP)
-        after = self._searches.searches
-        self.n_ticks += int((after["tick"] - before["tick"]).sum())
-        self._is_over = after["outcome"] != batch_records.SEARCHES_ON
-        is_truncated = after["outcome"] == batch_records.TIME_LIMIT
-        rewards = np.where(was_over, 0.0, self._rewards(before, after))
+        self.n_ticks += int((searches["tick"] - ticks).sum())
+        self._is_over = searches["outcome"] != batch_records.SEARCHES_ON
+        is_truncated = searches["outcome"] == batch_records.TIME_LIMIT
+        rewards = np.where(was_over, 0.0, self._rewards(distances_m, ticks))
         ended = self._is_over & ~was_over
         terminated, truncated = ended & ~is_truncated, ended & is_truncated
         infos = self._infos(ended)
@@ -289,20 +293,26 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             self._touch.velocity_m_s[:] = search["velocity_m_s"] + swings_m_s
             self._fly_part(np.array([i]), batch_records.FINISH, self._work[0])
 
-    def _times_s(self, searches: NDArray[np.void]) -> NDArray[np.float64]:
-        return searches["tick"] * self._prepared.cases.cases["tick_ns"][searches["case"]] / NS_PER_S
+    # What the case of each search says.
+    def _of_cases(self, name: str) -> NDArray[Any]:
+        return self._prepared.cases.cases[name][self._searches.searches["case"]]
+
+    def _times_s(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+        return ticks * self._of_cases("tick_ns") / NS_PER_S
 
     # The same sums in the same order as `gslcosim.training.rewards`, for all searches at once.
-    def _rewards(self, before: NDArray[np.void], after: NDArray[np.void]) -> NDArray[np.float64]:
-        sparse = np.where(after["outcome"] == batch_records.SUCCESS, SUCCESS, 0.0)
+    def _rewards(self, distances_before_m: NDArray[np.float64], ticks_before: NDArray[np.int64]) -> NDArray[np.float64]:
+        searches = self._searches.searches
+        sparse = np.where(searches["outcome"] == batch_records.SUCCESS, SUCCESS, 0.0)
         if self._reward == "sparse":
             return sparse
-        cases = self._prepared.cases.cases[after["case"]]
-        potential_before = -before["scored_distance_m"] / cases["diagonal_m"]
-        goes_on = after["outcome"] == batch_records.SEARCHES_ON
-        potential_after = np.where(goes_on, -after["scored_distance_m"] / cases["diagonal_m"], 0.0)
-        taken_s = self._times_s(after) - self._times_s(before)
-        return sparse - taken_s / cases["time_limit_s"] + (self._discount * potential_after - potential_before)
+        diagonals_m = self._of_cases("diagonal_m")
+        potential_before = -distances_before_m / diagonals_m
+        goes_on = searches["outcome"] == batch_records.SEARCHES_ON
+        potential_after = np.where(goes_on, -searches["scored_distance_m"] / diagonals_m, 0.0)
+        taken_s = self._times_s(searches["tick"]) - self._times_s(ticks_before)
+        shaping = self._discount * potential_after - potential_before
+        return sparse - taken_s / self._of_cases("time_limit_s") + shaping
 
     def _infos(self, ended: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         searches = self._searches.searches
@@ -310,7 +320,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             "distance_to_source_m": searches["scored_distance_m"].copy(),
             "path_length_m": searches["scored_path_length_m"].copy(),
             "n_commands": searches["scored_n_commands"].copy(),
-            "time_s": self._times_s(searches),
+            "time_s": self._times_s(searches["tick"]),
         }
         everyone = np.ones(self.num_envs, np.bool_)
         infos |= {f"_{key}": everyone for key in list(infos)}

@@ -105,6 +105,7 @@ class BatchGas:
         row["n_frames"], row["n_rows"] = tape.n_frames, len(rows)
         row["origin_m"], row["column_m"], row["shape"] = origin_m, _COLUMN_M, (nx, ny)
         arrays = {"first": first, "rows": rows, "starts": starts, "members": members, "largest_sigma_m": largest_m}
+        arrays["frame_sigma_m"] = np.ascontiguousarray(largest_m.max(axis=1))
         if sources is not None:
             arrays["sources"] = sources
         for name, array in arrays.items():

@@ -44,6 +44,11 @@ CASE = np.dtype(
         ("n_substeps", np.int64),
         ("physics_step_s", np.float64),
         ("radius_m", np.float64),
+        ("is_lagged", np.int64),  # whether it flies as `lagging_kernels` say, for which the next five are
+        ("half_height_m", np.float64),
+        ("tilt_share", np.float64),  # of what is wanted sideways and upwards, given in a physics step
+        ("lift_share", np.float64),
+        ("rotor_speeds_rad_s", np.float64),  # sum of all in hover
         ("max_speed_m_s", np.float64),
         ("max_acceleration_m_s2", np.float64),
         ("start_m", np.float64, (3,)),  # where the vehicle rests at tick 0
@@ -91,6 +96,7 @@ TAPE = np.dtype(
         ("starts", np.int64),  # address of (n_frames, n_columns + 1) int32
         ("members", np.int64),  # address of (n,) int32: filaments of each column, in order, from the frame's first
         ("largest_sigma_m", np.int64),  # address of (n_frames, n_columns) float32
+        ("frame_sigma_m", np.int64),  # address of (n_frames,) float32: the largest in each frame
     ]
 )
 
@@ -176,6 +182,7 @@ SEARCH = np.dtype(
         ("position_m", np.float64, (3,)),
         ("velocity_m_s", np.float64, (3,)),
         ("acceleration_m_s2", np.float64, (3,)),  # in the last physics step
+        ("force_m_s2", np.float64, (3,)),  # per mass, of one whose force lags
         ("yaw_sin", np.float64),
         ("yaw_cos", np.float64),
         ("tick_start_m", np.float64, (3,)),  # where it was at the beginning of the tick

@@ -17,69 +17,30 @@ from gslcosim.training.batch.batch_records import (
     NO_TASK,
     TAKING_OFF,
 )
+from gslcosim.training.batch.braking_kernels import (
+    SAME_S,
+    fly_at_inplace,
+    motion_inplace,
+    must_brake,
+    seconds_of,
+)
 from gslcosim.training.batch.exact_kernels import norm3
-from gslcosim.training.batch.space_kernels import is_edge_ahead, is_place_refused
+from gslcosim.training.batch.space_kernels import copy_inplace, is_place_refused
+from gslcosim.world.paths.quickest_kernels import plan_inplace
 from gslcosim.world.paths.trajectory_kernels import (
     allowed_aside_m,
     farthest_aside_m,
-    plan_inplace,
-    polynomial_at,
 )
 
-# See `gslcosim.world.paths.trajectory`, `guidance.arrival` and `guidance.conduct`.
-_SAME_S = 1e-9
+# See `gslcosim.world.guidance.arrival` and `guidance.conduct`.
 _ARRIVED_WITHIN_M = 0.15
 _ARRIVED_BELOW_M_S = 0.2
 _GIVE_UP_AFTER_S = 10.0
-_NS_PER_S = 1_000_000_000
-_TO_POINT, _TO_VELOCITY = False, True
+_BACK_OFF_M = 0.1
+_TO_POINT = False
 
 
-@numba.njit(cache=True, nogil=True)
-def seconds_of(ticks, tick_ns):
-    """Return the simulated time of a number of ticks [s]; see `gslcosim.ticks.seconds_from_ticks`."""
-    return ticks * tick_ns / _NS_PER_S
-
-
-@numba.njit(cache=True, nogil=True)
-def state_after_inplace(state, path, t_s):
-    """Write the state of a path after a time: rows position [m], velocity [m/s], acceleration [m/s^2].
-
-    Args:
-        state: (3, 3) written.
-        path: Record of `records.STATE`, of which the path counts.
-        t_s: Time since its start [s].
-    """
-    if t_s >= path.duration_s - _SAME_S:
-        beyond_s = max(0.0, t_s - path.duration_s)
-        for axis in range(3):
-            velocity = path.end_velocity_world_m_s[axis]
-            state[0, axis] = path.end_world_m[axis] + beyond_s * velocity
-            state[1, axis] = velocity
-            state[2, axis] = 0.0
-        return
-    for axis in range(3):
-        state[0, axis], state[1, axis], state[2, axis], _ = polynomial_at(path.coefficients, axis, t_s)
-
-
-@numba.njit(cache=True, nogil=True)
-def _fly_at_inplace(path, case, start, end, u, v, w, tick):
-    # The quickest path to a velocity.
-    end[1, 0], end[1, 1], end[1, 2] = u, v, w
-    coefficients = path.coefficients
-    duration_s = plan_inplace(
-        coefficients, start, end, _TO_VELOCITY, case.max_speed_m_s, case.max_acceleration_m_s2, 0.0, 0.0
-    )
-    path.start_tick = tick
-    path.duration_s = duration_s
-    path.end_velocity_world_m_s[0] = u
-    path.end_velocity_world_m_s[1] = v
-    path.end_velocity_world_m_s[2] = w
-    for axis in range(3):
-        path.end_world_m[axis], _, _, _ = polynomial_at(coefficients, axis, duration_s)
-
-
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _fly_to_inplace(path, case, start, end, place_m, tick):
     # The quickest path that rests at a place.
     for axis in range(3):
@@ -93,27 +54,13 @@ def _fly_to_inplace(path, case, start, end, place_m, tick):
         path.end_velocity_world_m_s[axis] = 0.0
 
 
-@numba.njit(cache=True, nogil=True)
-def _motion_inplace(state, path, case, tick):
-    state_after_inplace(state, path, seconds_of(tick - path.start_tick, case.tick_ns))
-
-
-@numba.njit(cache=True, nogil=True)
-def _must_brake(path, case, room, work, tick):
-    # Whether a vehicle that began to brake a tick later would stop where it must not; see `guidance.edges`.
-    state, end, stop = work.states[0], work.states[1], work.paths[0]
-    _motion_inplace(state, path, case, tick + 1)
-    _fly_at_inplace(stop, case, state, end, 0.0, 0.0, 0.0, tick)
-    return is_edge_ahead(room, case.radius_m, stop.end_world_m, state[1])
-
-
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _forget_legs(search):
     search.has_leg = 0
     search.has_target = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _stop(search, path, case, work, tick):
     resting = (
         path.end_velocity_world_m_s[0] == 0.0
@@ -126,11 +73,11 @@ def _stop(search, path, case, work, tick):
     search.is_preparing = 0
     if not is_stopping:
         state, end = work.states[0], work.states[1]
-        _motion_inplace(state, path, case, tick)
-        _fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+        motion_inplace(state, path, case, tick)
+        fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _hold(search, path, case, work, tick, hold_ticks):
     search.goal = NO_TASK
     if search.phase == TAKING_OFF:
@@ -140,7 +87,7 @@ def _hold(search, path, case, work, tick, hold_ticks):
     search.phase = HOLDING
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
     search.has_leg = 1
     search.leg_end_m[0], search.leg_end_m[1], search.leg_end_m[2] = x_m, y_m, z_m
@@ -150,7 +97,7 @@ def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
     search.phase = FLYING
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _swings_out(path, case, state):
     speed2 = state[1, 0] ** 2 + state[1, 1] ** 2 + state[1, 2] ** 2
     if speed2 == 0.0:
@@ -159,23 +106,23 @@ def _swings_out(path, case, state):
     return farthest_aside_m(path.coefficients, path.duration_s, path.end_world_m) > allowed_m
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _follow_leg(search, path, case, work, tick):
     if not search.is_preparing:
         search.prepares_since_tick = tick
     state, end = work.states[0], work.states[1]
-    _motion_inplace(state, path, case, tick)
+    motion_inplace(state, path, case, tick)
     _fly_to_inplace(path, case, state, end, search.leg_end_m, tick)
     search.is_preparing = 0
     if _swings_out(path, case, state):
         # It had better stop first.
-        _fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+        fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
         search.is_preparing = 1
     search.has_target = 1
     search.keeps_velocity = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def take_off(search, path, case, work):
     """Leave the start at the first tick; see `Conduct.take_off`."""
     path.is_armed = 1
@@ -185,12 +132,12 @@ def take_off(search, path, case, work):
     search.notice = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _is_equal(a, b):
     return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _is_refused(search, path, case, room, work, tick, task, vector):
     if task == GO_TO:
         return is_place_refused(room, case.radius_m, vector[0], vector[1], vector[2])
@@ -201,21 +148,23 @@ def _is_refused(search, path, case, room, work, tick, task, vector):
     if search.phase == TAKING_OFF or (search.keeps_velocity and _is_equal(vector, search.kept_velocity_m_s)):
         return False
     planned, state, end = work.paths[1], work.states[2], work.states[1]
-    _motion_inplace(state, path, case, tick)
-    _fly_at_inplace(planned, case, state, end, vector[0], vector[1], vector[2], tick)
-    return _must_brake(planned, case, room, work, tick)
+    motion_inplace(state, path, case, tick)
+    fly_at_inplace(planned, case, state, end, vector[0], vector[1], vector[2], tick)
+    return must_brake(planned, case, room, work, tick)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _copy_path(to, path):
     to.start_tick = path.start_tick
     to.duration_s = path.duration_s
-    to.coefficients[:] = path.coefficients
-    to.end_world_m[:] = path.end_world_m
-    to.end_velocity_world_m_s[:] = path.end_velocity_world_m_s
+    for axis in range(3):
+        for power in range(6):
+            to.coefficients[axis, power] = path.coefficients[axis, power]
+    copy_inplace(to.end_world_m, path.end_world_m)
+    copy_inplace(to.end_velocity_world_m_s, path.end_velocity_world_m_s)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def hear(search, path, case, room, work, tick, task, vector):
     """Do a task of the agent, keep it for after take-off, or refuse it; see `Guide._hear`.
 
@@ -242,10 +191,10 @@ def hear(search, path, case, room, work, tick, task, vector):
         _hold(search, path, case, work, tick, case.hold_ticks)
     elif search.phase == TAKING_OFF:
         search.kept_task = task
-        search.kept_vector[:] = vector
+        copy_inplace(search.kept_vector, vector)
     else:
         search.goal = task
-        search.goal_vector[:] = vector
+        copy_inplace(search.goal_vector, vector)
         if task == GO_TO:
             _begin_leg(search, path, case, work, tick, vector[0], vector[1], vector[2], case.hold_ticks)
         else:
@@ -256,34 +205,57 @@ def hear(search, path, case, room, work, tick, task, vector):
                 search.prepares_since_tick = tick
             _forget_legs(search)
             search.keeps_velocity = 1
-            search.kept_velocity_m_s[:] = vector
+            copy_inplace(search.kept_velocity_m_s, vector)
             search.hold_until_tick = tick + case.hold_ticks
             search.phase = FLYING
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _is_over(path, case, tick):
-    return seconds_of(tick - path.start_tick, case.tick_ns) >= path.duration_s - _SAME_S
+    return seconds_of(tick - path.start_tick, case.tick_ns) >= path.duration_s - SAME_S
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _arrive(search, tick):
     search.phase = HOLDING
     search.hold_until_tick = tick + (search.leg_hold_ticks if search.has_leg else 0)
     search.has_leg = 0
 
 
-@numba.njit(cache=True, nogil=True)
-def _notice_arrival(search, path, case, tick):
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _notice_arrival(search, path, case, room, tick):
     if not _is_over(path, case, tick):
         return
     p, v, end = search.position_m, search.velocity_m_s, path.end_world_m
     distance_m = norm3(p[0] - end[0], p[1] - end[1], p[2] - end[2])
     if distance_m <= _ARRIVED_WITHIN_M and norm3(v[0], v[1], v[2]) < _ARRIVED_BELOW_M_S:
         _arrive(search, tick)
+    elif seconds_of(tick - path.start_tick, case.tick_ns) - path.duration_s >= _GIVE_UP_AFTER_S:
+        _give_up(search, path, case, room, tick, distance_m)
 
 
-@numba.njit(cache=True, nogil=True)
+# See `arrival.give_up`: it rests a little back from where it got stuck.
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _give_up(search, path, case, room, tick, distance_m):
+    p, end = search.position_m, path.end_world_m
+    back = _BACK_OFF_M / distance_m if distance_m > _ARRIVED_WITHIN_M else 0.0
+    x_m, y_m, z_m = p[0] + back * (p[0] - end[0]), p[1] + back * (p[1] - end[1]), p[2] + back * (p[2] - end[2])
+    if is_place_refused(room, case.radius_m, x_m, y_m, z_m):
+        x_m, y_m, z_m = p[0], p[1], p[2]
+    path.start_tick = tick
+    path.duration_s = 0.0
+    path.coefficients[:] = 0.0
+    path.end_velocity_world_m_s[:] = 0.0
+    path.integral_m_s2[:] = 0.0
+    end[0], end[1], end[2] = x_m, y_m, z_m
+    path.coefficients[0, 0], path.coefficients[1, 0], path.coefficients[2, 0] = x_m, y_m, z_m
+    search.keeps_velocity = 0
+    search.is_preparing = 0
+    search.notice = 1
+    _arrive(search, tick)
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def end_tick(search, path, case, room, work, tick):
     """Notice arrivals and edges, begin a task that was kept, and decide whether the agent is asked; see `Guide`.
 
@@ -299,11 +271,11 @@ def end_tick(search, path, case, room, work, tick):
         if _is_over(path, case, tick):
             _follow_leg(search, path, case, work, tick)
     elif search.keeps_velocity:
-        if _must_brake(path, case, room, work, tick):
+        if must_brake(path, case, room, work, tick):
             _hold(search, path, case, work, tick, case.usual_hold_ticks)
             search.notice = 1
     elif search.phase == TAKING_OFF or search.phase == FLYING:
-        _notice_arrival(search, path, case, tick)
+        _notice_arrival(search, path, case, room, tick)
     if search.kept_task != NO_TASK and search.phase != TAKING_OFF:
         task = search.kept_task
         search.kept_task = NO_TASK

@@ -11,19 +11,19 @@ from gslcosim.training.batch.batch_records import (
     SUCCESS,
     TIME_LIMIT,
 )
+from gslcosim.training.batch.braking_kernels import seconds_of
 from gslcosim.training.batch.exact_kernels import norm3
-from gslcosim.training.batch.guiding_kernels import seconds_of
 from gslcosim.training.batch.space_kernels import is_in_room
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _distance_m(case, sources_m, i, p):
     source_m = sources_m[case.first_source + i]
     rise_m = 0.0 if case.is_horizontal else p[2] - source_m[2]
     return norm3(p[0] - source_m[0], p[1] - source_m[1], rise_m)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def judge_inplace(search, case, room, sources_m, tick):
     """Judge a tick when its commands are known, and keep the score.
 

@@ -28,6 +28,7 @@ from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_arrays import Cases
 from gslcosim.training.batch.batch_gas import BatchGas, fits
 from gslcosim.training.batch.batch_instruments import ELSE, BatchInstruments
+from gslcosim.training.batch.batch_lags import fill_lags
 from gslcosim.training.batch.batch_rooms import BatchRooms
 from gslcosim.training.learning_task import room_key
 from gslcosim.vehicles import Vehicle, vehicle_of
@@ -36,6 +37,9 @@ from gslcosim.world.guidance.abilities import abilities_of
 from gslcosim.world.physics import records
 from gslcosim.world.physics.contacts import ContactScene
 
+# How vehicles fly: point robots alone, to the bit of a single flight; or rotorcraft too, as point masses.
+EXACT, FIRST_ORDER = "exact", "first_order"
+FLYING = (EXACT, FIRST_ORDER)
 # A vehicle has left what it stands on when it is so far from everything [m].
 _CLEAR_M = 0.01
 
@@ -58,20 +62,29 @@ class Prepared:
     kept: Sequence[object] = field(repr=False)
 
 
-def refusal_of(scenario: Scenario) -> str | None:
-    """Return why a scenario cannot be batched, in one sentence with the remedy, or nothing."""
-    for key, expected, found in _misfits(scenario):
+def refusal_of(scenario: Scenario, flying: str = EXACT) -> str | None:
+    """Return why a scenario cannot be batched, in one sentence with the remedy, or nothing.
+
+    Args:
+        scenario: The scenario.
+        flying: One of `FLYING`: how its vehicle is to fly.
+    """
+    for key, expected, found in _misfits(scenario, flying):
         return f"{key}: expected {expected}, was {found}. {ELSE}"
     return None
 
 
-def _misfits(scenario: Scenario) -> Iterable[tuple[str, str, object]]:
+def _misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, str, object]]:
     if len(scenario.agents) != 1:
         yield "agents", "one agent in a batch", len(scenario.agents)
         return
     agent, vehicle = scenario.agents[0], scenario.agents[0].vehicle
-    if vehicle.facts.kind != "holonomic":
-        yield "agents[0].vehicle.model", "holonomic in a batch", vehicle.model
+    kind = vehicle.facts.kind
+    if kind != "holonomic" and flying == EXACT:
+        also = f", or flying {FIRST_ORDER}" if kind == "multirotor" else ""
+        yield "agents[0].vehicle.model", f"holonomic in a batch{also}", vehicle.model
+    if kind not in ("holonomic", "multirotor"):
+        yield "agents[0].vehicle.model", "holonomic or a rotorcraft in a batch", vehicle.model
     if agent.mode_name not in ("on_request", "lockstep"):
         yield "agents[0].mode", "on_request or lockstep in a batch", agent.mode_name
     if vehicle.avoidance != "none":
@@ -94,8 +107,9 @@ def _misfits(scenario: Scenario) -> Iterable[tuple[str, str, object]]:
 class _Preparing:
     """Gathers cases; see `prepare`."""
 
-    def __init__(self, hold_s: float | None) -> None:
+    def __init__(self, hold_s: float | None, flying: str) -> None:
         self._hold_s = hold_s
+        self._flying = flying
         self.rooms = BatchRooms()
         self._environments: dict[str, Environment] = {}
         self._starts: dict[tuple[Any, ...], tuple[int, NDArray[np.float64]]] = {}
@@ -113,7 +127,7 @@ class _Preparing:
 
     def add(self, loaded: LoadedScenario) -> None:
         scenario = loaded.scenario
-        if (refusal := refusal_of(scenario)) is not None:
+        if (refusal := refusal_of(scenario, self._flying)) is not None:
             raise UsageError(f"{scenario.name}: {refusal}")
         agent, environment = scenario.agents[0], self._environment(loaded)
         names = self._names(agent, scenario, environment)
@@ -156,9 +170,11 @@ class _Preparing:
         case["room"] = self.rooms.number_of(scenario, environment, model.body.radius_m)
         case["tick_ns"], case["tick_s"] = tick_ns, tick_ns / NS_PER_S
         case["n_substeps"], case["physics_step_s"] = scenario.tick_ms // step_ms, step_ms * 1e-3
-        case["radius_m"] = model.body.radius_m
+        case["radius_m"], case["half_height_m"] = model.body.radius_m, model.body.half_height_m
         scene = self._scene(environment, model, scenario.tick_ms, step_ms)
         vehicle = scene.constants
+        if model.rotors is not None:
+            fill_lags(case, model, vehicle, scenario.tick_ms)
         limits = abilities_of(spec, model, vehicle, model.body.half_height_m).limits
         case["max_speed_m_s"], case["max_acceleration_m_s2"] = limits.max_speed_m_s, limits.max_acceleration_m_s2
         rows = self._start_rows(case, scenario, environment, model.body.radius_m)
@@ -211,13 +227,17 @@ class _Preparing:
 
 
 def prepare(
-    loaded: Sequence[LoadedScenario], hold_s: float | None, report: Callable[[int, int], None] | None = None
+    loaded: Sequence[LoadedScenario],
+    hold_s: float | None,
+    flying: str = EXACT,
+    report: Callable[[int, int], None] | None = None,
 ) -> Prepared:
     """Prepare cases: their rooms, starts, gas and sensors.
 
     Args:
         loaded: At least one scenario, places drawn.
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
+        flying: One of `FLYING`.
         report: Is told how many of how many are prepared.
 
     Raises:
@@ -226,7 +246,7 @@ def prepare(
     """
     if not loaded:
         raise UsageError("cases: expected at least one scenario, was none.")
-    preparing = _Preparing(hold_s)
+    preparing = _Preparing(hold_s, flying)
     for n_done, each in enumerate(loaded, start=1):
         preparing.add(each)
         if report is not None:

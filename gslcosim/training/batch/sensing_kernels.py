@@ -5,7 +5,6 @@ import math
 
 import numba
 import numpy as np
-from numba import carray  # pyright: ignore[reportPrivateImportUsage]
 
 from gslcosim.sensing.ray_kernels import distance_among_boxes
 from gslcosim.training.batch.batch_records import (
@@ -32,7 +31,7 @@ from gslcosim.training.batch.batch_records import (
 )
 from gslcosim.training.batch.drawing_kernels import next_normal_inplace, next_poisson_inplace
 from gslcosim.training.batch.exact_kernels import exact_sum, norm2
-from gslcosim.training.batch.space_kernels import pointer_to
+from gslcosim.training.batch.space_kernels import array_at, copy_inplace
 
 # See `gslcosim.sensing.models.mox` and `gslcosim.search.learned.observing`.
 _LEAST_RATIO = 0.01
@@ -45,7 +44,7 @@ _HITS = 3.0
 _AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def steady_ratio(instrument, n_gases, ppm):
     """Return Rs/R0 that a MOX sensor settles to in a mixture; see `gslcosim.sensing.models.mox.steady_ratio`.
 
@@ -62,7 +61,7 @@ def steady_ratio(instrument, n_gases, ppm):
     return max(ratio, _LEAST_RATIO)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _wrapped(angle_rad):
     while angle_rad > math.pi:
         angle_rad -= 2.0 * math.pi
@@ -71,7 +70,7 @@ def _wrapped(angle_rad):
     return angle_rad
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _read_wind_inplace(instrument, gauge, sample, raw):
     # Gases first, then wind, then how the mount moves.
     u, v = sample[MOST_GASES] - sample[MOST_GASES + 3], sample[MOST_GASES + 1] - sample[MOST_GASES + 4]
@@ -89,7 +88,7 @@ def _read_wind_inplace(instrument, gauge, sample, raw):
     raw[1] = _wrapped(direction_rad)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _read_mox(instrument, gauge, n_gases, sample):
     if not gauge.has_begun:
         gauge.ratio = instrument.air_ratio
@@ -101,7 +100,7 @@ def _read_mox(instrument, gauge, n_gases, sample):
 
 
 # See `gslcosim.sensing.models.ppm_sensors`, of which each is one branch here.
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
     kind = instrument.kind
     if kind == PID:
@@ -135,12 +134,12 @@ def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
     return ppm
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
-    boxes_m = carray(pointer_to(room.ray_boxes_m), (room.n_ray_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
+    boxes_m = array_at(room.ray_boxes_m, (room.n_ray_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
     n_bins = room.ray_shape[0] * room.ray_shape[1] * room.ray_shape[2]
-    first = carray(pointer_to(room.ray_first), n_bins + 1, np.int64)  # pyright: ignore[reportCallIssue]
-    members = carray(pointer_to(room.ray_members), first[n_bins], np.int64)  # pyright: ignore[reportCallIssue]
+    first = array_at(room.ray_first, n_bins + 1, np.int64)  # pyright: ignore[reportCallIssue]
+    members = array_at(room.ray_members, first[n_bins], np.int64)  # pyright: ignore[reportCallIssue]
     R, mount_m, limit_m = rotation, instrument.mount_m, instrument.max_range_m
     x_m = position_m[0] + (R[0] * mount_m[0] + R[1] * mount_m[1] + R[2] * mount_m[2])
     y_m = position_m[1] + (R[3] * mount_m[0] + R[4] * mount_m[1] + R[5] * mount_m[2])
@@ -159,7 +158,7 @@ def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
             raw[n] = min(max(noisy_m, 0.0), limit_m) if raw[n] < limit_m else limit_m
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _sample_inplace(instrument, memory, tick, n_gases, work):
     # Writes what the instrument sees now: gas, wind and how it moves, as they were `delay_ticks` ago.
     sample, n = work.sample, instrument.place
@@ -172,12 +171,12 @@ def _sample_inplace(instrument, memory, tick, n_gases, work):
         return
     first, length = instrument.first_memory + instrument.n_kept, instrument.delay_ticks + 1
     at = first + (tick % length) * SAMPLE_LENGTH
-    memory[at : at + SAMPLE_LENGTH] = sample
+    copy_inplace(memory[at : at + SAMPLE_LENGTH], sample)
     at = first + (max(0, tick - instrument.delay_ticks) % length) * SAMPLE_LENGTH
-    sample[:] = memory[at : at + SAMPLE_LENGTH]
+    copy_inplace(sample, memory[at : at + SAMPLE_LENGTH])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases, work):
     """Read an instrument at the end of a tick.
 
@@ -223,7 +222,7 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
     gauge.is_warming_up = tick < instrument.warm_up_ticks
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
     limit = instrument.max_value
     for k in range(instrument.n_values):
@@ -237,13 +236,13 @@ def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
         gauge.values[k] = value
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def amount(ppm):
     """Return a mixing ratio as a number between -1 and 1; see `gslcosim.search.learned.observing.amount`."""
     return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def estimated_ppm(instrument, resistance_ohm):
     """Return the mixing ratio at which a MOX sensor settles; see `gslcosim.sensing.models.mox.estimated_ppm`."""
     ratio = max(resistance_ohm / instrument.r0_ohm, 1e-12)
@@ -253,12 +252,12 @@ def estimated_ppm(instrument, resistance_ohm):
     return math.exp(min(exponent, 700.0))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _show(numbers, i, value):
     numbers[i] = min(max(value, -1.0), 1.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def tell_reading_inplace(numbers, instrument, gauge):
     """Write the numbers of a reading into an observation; see `gslcosim.search.learned.observing`.
 
@@ -295,7 +294,7 @@ def tell_reading_inplace(numbers, instrument, gauge):
             _show(numbers, i + k, _RANGE_M / (_RANGE_M + max(values[k], 0.0)))
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def tell_pose_inplace(numbers, search, case, time_s):
     """Write place, attitude, velocity, time and notice into an observation, its first ten numbers."""
     for axis in range(3):

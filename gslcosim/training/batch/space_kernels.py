@@ -5,50 +5,75 @@ import math
 
 import numba
 import numpy as np
-from llvmlite import ir
-from numba import (
-    carray,  # pyright: ignore[reportPrivateImportUsage]
-    types,
-)
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 
 from gslcosim.environment.wind_kernels import trilinear_wind
 
 _SOLID = 1
 # What a vehicle may stray from its reference while it brakes; see `gslcosim.world.paths.space`.
 _CLEARANCE_M = 0.1
+# What rounding may move a place by.
+_ROUNDING_M = 1e-6
 # What floors and walls give way; see `gslcosim.referee.case`.
 _GIVES_WAY_M = 0.05
 
 
 @intrinsic
-def pointer_to(typingctx, address):
-    """Return the pointer that an integer holds."""
-    signature = types.voidptr(types.int64)
+def array_at(typingctx, address, shape, dtype):
+    """Return the C-contiguous array of a shape and a dtype that begins at an address.
 
-    def codegen(context, builder, _signature, arguments):
-        return builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
+    It is numba's `carray`, which may not be used where no references are counted.
+    """
+    n_axes = len(shape) if isinstance(shape, types.BaseTuple) else 1
+    array_type = types.Array(dtype.dtype, n_axes, "C")
+    signature = array_type(address, shape, dtype)
+
+    def codegen(context, builder, signature, arguments):
+        shape_type, shape = signature.args[1], arguments[1]
+        is_tuple = isinstance(shape_type, types.BaseTuple)
+        lengths = list(zip(shape_type, cgutils.unpack_tuple(builder, shape), strict=True)) if is_tuple else []
+        lengths = lengths or [(shape_type, shape)]
+        lengths = [context.cast(builder, length, length_type, types.intp) for length_type, length in lengths]
+        data_type = context.get_data_type(array_type.dtype)
+        item_size = context.get_abi_sizeof(data_type)
+        strides = [cgutils.intp_t(item_size)]
+        for length in reversed(lengths[1:]):
+            strides.insert(0, builder.mul(strides[0], length))
+        array = make_array(array_type)(context, builder)
+        data = builder.inttoptr(arguments[0], data_type.as_pointer())
+        populate_array(array, data=data, shape=lengths, strides=strides, itemsize=item_size, meminfo=None)
+        return array._getvalue()
 
     return signature, codegen
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def copy_inplace(to, values):
+    """Copy numbers one by one: kernels of the batch count no references, so numba may make no arrays in them."""
+    for k in range(len(to)):
+        to[k] = values[k]
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _cell(coordinate_m, origin_m, cell_m):
     return math.floor((coordinate_m - origin_m) / cell_m)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _is_solid_at(room, x_m, y_m, z_m, least):
     # The cell that holds a place, or the nearest of the grid: above it always, below it where `least` is 0.
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
     i = max(min(_cell(x_m, room.origin_m[0], room.cell_m), nx - 1), least)
     j = max(min(_cell(y_m, room.origin_m[1], room.cell_m), ny - 1), least)
     k = max(min(_cell(z_m, room.origin_m[2], room.cell_m), nz - 1), least)
-    occupancy = carray(pointer_to(room.occupancy), (nx, ny, nz), np.uint8)  # pyright: ignore[reportCallIssue]
+    occupancy = array_at(room.occupancy, (nx, ny, nz), np.uint8)  # pyright: ignore[reportCallIssue]
     return occupancy[i, j, k] == _SOLID
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def is_place_refused(room, radius_m, x_m, y_m, z_m):
     """Return whether a vehicle cannot be sent to a place; see `FlightSpace.refusal`.
 
@@ -70,7 +95,7 @@ def is_place_refused(room, radius_m, x_m, y_m, z_m):
     return _is_solid_at(room, x_m, y_m, z_m, 0)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
     """Return whether a vehicle that would stop at a place must brake now; see `FlightSpace.edge_ahead`.
 
@@ -93,7 +118,55 @@ def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
     return moves and _is_solid_at(room, stop_m[0], stop_m[1], stop_m[2], 0)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def is_open_ahead(room, radius_m, state, longest_s):
+    """Return whether `is_edge_ahead` is false wherever a vehicle stops that takes no longer than a time to it.
+
+    The way to a stop after T is T v/2 + T^2 a/12, see `set_quartic_to_velocity_inplace`.
+
+    Args:
+        room: Record of `ROOM`.
+        radius_m: The vehicle's radius [m].
+        state: (3, 3) rows place [m], velocity [m/s], acceleration [m/s^2], world frame.
+        longest_s: How long it takes at most [s].
+
+    Held by:
+        tests/unit/training/batch/test_braking_kernels.py
+    """
+    x0, x1 = _stops_between(state, 0, longest_s)
+    y0, y1 = _stops_between(state, 1, longest_s)
+    z0, z1 = _stops_between(state, 2, longest_s)
+    keeps_m = radius_m + _CLEARANCE_M
+    low, high = room.origin_m, room.max_m
+    if x0 < low[0] + keeps_m or y0 < low[1] + keeps_m or z0 < low[2] + keeps_m:
+        return False
+    if x1 > high[0] - keeps_m or y1 > high[1] - keeps_m or z1 > high[2] - keeps_m:
+        return False
+    # All cells between two corners.
+    cell_m = room.cell_m
+    i0, j0, k0 = _cell(x0, low[0], cell_m), _cell(y0, low[1], cell_m), _cell(z0, low[2], cell_m)
+    nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
+    i1 = min(_cell(x1, low[0], cell_m), nx - 1) + 1
+    j1 = min(_cell(y1, low[1], cell_m), ny - 1) + 1
+    k1 = min(_cell(z1, low[2], cell_m), nz - 1) + 1
+    sums = array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32)  # pyright: ignore[reportCallIssue]
+    n_solid = (
+        sums[i1, j1, k1] - sums[i0, j1, k1] - sums[i1, j0, k1] - sums[i1, j1, k0]
+        + sums[i0, j0, k1] + sums[i0, j1, k0] + sums[i1, j0, k0] - sums[i0, j0, k0]
+    )  # fmt: skip
+    return n_solid == 0
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _stops_between(state, axis, longest_s):
+    place_m = state[0, axis]
+    by_speed = longest_s * state[1, axis] * 0.5
+    by_force = longest_s * longest_s * state[2, axis] / 12.0
+    low, high = min(by_speed, 0.0) + min(by_force, 0.0), max(by_speed, 0.0) + max(by_force, 0.0)
+    return place_m + low - _ROUNDING_M, place_m + high + _ROUNDING_M
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def is_in_room(room, position_m):
     """Return whether a place (3,) is in the room, or no further out than floors and walls give way."""
     for axis in range(3):
@@ -103,7 +176,7 @@ def is_in_room(room, position_m):
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def touches(room, radius_m, position_m):
     """Return whether a ball touches one of the room's boxes.
 
@@ -112,37 +185,68 @@ def touches(room, radius_m, position_m):
         radius_m: Of the ball [m].
         position_m: (3,) its centre, world frame [m].
     """
+    begin, end = _near_boxes(room, position_m)
+    if begin == end:
+        return False
+    for n in range(begin, end):
+        x_m, y_m, z_m = _gaps_m(room, n, position_m)
+        if x_m * x_m + y_m * y_m + z_m * z_m < radius_m * radius_m:
+            return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def is_hit(room, radius_m, half_height_m, position_m):
+    """Return whether an upright disc is in one of the room's boxes.
+
+    Args:
+        room: Record of `ROOM`, for vehicles of no smaller radius.
+        radius_m: Of the disc [m].
+        half_height_m: Of the disc, no more than its radius [m].
+        position_m: (3,) its centre, world frame [m].
+    """
+    begin, end = _near_boxes(room, position_m)
+    for n in range(begin, end):
+        x_m, y_m, z_m = _gaps_m(room, n, position_m)
+        if z_m < half_height_m and x_m * x_m + y_m * y_m < radius_m * radius_m:
+            return True
+    return False
+
+
+# Which members of the list of boxes may be near.
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _near_boxes(room, position_m):
     i = _cell(position_m[0], room.near_origin_m[0], room.near_block_m)
     j = _cell(position_m[1], room.near_origin_m[1], room.near_block_m)
     k = _cell(position_m[2], room.near_origin_m[2], room.near_block_m)
     nx, ny, nz = room.near_shape[0], room.near_shape[1], room.near_shape[2]
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
-        return False
+        return 0, 0
     block = (i * ny + j) * nz + k
-    first = carray(pointer_to(room.near_first), nx * ny * nz + 1, np.int32)  # pyright: ignore[reportCallIssue]
-    begin, end = first[block], first[block + 1]
-    if begin == end:
-        return False
-    members = carray(pointer_to(room.near_members), first[nx * ny * nz], np.int32)  # pyright: ignore[reportCallIssue]
-    boxes_m = carray(pointer_to(room.boxes_m), (room.n_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
-    for n in range(begin, end):
-        box_m = boxes_m[members[n]]
-        gap2_m2 = 0.0
-        for axis in range(3):
-            gap_m = max(box_m[axis] - position_m[axis], position_m[axis] - box_m[3 + axis], 0.0)
-            gap2_m2 += gap_m * gap_m
-        if gap2_m2 < radius_m * radius_m:
-            return True
-    return False
+    first = array_at(room.near_first, nx * ny * nz + 1, np.int32)  # pyright: ignore[reportCallIssue]
+    return first[block], first[block + 1]
 
 
-@numba.njit(cache=True, nogil=True)
+# How far a place is from a box along each axis.
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def _gaps_m(room, n, position_m):
+    members = array_at(room.near_members, n + 1, np.int32)  # pyright: ignore[reportCallIssue]
+    boxes_m = array_at(room.boxes_m, (room.n_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
+    m = members[n]
+    return (
+        max(boxes_m[m, 0] - position_m[0], position_m[0] - boxes_m[m, 3], 0.0),
+        max(boxes_m[m, 1] - position_m[1], position_m[1] - boxes_m[m, 4], 0.0),
+        max(boxes_m[m, 2] - position_m[2], position_m[2] - boxes_m[m, 5], 0.0),
+    )
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
     """Write the room's wind (3,) [m/s] at a time since the sources opened [s] and a place, world frame [m]."""
     n_frames = room.wind_shape[0]
     frame = int(time_s / room.wind_period_s + 1e-9)
     frame = frame % n_frames if room.wind_loops else min(frame, n_frames - 1)
     nx, ny, nz = room.wind_shape[1], room.wind_shape[2], room.wind_shape[3]
-    wind = carray(pointer_to(room.wind + frame * nx * ny * nz * 12), (nx, ny, nz, 3), np.float32)  # pyright: ignore[reportCallIssue]
+    wind = array_at(room.wind + frame * nx * ny * nz * 12, (nx, ny, nz, 3), np.float32)  # pyright: ignore[reportCallIssue]
     origin_m = (room.origin_m[0], room.origin_m[1], room.origin_m[2])
     wind_m_s[0], wind_m_s[1], wind_m_s[2] = trilinear_wind(wind, origin_m, room.cell_m, x_m, y_m, z_m)

@@ -13,17 +13,19 @@ from gslcosim.training.batch.batch_records import (
     STEADY_PLUMES,
     STEP,
 )
+from gslcosim.training.batch.braking_kernels import seconds_of
 from gslcosim.training.batch.drawing_kernels import seed_inplace
 from gslcosim.training.batch.exact_kernels import norm3
-from gslcosim.training.batch.guiding_kernels import end_tick, hear, seconds_of, take_off
+from gslcosim.training.batch.guiding_kernels import end_tick, hear, take_off
 from gslcosim.training.batch.judging_kernels import judge_inplace
+from gslcosim.training.batch.lagging_kernels import fly_lagged_tick
 from gslcosim.training.batch.sensing_kernels import read_inplace, tell_pose_inplace, tell_reading_inplace
-from gslcosim.training.batch.space_kernels import touches, wind_at_inplace
+from gslcosim.training.batch.space_kernels import copy_inplace, touches, wind_at_inplace
 from gslcosim.training.batch.tape_kernels import add_tape_inplace
 from gslcosim.world.physics.flight_kernels import path_force_inplace
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _fly_tick(search, path, vehicle, case, room, tick, first):
     # A point robot is a mass that its force moves; MuJoCo's semi-implicit Euler step of a free body, to the bit.
     # Returns false at the first step in which it touches something.
@@ -42,7 +44,7 @@ def _fly_tick(search, path, vehicle, case, room, tick, first):
     return True
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _leave_start(search, case, start_rows, tick):
     row = start_rows[case.first_start_row + tick]
     for axis in range(3):
@@ -52,14 +54,14 @@ def _leave_start(search, case, start_rows, tick):
     search.is_bumped = row[7] != 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _note_path(search):
     p, q = search.position_m, search.tick_start_m
     search.path_length_m += norm3(p[0] - q[0], p[1] - q[1], p[2] - q[2])
 
 
 # Upright, and without turning.
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _place_sensors(search, places_m, work):
     p, v = search.position_m, search.velocity_m_s
     for n in range(places_m.shape[0]):
@@ -70,7 +72,7 @@ def _place_sensors(search, places_m, work):
     work.rotation[0] = work.rotation[4] = work.rotation[8] = 1.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _sample_gas(cases, case, room, work, tick, n):
     x_m, y_m, z_m = work.places_m[n, 0], work.places_m[n, 1], work.places_m[n, 2]
     for g in range(case.n_gases):
@@ -88,7 +90,7 @@ def _sample_gas(cases, case, room, work, tick, n):
         )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
     time_s = case.warm_up_s + seconds_of(tick, case.tick_ns)
     for n in range(cases.places_m.shape[1]):
@@ -100,7 +102,7 @@ def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
         read_inplace(instrument, gauges[k], memory, search, room, tick, case.tick_s, case.n_gases, work)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
     # From the end of a tick, which is judged, to the next question, the end, or the first touch.
     i_case = search.case
@@ -110,7 +112,7 @@ def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
         tick += 1
         search.tick = tick
         search.is_touching = search.is_bumped = 0
-        search.tick_start_m[:] = search.position_m
+        copy_inplace(search.tick_start_m, search.position_m)
         if tick == 0:
             _leave_start(search, case, cases.start_rows, tick)
             search.is_asked = case.asks_every_tick
@@ -122,6 +124,9 @@ def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
                 task = NO_TASK
             if tick < case.n_start_rows:
                 _leave_start(search, case, cases.start_rows, tick)
+            elif case.is_lagged:
+                begin_s = case.warm_up_s + seconds_of(tick - 1, case.tick_ns)
+                fly_lagged_tick(search, path, vehicle, case, room, work, tick, begin_s)
             elif not _fly_tick(search, path, vehicle, case, room, tick, 0):
                 return
             _note_path(search)
@@ -132,7 +137,7 @@ def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
             return
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _tell(numbers, search, gauges, cases):
     i_case = search.case
     case = cases.cases[i_case]
@@ -141,14 +146,16 @@ def _tell(numbers, search, gauges, cases):
         tell_reading_inplace(numbers, cases.instruments[i_case, k], gauges[k])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _reset(search, path, gauges, cases, i_case, seed):
-    case = cases.cases[i_case]
+    case, gravity_m_s2 = cases.cases[i_case], cases.vehicles[i_case].gravity_m_s2
     search.case, search.seed = i_case, seed
     search.tick = -1
-    search.position_m[:] = case.start_m
+    copy_inplace(search.position_m, case.start_m)
     search.velocity_m_s[:] = 0.0
     search.acceleration_m_s2[:] = 0.0
+    search.force_m_s2[:] = 0.0
+    search.force_m_s2[2] = gravity_m_s2
     search.yaw_sin, search.yaw_cos = 0.0, 1.0
     search.touched_at = -1
     search.path_length_m = 0.0
@@ -179,7 +186,7 @@ def _reset(search, path, gauges, cases, i_case, seed):
         gauge.first_ppm = gauge.second_ppm = 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, work, observations):
     """Fly searches to their next questions or ends, or to where they touch something.
 
@@ -223,9 +230,10 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, wor
             search.is_touching = search.is_bumped = touch.is_touched[0]
             _note_path(search)
             end_tick(search, path, case, room, work, tick)
-            work.rotation[:] = touch.rotation
-            work.places_m[:] = touch.places_m
-            work.velocity_m_s[:] = touch.velocity_m_s
+            copy_inplace(work.rotation, touch.rotation)
+            for k in range(work.places_m.shape[0]):
+                copy_inplace(work.places_m[k], touch.places_m[k])
+                copy_inplace(work.velocity_m_s[k], touch.velocity_m_s[k])
             _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
         if how == BEGIN or not (search.is_asked or judge_inplace(search, case, room, cases.sources_m, tick)):
             if how == STEP:

@@ -3,18 +3,17 @@
 
 import numba
 import numpy as np
-from numba import carray  # pyright: ignore[reportPrivateImportUsage]
 
 from gslcosim.fields.reading.concentration_kernels import WallCells, is_seen, share_of_filament_ppm
-from gslcosim.training.batch.space_kernels import pointer_to
+from gslcosim.training.batch.space_kernels import array_at
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _column(coordinate_m, origin_m, column_m, n):
     return min(max(int((coordinate_m - origin_m) / column_m), 0), n - 1)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members, largest_sigma_m):
     """Sort the filaments of each frame of a tape into columns of space, in their order.
 
@@ -54,7 +53,7 @@ def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members
         begins[0] = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _gap2_m2(coordinate_m, origin_m, column_m, i, n):
     # Square of the distance to a column's extent; those of the border reach on for ever.
     low, high = origin_m + i * column_m, origin_m + (i + 1) * column_m
@@ -66,7 +65,7 @@ def _gap2_m2(coordinate_m, origin_m, column_m, i, n):
     return gap * gap
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def _sort_inplace(hits, n):
     # By insertion: they come in runs that are sorted.
     for k in range(1, n):
@@ -78,7 +77,7 @@ def _sort_inplace(hits, n):
         hits[j + 1] = hit
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits):
     """Write which filaments of a frame are within their cut-off of a place, in their order; return how many.
 
@@ -96,17 +95,23 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits):
     """
     nx, ny = tape.shape[0], tape.shape[1]
     n_columns = nx * ny
-    first = carray(pointer_to(tape.first), tape.n_frames + 1, np.int64)  # pyright: ignore[reportCallIssue]
+    first = array_at(tape.first, tape.n_frames + 1, np.int64)  # pyright: ignore[reportCallIssue]
     at = first[frame]
     n = first[frame + 1] - at
-    rows = carray(pointer_to(tape.rows + at * 16), (n, 4), np.float32)  # pyright: ignore[reportCallIssue]
-    members = carray(pointer_to(tape.members + at * 4), n, np.int32)  # pyright: ignore[reportCallIssue]
-    starts = carray(pointer_to(tape.starts + frame * (n_columns + 1) * 4), n_columns + 1, np.int32)  # pyright: ignore[reportCallIssue]
-    largest = carray(pointer_to(tape.largest_sigma_m + frame * n_columns * 4), n_columns, np.float32)  # pyright: ignore[reportCallIssue]
+    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)  # pyright: ignore[reportCallIssue]
+    members = array_at(tape.members + at * 4, n, np.int32)  # pyright: ignore[reportCallIssue]
+    starts = array_at(tape.starts + frame * (n_columns + 1) * 4, n_columns + 1, np.int32)  # pyright: ignore[reportCallIssue]
+    largest = array_at(tape.largest_sigma_m + frame * n_columns * 4, n_columns, np.float32)  # pyright: ignore[reportCallIssue]
+    # No filament of the frame reaches further than this, and a hair.
+    reach_m = 1.000001 * cutoff_sigma * np.float64(array_at(tape.frame_sigma_m, tape.n_frames, np.float32)[frame])  # pyright: ignore[reportCallIssue]
+    i_first = _column(x_m - reach_m, tape.origin_m[0], tape.column_m, nx)
+    i_last = _column(x_m + reach_m, tape.origin_m[0], tape.column_m, nx)
+    j_first = _column(y_m - reach_m, tape.origin_m[1], tape.column_m, ny)
+    j_last = _column(y_m + reach_m, tape.origin_m[1], tape.column_m, ny)
     n_hits = 0
-    for i in range(nx):
+    for i in range(i_first, i_last + 1):
         gap_x2 = _gap2_m2(x_m, tape.origin_m[0], tape.column_m, i, nx)
-        for j in range(ny):
+        for j in range(j_first, j_last + 1):
             column = i * ny + j
             begin, end = starts[column], starts[column + 1]
             if begin == end:
@@ -128,7 +133,7 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits):
     return n_hits
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, _nrt=False)
 def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, gas_of_source, hits, ppm):
     """Add what the filaments of a frame contribute at a place; the same sum as `add_filaments_at_points_inplace`.
 
@@ -151,16 +156,16 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
     n_hits = near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits)
     if n_hits == 0:
         return
-    first = carray(pointer_to(tape.first), tape.n_frames + 1, np.int64)  # pyright: ignore[reportCallIssue]
+    first = array_at(tape.first, tape.n_frames + 1, np.int64)  # pyright: ignore[reportCallIssue]
     at = first[frame]
     n = first[frame + 1] - at
-    rows = carray(pointer_to(tape.rows + at * 16), (n, 4), np.float32)  # pyright: ignore[reportCallIssue]
+    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)  # pyright: ignore[reportCallIssue]
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
     is_opaque = True
     walls = WallCells(
         is_opaque,
-        carray(pointer_to(room.occupancy), (nx, ny, nz), np.uint8),  # pyright: ignore[reportCallIssue]
-        carray(pointer_to(room.solid_sums), (nx + 1, ny + 1, nz + 1), np.int32),  # pyright: ignore[reportCallIssue]
+        array_at(room.occupancy, (nx, ny, nz), np.uint8),  # pyright: ignore[reportCallIssue]
+        array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32),  # pyright: ignore[reportCallIssue]
         (room.origin_m[0], room.origin_m[1], room.origin_m[2]),
         room.cell_m,
     )
@@ -172,6 +177,6 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
             continue
         source = 0
         if tape.sources != 0:
-            source = carray(pointer_to(tape.sources + at), n, np.uint8)[f]  # pyright: ignore[reportCallIssue]
+            source = array_at(tape.sources + at, n, np.uint8)[f]  # pyright: ignore[reportCallIssue]
         d2 = (x_m - fx) * (x_m - fx) + (y_m - fy) * (y_m - fy) + (z_m - fz) * (z_m - fz)
         ppm[gas_of_source[source]] += share_of_filament_ppm(strengths[source], s, d2)

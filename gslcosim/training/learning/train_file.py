@@ -68,7 +68,7 @@ class TrainSpec(Spec):
 
     After each `validate_every` rounds, and at the end, the policy flies the cases of validation; the best is kept.
     After each `checkpoint_every` a checkpoint is written. `doping: false` lets all cases come equally often whatever
-    the family says.
+    the family says. `flying: first_order` trains with rotorcraft that fly as `BatchSearchEnv` says.
     """
 
     schema_: Literal["gslcosim/train/1"] = Field(alias="schema")
@@ -81,6 +81,18 @@ class TrainSpec(Spec):
     validate_every: _Count = 10
     checkpoint_every: _Count = 10
     doping: bool = True
+    flying: Literal["exact", "first_order"] = "exact"
+
+    @model_validator(mode="after")
+    def _check_flying(self) -> Self:
+        if self.flying != "exact" and isinstance(self.trainer, MethodSettings):
+            raise broken_rule(
+                key="flying",
+                expected="none with a trainer of a method, which flies in full",
+                found=self.flying,
+                remedy="Leave it out.",
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_action(self) -> Self:

@@ -174,9 +174,11 @@ class Training:
 
     def _pool(self, cases: Any, n_envs: int, discount: float = 0.99) -> SearchPool:
         what = "searches of validation" if self._pools else "searches of training"
+        spec = self._file.spec
         pool = SearchPool(
-            cases, n_envs, action=self._file.spec.action.settings, discount=discount, report=partial(self._tell, what)
-        )
+            cases, n_envs, action=spec.action.settings, discount=discount, flying=spec.flying,
+            report=partial(self._tell, what),
+        )  # fmt: skip
         self._pools.append(pool)
         return pool
 
@@ -271,7 +273,7 @@ class Training:
 # Before rooms and winds are made, which may take minutes.
 def _check_batch(file: TrainFile, cases: Sequence[LoadedScenario]) -> None:
     for case in cases:
-        if (refusal := refusal_of(case.scenario)) is not None:
+        if (refusal := refusal_of(case.scenario, file.spec.flying)) is not None:
             raise UsageError(
                 f"{file.family.path}: seed {case.scenario.seed}: expected cases that can be batched for trainer.kind: "
                 f"{file.spec.trainer.kind}. {refusal}"

@@ -20,6 +20,7 @@ class SearchPool:
         n_envs: How many searches fly at once.
         action: What their actions mean.
         discount: Of the shaping of rewards.
+        flying: As for `BatchSearchEnv`.
         report: Is told how many of how many cases are prepared.
 
     Raises:
@@ -33,11 +34,12 @@ class SearchPool:
         *,
         action: ActionSettings,
         discount: float = 0.99,
+        flying: str = "exact",
         report: Callable[[int, int], None] | None = None,
     ) -> None:
         self.envs = BatchSearchEnv(
             cases, n_envs, action=action.kind, step_m=action.step_m, speed_m_s=action.speed_m_s, hold_s=action.hold_s,
-            discount=discount, report=report,
+            discount=discount, flying=flying, report=report,
         )  # fmt: skip
         self.n_cases = len(cases)
         self.observation_names: tuple[str, ...] = self.envs.observation_names

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from gslcosim.quantities import Vec3
 from gslcosim.ticks import seconds_from_ticks
-from gslcosim.world.paths.trajectory_kernels import plan_inplace, polynomial_state
+from gslcosim.world.paths.quickest_kernels import plan_inplace
+from gslcosim.world.paths.trajectory_kernels import polynomial_state
 
 # Compiled functions take positional arguments only: what the flag of `plan_inplace` means.
 _TO_POINT, _TO_VELOCITY = False, True

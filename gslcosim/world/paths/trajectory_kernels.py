@@ -1,4 +1,4 @@
-"""Minimum-jerk polynomials: coefficients, values, peaks, and the shortest feasible duration."""
+"""Minimum-jerk polynomials: coefficients, values and peaks."""
 # pyright: basic
 
 import math
@@ -10,16 +10,12 @@ import numpy as np
 PEAK_SPEED_FACTOR = 15.0 / 8.0
 PEAK_ACCELERATION_FACTOR = 10.0 / math.sqrt(3.0)
 
-_N_SAMPLES = 32
+N_SAMPLES = 32
 # How often a path is looked at to see how far it leaves the straight line.
 _N_LOOKS = 10
 # How far a path to rest may leave the straight line: in ways that braking takes, and beyond that [m].
 _SWINGS_UP_TO = 2.0
 _SWINGS_BY_M = 0.25
-# No polynomial is shorter than a few times the response of an attitude loop: a vehicle could not follow its jerk.
-_SHORTEST_S = 0.2
-_GROWTH = 1.04
-_N_DURATIONS = 250
 
 
 @numba.njit(cache=True, nogil=True)
@@ -221,8 +217,8 @@ def peak_speed_and_acceleration(coefficients, duration_s):
     """
     peak_speed = 0.0
     peak_acceleration = 0.0
-    for k in range(_N_SAMPLES + 1):
-        t = duration_s * k / _N_SAMPLES
+    for k in range(N_SAMPLES + 1):
+        t = duration_s * k / N_SAMPLES
         speed = 0.0
         acceleration = 0.0
         for i in range(3):
@@ -232,84 +228,3 @@ def peak_speed_and_acceleration(coefficients, duration_s):
         peak_speed = max(peak_speed, speed)
         peak_acceleration = max(peak_acceleration, acceleration)
     return math.sqrt(peak_speed), math.sqrt(peak_acceleration)
-
-
-@numba.njit(cache=True, nogil=True)
-def _set_polynomial(coefficients, start, end, is_velocity, duration_s):
-    if is_velocity:
-        set_quartic_to_velocity_inplace(coefficients, start, end[1], duration_s)
-    else:
-        set_quintic_inplace(coefficients, start, end, duration_s)
-
-
-@numba.njit(cache=True, nogil=True)
-def _size(vector):
-    return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-
-
-@numba.njit(cache=True, nogil=True)
-def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_acceleration_m_s2, least_s, step_s):
-    """Write the quickest minimum-jerk polynomial within the limits and return its duration [s].
-
-    From rest to rest and from steady flight to a velocity the duration is in closed form. Otherwise durations grow by
-    4 % from a short one until both peaks are within the limits; a start or end that already breaks a limit raises that
-    limit to itself, and where no duration is feasible (speed at its limit and still accelerating) the one that breaks
-    the limits least is taken. Sampled peaks may lie 2 % above the limits where an end state is flown through.
-
-    Args:
-        coefficients: (3, 6) written: axis xyz, power 0 to 5, world frame [m/s^i].
-        start: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; columns xyz, world frame.
-        end: (3, 3) the state to reach; of a velocity only its row counts.
-        is_velocity: Whether only the velocity of `end` is to be reached, wherever that is.
-        max_speed_m_s: Greatest speed [m/s], > 0.
-        max_acceleration_m_s2: Greatest acceleration [m/s^2], > 0.
-        least_s: No shorter than this [s], >= 0.
-        step_s: The duration is a whole multiple of this [s]; 0: any duration.
-
-    Returns:
-        Duration [s], >= 0.2, or a step where that is given.
-
-    Held by:
-        tests/analytic/test_world_trajectory.py, tests/properties/test_world_trajectory_laws.py
-    """
-    speed, acceleration = max(_size(start[1]), _size(end[1])), max(_size(start[2]), _size(end[2]))
-    row = 1 if is_velocity else 0
-    change = _size(end[row] - start[row])
-    if is_velocity:
-        shortest = 1.5 * change / max_acceleration_m_s2
-    else:
-        shortest = rest_to_rest_duration(change, max_speed_m_s, max_acceleration_m_s2)
-    if acceleration == 0.0 and (is_velocity or speed == 0.0):
-        duration = _whole_steps(max(_SHORTEST_S, shortest, least_s), step_s)
-        _set_polynomial(coefficients, start, end, is_velocity, duration)
-        return duration
-
-    is_passing = not is_velocity and _size(end[1]) > 0.0
-    allowed = 1.02 if is_passing else 1.0 + 1e-9
-    speed_limit = max(max_speed_m_s, speed)
-    acceleration_limit = max(max_acceleration_m_s2, acceleration)
-    # From one velocity to another it may be far quicker than from rest to rest, but not quicker than its way needs.
-    quickest = 0.5 * change / speed_limit if is_passing else 0.3 * shortest
-    duration = max(_SHORTEST_S if step_s == 0.0 else step_s, quickest, least_s)
-    best_duration = duration
-    least = np.inf
-    for _ in range(_N_DURATIONS):
-        duration = _whole_steps(duration, step_s)
-        _set_polynomial(coefficients, start, end, is_velocity, duration)
-        peak_speed, peak_acceleration = peak_speed_and_acceleration(coefficients, duration)
-        excess = max(peak_speed / speed_limit, peak_acceleration / acceleration_limit)
-        if excess < least:
-            least = excess
-            best_duration = duration
-        if excess <= allowed:
-            break
-        duration = max(duration * _GROWTH, duration + step_s)
-    _set_polynomial(coefficients, start, end, is_velocity, best_duration)
-    return best_duration
-
-
-@numba.njit(cache=True, nogil=True)
-def _whole_steps(duration_s, step_s):
-    if step_s == 0.0:
-        return duration_s
-    return max(1.0, math.ceil(duration_s / step_s - 1e-6)) * step_s

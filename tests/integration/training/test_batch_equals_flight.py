@@ -143,7 +143,10 @@ def test_a_search_is_flown_again_alone_from_the_scenario_that_it_tells():
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [
-        ("agents[0].vehicle.model=iris", "agents[0].vehicle.model: expected holonomic in a batch, was iris."),
+        (
+            "agents[0].vehicle.model=iris",
+            "agents[0].vehicle.model: expected holonomic in a batch, or flying first_order, was iris.",
+        ),
         ("agents[0].vehicle.avoidance=2d", "agents[0].vehicle.avoidance: expected none in a batch, was 2d."),
         ("gas.model=meandering_plume", "gas.model: expected gaussian_plume, or filament without rotor_downwash, in a"),
         (

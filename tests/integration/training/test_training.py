@@ -102,6 +102,12 @@ def test_a_corrupt_checkpoint_is_refused_before_anything_is_prepared(whole, tmp_
         ("kind: ctrnn", "kind: magic", "magic"),
         ("n_neurons: 3", "n_neurons: 0", "n_neurons"),
         ("family: open_halls", "family: nowhere", "expected a family file or a bundled family"),
+        ("seed: 1", "seed: 1\nflying: fast", "flying"),
+        (
+            "{kind: ctrnn, rounds: 4, population: 4, cases_per_round: 4, n_neurons: 3}",
+            "{kind: method, method: e_coli, ranges: {}}\nflying: first_order",
+            "flying: expected none with a trainer of a method",
+        ),
     ],
 )
 def test_a_wrong_train_file_is_told_by_its_place(tmp_path, before, after, expected):
@@ -110,11 +116,19 @@ def test_a_wrong_train_file_is_told_by_its_place(tmp_path, before, after, expect
     assert expected in str(error.value)
 
 
-def test_a_family_that_cannot_be_batched_is_told(tmp_path):
+def write_family_of_quadrotors(folder):
     seeds = "seeds: {training: {first: 1, count: 9}, validation: {first: 20, count: 9}, test: {first: 40, count: 9}}"
-    (tmp_path / "family.yaml").write_text(f"schema: gslcosim/family/1\nname: f\nscenario: tiny_room\n{seeds}\n")
+    gas = "set: {gas.model: gaussian_plume}"
+    text = f"schema: gslcosim/family/1\nname: f\nscenario: tiny_room\n{gas}\n{seeds}\n"
+    (folder / "family.yaml").write_text(text)
+
+
+def test_a_family_that_cannot_be_batched_is_told(tmp_path):
+    write_family_of_quadrotors(tmp_path)
     file = train_file(tmp_path, family=("family: open_halls", "family: family.yaml"))
-    words = r"family.yaml: seed 1: .* for trainer.kind: ctrnn. agents\[0\].vehicle.model: expected holonomic in a batch"
+    words = (
+        r"family.yaml: seed 1: .* for trainer.kind: ctrnn. agents\[0\].vehicle.model: expected holonomic in a batch, or"
+    )
     with pytest.raises(UsageError, match=words):
         Training(file, tmp_path / "out", tell=lambda what, *_: what.startswith("cases") or pytest.fail(what))
 
@@ -137,6 +151,15 @@ def test_doping_for_a_family_without_is_told(tmp_path):
     }
     with pytest.raises(ScenarioError, match="doping: expected nothing with the family f, which has no doping, was fal"):
         train_file(tmp_path, **changes)
+
+
+@pytest.mark.slow
+def test_a_train_file_that_says_so_trains_with_quadrotors(tmp_path):
+    write_family_of_quadrotors(tmp_path)
+    family = ("family: open_halls", "family: family.yaml\nflying: first_order")
+    file = train_file(tmp_path, family=family, seed=("seed: 1", "seed: 3"))
+    trained = Training(file, tmp_path / "out").train(rounds=1)
+    assert trained.curves[0]["steps"] > 100
 
 
 def test_a_name_that_is_not_observed_is_told(tmp_path):

@@ -20,6 +20,7 @@ def test_the_near_filaments_of_a_frame_are_all_within_their_cut_off_in_order():
     tape = np.zeros((), batch_records.TAPE)
     tape["n_frames"], tape["column_m"], tape["shape"] = 4, 1.0, (6, 5)
     arrays = {"first": first, "rows": rows, "starts": starts, "members": members, "largest_sigma_m": largest_m}
+    arrays["frame_sigma_m"] = np.ascontiguousarray(largest_m.max(axis=1))
     for name, array in arrays.items():
         tape[name] = array.ctypes.data
     hits, n_found = np.zeros(1000, np.int64), 0
