@@ -1,5 +1,5 @@
 """Paths of a search, and whether one that keeps a velocity must brake now; see `gslcosim.world.guidance.edges`."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import math
 

@@ -2,7 +2,7 @@
 
 A stream is four unsigned 64-bit numbers: the state of PCG64, high and low half, and its increment.
 """
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import math
 

@@ -1,5 +1,5 @@
 """Distances as Python's `math` has them, to the last bit, in compiled code."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import math
 

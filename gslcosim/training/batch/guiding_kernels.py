@@ -2,7 +2,7 @@
 
 Paths are planned by the kernels of `gslcosim.world.paths`; what is here is the order in which things happen.
 """
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import math
 

@@ -1,5 +1,5 @@
 """What the referee makes of one search; see `gslcosim.referee`."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import numba
 

@@ -1,5 +1,5 @@
 """How a rotorcraft flies in a batch where that is asked for: a point mass whose force lags what its control wants."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import numba
 

@@ -1,5 +1,5 @@
 """What instruments show, and how that becomes the numbers of an observation, for one search."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import math
 
@@ -136,10 +136,10 @@ def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
 def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
-    boxes_m = array_at(room.ray_boxes_m, (room.n_ray_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
+    boxes_m = array_at(room.ray_boxes_m, (room.n_ray_boxes, 6), np.float64)
     n_bins = room.ray_shape[0] * room.ray_shape[1] * room.ray_shape[2]
-    first = array_at(room.ray_first, n_bins + 1, np.int64)  # pyright: ignore[reportCallIssue]
-    members = array_at(room.ray_members, first[n_bins], np.int64)  # pyright: ignore[reportCallIssue]
+    first = array_at(room.ray_first, n_bins + 1, np.int64)
+    members = array_at(room.ray_members, first[n_bins], np.int64)
     R, mount_m, limit_m = rotation, instrument.mount_m, instrument.max_range_m
     x_m = position_m[0] + (R[0] * mount_m[0] + R[1] * mount_m[1] + R[2] * mount_m[2])
     y_m = position_m[1] + (R[3] * mount_m[0] + R[4] * mount_m[1] + R[5] * mount_m[2])

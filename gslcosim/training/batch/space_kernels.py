@@ -1,7 +1,8 @@
 """Where a vehicle may be in a room, and what it touches."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
@@ -22,27 +23,25 @@ _GIVES_WAY_M = 0.05
 
 
 @intrinsic
-def array_at(typingctx, address, shape, dtype):
+def array_at(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
     """Return the C-contiguous array of a shape and a dtype that begins at an address.
 
     It is numba's `carray`, which may not be used where no references are counted.
     """
-    n_axes = len(shape) if isinstance(shape, types.BaseTuple) else 1
-    array_type = types.Array(dtype.dtype, n_axes, "C")
+    is_tuple = isinstance(shape, types.BaseTuple)
+    array_type = types.Array(dtype.dtype, len(shape) if is_tuple else 1, "C")
     signature = array_type(address, shape, dtype)
 
-    def codegen(context, builder, signature, arguments):
-        shape_type, shape = signature.args[1], arguments[1]
-        is_tuple = isinstance(shape_type, types.BaseTuple)
-        lengths = list(zip(shape_type, cgutils.unpack_tuple(builder, shape), strict=True)) if is_tuple else []
-        lengths = lengths or [(shape_type, shape)]
-        lengths = [context.cast(builder, length, length_type, types.intp) for length_type, length in lengths]
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        given_types = signature.args[1] if is_tuple else (signature.args[1],)
+        given: Any = cgutils.unpack_tuple(builder, arguments[1]) if is_tuple else (arguments[1],)
+        lengths = [context.cast(builder, n, n_type, types.intp) for n, n_type in zip(given, given_types, strict=True)]
         data_type = context.get_data_type(array_type.dtype)
         item_size = context.get_abi_sizeof(data_type)
-        strides = [cgutils.intp_t(item_size)]
+        strides: list[Any] = [cgutils.intp_t(item_size)]
         for length in reversed(lengths[1:]):
             strides.insert(0, builder.mul(strides[0], length))
-        array = make_array(array_type)(context, builder)
+        array: Any = make_array(array_type)(context, builder)
         data = builder.inttoptr(arguments[0], data_type.as_pointer())
         populate_array(array, data=data, shape=lengths, strides=strides, itemsize=item_size, meminfo=None)
         return array._getvalue()
@@ -69,7 +68,7 @@ def _is_solid_at(room, x_m, y_m, z_m, least):
     i = max(min(_cell(x_m, room.origin_m[0], room.cell_m), nx - 1), least)
     j = max(min(_cell(y_m, room.origin_m[1], room.cell_m), ny - 1), least)
     k = max(min(_cell(z_m, room.origin_m[2], room.cell_m), nz - 1), least)
-    occupancy = array_at(room.occupancy, (nx, ny, nz), np.uint8)  # pyright: ignore[reportCallIssue]
+    occupancy = array_at(room.occupancy, (nx, ny, nz), np.uint8)
     return occupancy[i, j, k] == _SOLID
 
 
@@ -149,7 +148,7 @@ def is_open_ahead(room, radius_m, state, longest_s):
     i1 = min(_cell(x1, low[0], cell_m), nx - 1) + 1
     j1 = min(_cell(y1, low[1], cell_m), ny - 1) + 1
     k1 = min(_cell(z1, low[2], cell_m), nz - 1) + 1
-    sums = array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32)  # pyright: ignore[reportCallIssue]
+    sums = array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32)
     n_solid = (
         sums[i1, j1, k1] - sums[i0, j1, k1] - sums[i1, j0, k1] - sums[i1, j1, k0]
         + sums[i0, j0, k1] + sums[i0, j1, k0] + sums[i1, j0, k0] - sums[i0, j0, k0]
@@ -215,7 +214,7 @@ def is_hit(room, radius_m, half_height_m, position_m):
 
 # Which members of the list of boxes may be near.
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _near_boxes(room, position_m):
+def _near_boxes(room, position_m) -> Any:
     i = _cell(position_m[0], room.near_origin_m[0], room.near_block_m)
     j = _cell(position_m[1], room.near_origin_m[1], room.near_block_m)
     k = _cell(position_m[2], room.near_origin_m[2], room.near_block_m)
@@ -223,15 +222,15 @@ def _near_boxes(room, position_m):
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return 0, 0
     block = (i * ny + j) * nz + k
-    first = array_at(room.near_first, nx * ny * nz + 1, np.int32)  # pyright: ignore[reportCallIssue]
+    first = array_at(room.near_first, nx * ny * nz + 1, np.int32)
     return first[block], first[block + 1]
 
 
 # How far a place is from a box along each axis.
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _gaps_m(room, n, position_m):
-    members = array_at(room.near_members, n + 1, np.int32)  # pyright: ignore[reportCallIssue]
-    boxes_m = array_at(room.boxes_m, (room.n_boxes, 6), np.float64)  # pyright: ignore[reportCallIssue]
+def _gaps_m(room, n, position_m) -> Any:
+    members = array_at(room.near_members, n + 1, np.int32)
+    boxes_m = array_at(room.boxes_m, (room.n_boxes, 6), np.float64)
     m = members[n]
     return (
         max(boxes_m[m, 0] - position_m[0], position_m[0] - boxes_m[m, 3], 0.0),
@@ -247,6 +246,6 @@ def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
     frame = int(time_s / room.wind_period_s + 1e-9)
     frame = frame % n_frames if room.wind_loops else min(frame, n_frames - 1)
     nx, ny, nz = room.wind_shape[1], room.wind_shape[2], room.wind_shape[3]
-    wind = array_at(room.wind + frame * nx * ny * nz * 12, (nx, ny, nz, 3), np.float32)  # pyright: ignore[reportCallIssue]
+    wind = array_at(room.wind + frame * nx * ny * nz * 12, (nx, ny, nz, 3), np.float32)
     origin_m = (room.origin_m[0], room.origin_m[1], room.origin_m[2])
     wind_m_s[0], wind_m_s[1], wind_m_s[2] = trilinear_wind(wind, origin_m, room.cell_m, x_m, y_m, z_m)

@@ -1,5 +1,5 @@
 """Searches from question to question: vehicle, gas, sensors and referee, tick by tick, each search for itself."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import numba
 

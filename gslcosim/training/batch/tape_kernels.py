@@ -1,5 +1,5 @@
 """Readings of a tape of filaments: the sum of a single flight, in its order, of those that may be near only."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false
 
 import numba
 import numpy as np
@@ -95,15 +95,15 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits):
     """
     nx, ny = tape.shape[0], tape.shape[1]
     n_columns = nx * ny
-    first = array_at(tape.first, tape.n_frames + 1, np.int64)  # pyright: ignore[reportCallIssue]
+    first = array_at(tape.first, tape.n_frames + 1, np.int64)
     at = first[frame]
     n = first[frame + 1] - at
-    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)  # pyright: ignore[reportCallIssue]
-    members = array_at(tape.members + at * 4, n, np.int32)  # pyright: ignore[reportCallIssue]
-    starts = array_at(tape.starts + frame * (n_columns + 1) * 4, n_columns + 1, np.int32)  # pyright: ignore[reportCallIssue]
-    largest = array_at(tape.largest_sigma_m + frame * n_columns * 4, n_columns, np.float32)  # pyright: ignore[reportCallIssue]
+    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)
+    members = array_at(tape.members + at * 4, n, np.int32)
+    starts = array_at(tape.starts + frame * (n_columns + 1) * 4, n_columns + 1, np.int32)
+    largest = array_at(tape.largest_sigma_m + frame * n_columns * 4, n_columns, np.float32)
     # No filament of the frame reaches further than this, and a hair.
-    reach_m = 1.000001 * cutoff_sigma * np.float64(array_at(tape.frame_sigma_m, tape.n_frames, np.float32)[frame])  # pyright: ignore[reportCallIssue]
+    reach_m = 1.000001 * cutoff_sigma * np.float64(array_at(tape.frame_sigma_m, tape.n_frames, np.float32)[frame])
     i_first = _column(x_m - reach_m, tape.origin_m[0], tape.column_m, nx)
     i_last = _column(x_m + reach_m, tape.origin_m[0], tape.column_m, nx)
     j_first = _column(y_m - reach_m, tape.origin_m[1], tape.column_m, ny)
@@ -156,16 +156,16 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
     n_hits = near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits)
     if n_hits == 0:
         return
-    first = array_at(tape.first, tape.n_frames + 1, np.int64)  # pyright: ignore[reportCallIssue]
+    first = array_at(tape.first, tape.n_frames + 1, np.int64)
     at = first[frame]
     n = first[frame + 1] - at
-    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)  # pyright: ignore[reportCallIssue]
+    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
     is_opaque = True
     walls = WallCells(
         is_opaque,
-        array_at(room.occupancy, (nx, ny, nz), np.uint8),  # pyright: ignore[reportCallIssue]
-        array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32),  # pyright: ignore[reportCallIssue]
+        array_at(room.occupancy, (nx, ny, nz), np.uint8),
+        array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32),
         (room.origin_m[0], room.origin_m[1], room.origin_m[2]),
         room.cell_m,
     )
@@ -177,6 +177,6 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
             continue
         source = 0
         if tape.sources != 0:
-            source = array_at(tape.sources + at, n, np.uint8)[f]  # pyright: ignore[reportCallIssue]
+            source = array_at(tape.sources + at, n, np.uint8)[f]
         d2 = (x_m - fx) * (x_m - fx) + (y_m - fy) * (y_m - fy) + (z_m - fz) * (z_m - fz)
         ppm[gas_of_source[source]] += share_of_filament_ppm(strengths[source], s, d2)

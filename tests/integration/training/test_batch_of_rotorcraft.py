@@ -76,7 +76,7 @@ def test_a_rotorcraft_is_where_a_full_flight_is_closer_than_a_point_robot_would_
 
 @pytest.mark.slow
 def test_a_rotorcraft_that_flies_against_something_has_collided():
-    low = ("agents[0].vehicle.model=iris", "agents[0].vehicle.search_height_m=1", PLUME)
+    low = (PLUME, *(f"agents[0].vehicle.{each}" for each in ("model=iris", "search_height_m=1", "avoidance=none")))
     cases = [LearningTask(scenario="warehouse_racks", overrides=low).loaded(seed) for seed in (1, 4)]
     batch = BatchSearchEnv(cases, 40, hold_s=1.0, flying="first_order")
     batch.reset(seed=2)
