@@ -35,7 +35,8 @@ class ServiceKind:
     `name` is that of the participant, its folder and its part of keys. `spec_of` tells its reads and writes without
     building it; `build` imports and builds its core, and nothing of another service. `is_needed` says whether a
     scenario has it. `is_rehearsed` ones have kernels to load before time passes; `preloads` are modules that a process
-    may import before it is forked, as they start no threads; `follows_agents` ones read what agents command in the same
+    may import before it is forked, as they start no threads; `import_early` imports what takes long and may start some,
+    in a process that will be this service and nothing else; `follows_agents` ones read what agents command in the same
     tick, and so stand downstream of them.
     """
 
@@ -45,6 +46,7 @@ class ServiceKind:
     is_needed: Callable[[Scenario], bool] = lambda scenario: True
     is_rehearsed: bool = False
     preloads: tuple[str, ...] = ()
+    import_early: Callable[[], None] | None = None
     follows_agents: bool = False
 
 
@@ -96,6 +98,12 @@ def _recorder(setup: Setup) -> Core:
     return RecorderCore(setup.scenario, _with_meshes(setup), setup.run_dir.recording)
 
 
+def _import_for_recorder() -> None:
+    from gslcosim.recording.learning_early import import_early
+
+    import_early()
+
+
 # The meshes of somebody's own geometry, which pictures need and no other core.
 def _with_meshes(setup: Setup) -> Environment:
     has_meshes = (setup.environment_dir / MESHES_FILE).is_file()
@@ -133,6 +141,7 @@ SERVICES = (
         spec_of=recorder_spec,
         build=_recorder,
         is_needed=lambda scenario: scenario.recording.enabled,
+        import_early=_import_for_recorder,
         follows_agents=True,
     ),
 )

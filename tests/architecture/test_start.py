@@ -47,6 +47,21 @@ prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
 print(*sorted(sys.modules))
 """
 
+RECORDER = """
+import sys
+from gslcosim.recording.learning_early import import_early
+import_early()
+from pathlib import Path
+from gslcosim.environment.store import load_environment
+from gslcosim.recording.core import RecorderCore
+from gslcosim.scenario import load_scenario
+core = RecorderCore(load_scenario("warehouse_empty").scenario, load_environment(Path(sys.argv[1])), Path(sys.argv[2]))
+before = set(sys.modules)
+core.reset(None)
+core.close()
+print(*sorted(name for name in set(sys.modules) - before if name.startswith(("gslcosim", "pandas", "rerun"))))
+"""
+
 
 @pytest.fixture(scope="module")
 def quickstart_room():
@@ -82,3 +97,10 @@ def test_a_fork_server_starts_with_nothing_but_python():
     script = "import sys; from gslcosim.runtime.over_bus.forks import ForkServer; print(*sorted(sys.modules))"
     imported = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert {"pydantic", "numpy", "gslcosim.scenario"} & set(imported) == set()
+
+
+@pytest.mark.slow
+def test_a_recorder_that_has_imported_early_imports_nothing_in_the_flight(quickstart_room, tmp_path):
+    """What it imports later, the flight waits for: pandas, which pyarrow looks for, was half of it."""
+    call = [sys.executable, "-c", RECORDER, str(quickstart_room), str(tmp_path / "r.rrd")]
+    assert subprocess.run(call, capture_output=True, text=True, check=True).stdout.split() == []

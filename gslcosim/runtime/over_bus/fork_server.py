@@ -6,7 +6,6 @@ service is given comes with its request and exists in the fork alone. At the end
 """
 
 import contextlib
-import ctypes
 import gc
 import importlib
 import json
@@ -14,20 +13,17 @@ import os
 import selectors
 import signal
 import socket
-import sys
-import traceback
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
-from gslcosim.bus.port import Join
 from gslcosim.errors import ExitCode
 from gslcosim.machine import machine_text
+from gslcosim.runtime.over_bus.apprentice import Apprentice
+from gslcosim.runtime.over_bus.forked import become
 from gslcosim.runtime.privacy import keep_memory_private
-from gslcosim.runtime.process_title import set_process_title
-from gslcosim.safe_files import append_to, open_for_writing
+from gslcosim.safe_files import append_to
 
-_PR_SET_PDEATHSIG = 1
 _MOST_BYTES = 1 << 16
 
 
@@ -40,16 +36,39 @@ def main(fd: int) -> None:
     keep_memory_private()
     # What is imported stays; looking through it for garbage would take a fifth of the start.
     gc.disable()
+    apprentices = begin_apprentices(fd)
     import_what_services_share()
     gc.freeze()
-    serve_requests(socket.socket(fileno=fd))
+    serve_requests(socket.socket(fileno=fd), apprentices)
 
 
-def serve_requests(requests: socket.socket) -> None:
-    """Serve requests from a socket until its other end is closed; what services share has been imported."""
+def serve_requests(requests: socket.socket, apprentices: dict[str, Apprentice]) -> None:
+    """Serve requests from a socket until its other end is closed; what services share has been imported.
+
+    Args:
+        requests: The socket.
+        apprentices: By the service that each will become.
+    """
     # Ctrl-C is the supervisor's to handle.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _Server(requests).serve()
+    _Server(requests, apprentices).serve()
+
+
+def begin_apprentices(fd: int) -> dict[str, Apprentice]:
+    """Fork who will become the services that import for long; where there is no room for one it is forked later.
+
+    Args:
+        fd: The descriptor of the requests, which is none of theirs.
+    """
+    from gslcosim.runtime.participants import SERVICES
+
+    apprentices: dict[str, Apprentice] = {}
+    with contextlib.suppress(OSError):
+        for kind in SERVICES:
+            if kind.import_early is not None:
+                others = [apprentice.fd for apprentice in apprentices.values()]
+                apprentices[kind.name] = Apprentice(kind.import_early, [fd, *others])
+    return apprentices
 
 
 def import_what_services_share() -> None:
@@ -81,8 +100,9 @@ def _variable(name: str, value: str) -> Generator[None]:
 
 
 class _Server:
-    def __init__(self, requests: socket.socket) -> None:
+    def __init__(self, requests: socket.socket, apprentices: dict[str, Apprentice]) -> None:
         self._requests = requests
+        self._apprentices = apprentices
         self._unread = b""
         self._names: dict[int, str] = {}
         self._woken, self._waker = os.pipe()
@@ -104,6 +124,7 @@ class _Server:
                     else:
                         os.read(self._woken, _MOST_BYTES)
                 self._tell_who_ended()
+        self._dismiss_apprentices()
         for pid in self._names:
             # One that has just begun leads no group yet.
             for kill in (os.killpg, os.kill):
@@ -119,11 +140,22 @@ class _Server:
             return False
         *lines, self._unread = (self._unread + received).split(b"\n")
         for line in lines:
-            self._fork(json.loads(line))
+            request = json.loads(line)
+            if "services" in request or "rehearse" in request:
+                self._start(request)
+            else:
+                self._dismiss_apprentices()
         return bool(received)
 
-    def _fork(self, request: dict[str, Any]) -> None:
+    def _start(self, request: dict[str, Any]) -> None:
         name = str(request["name"])
+        apprentice = self._apprentices.pop(name, None) if request.get("services") == [name] else None
+        if apprentice is not None and apprentice.take(request):
+            self._has_started(name, apprentice.pid)
+        else:
+            self._fork(name, request)
+
+    def _fork(self, name: str, request: dict[str, Any]) -> None:
         try:
             pid = os.fork()
         except OSError as error:
@@ -133,43 +165,24 @@ class _Server:
             self._tell({"ended": name, "code": int(ExitCode.FAULT)})
             return
         if pid == 0:
-            self._become(request)
+            become(request, self._pid, self._open_descriptors)
+        self._has_started(name, pid)
+
+    def _has_started(self, name: str, pid: int) -> None:
         self._names[pid] = name
         self._tell({"started": name, "pid": pid})
 
-    # Never returns, whatever happens: there must be one server.
-    def _become(self, request: dict[str, Any]) -> None:
-        code = 1
-        try:
-            end_with_parent(self._pid)
-            os.setsid()
-            signal.set_wakeup_fd(-1)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            for fd in (self._woken, self._waker):
-                os.close(fd)
-            self._requests.close()
-            _write_to(request["log"])
-            gc.enable()
-            if "rehearse" in request:
-                from gslcosim.runtime.over_bus.still_air import rehearse_requested
+    @property
+    def _open_descriptors(self) -> list[int]:
+        apprentices = [apprentice.fd for apprentice in self._apprentices.values()]
+        return [self._requests.fileno(), self._woken, self._waker, *apprentices]
 
-                rehearse_requested(request["rehearse"])
-                os._exit(0)
-            names = [str(name) for name in request["services"]]
-            set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
-            from gslcosim.runtime.over_bus.service import serve
-
-            serve(names, Join.model_validate(request["join"]))
-            code = 0
-        except SystemExit as ended:
-            code = ended.code if isinstance(ended.code, int) else 1
-        except BaseException:  # told in the log, as by an interpreter that ends
-            traceback.print_exc()
-        finally:
-            with contextlib.suppress(OSError, ValueError):
-                sys.stdout.flush()
-                sys.stderr.flush()
-            os._exit(code)
+    def _dismiss_apprentices(self) -> None:
+        for apprentice in self._apprentices.values():
+            apprentice.dismiss()
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(apprentice.pid, 0)
+        self._apprentices.clear()
 
     def _tell_who_ended(self) -> None:
         with contextlib.suppress(ChildProcessError):
@@ -186,23 +199,3 @@ class _Server:
 
 def _note_nothing(number: int, frame: object) -> None:
     del number, frame
-
-
-def end_with_parent(parent: int) -> None:
-    """Let Linux end this process when the one that has forked it ends."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
-
-
-# A service without a log can fly; what ends it is told over the bus.
-def _write_to(log: str) -> None:
-    nothing = os.open(os.devnull, os.O_RDWR)
-    try:
-        output = open_for_writing(Path(log).parent, Path(log).name, is_appended=True)
-    except OSError:
-        output = os.dup(nothing)
-    for fd, target in ((nothing, 0), (output, 1), (output, 2)):
-        os.dup2(fd, target)
-    os.close(nothing)
-    os.close(output)

@@ -132,8 +132,9 @@ class _ForkOfThis:
         code = 1
         try:
             from gslcosim.runtime.over_bus import fork_server
+            from gslcosim.runtime.over_bus.forked import end_with_parent
 
-            fork_server.end_with_parent(parent)
+            end_with_parent(parent)
             os.setsid()
             nothing = os.open(os.devnull, os.O_RDONLY)
             for fd, target in ((nothing, 0), (log.fileno(), 1), (log.fileno(), 2)):
@@ -141,7 +142,7 @@ class _ForkOfThis:
             for fd in (nothing, *unwanted):
                 os.close(fd)
             set_process_title(f"{sys.executable} -P -m gslcosim_services --fork-server {theirs.fileno()}")
-            fork_server.serve_requests(theirs)
+            fork_server.serve_requests(theirs, fork_server.begin_apprentices(theirs.fileno()))
             code = 0
         except BaseException:  # told in the log, as by an interpreter that ends
             traceback.print_exc()
@@ -234,6 +235,11 @@ class ForkServer:
         with contextlib.suppress(SimulationFault):
             return self._ask(REHEARSAL, {"rehearse": request_to_rehearse(scenario, directory)}, Path(os.devnull))
         return None
+
+    def need_no_more(self) -> None:
+        """Let the server end what it keeps ready for services that this run does not have."""
+        with contextlib.suppress(OSError), self._lock:
+            self._socket.sendall(b"{}\n")
 
     def _ask(self, name: str, request: dict[str, Any], log: Path) -> ForkedProcess:
         process = ForkedProcess(name)

@@ -97,6 +97,8 @@ def fly_over_bus(
             if offering is not None:
                 offering.answer_on(bus)
             _start(setup, network, router, children, groups, fork_server)
+            if fork_server is not None:
+                fork_server.need_no_more()
             _start_agents(setup, directory, network, router, children, tuple(crews), socket_dir)
             guests.start(children, socket_dir)
             supervisor.await_all_ready(interruption)

@@ -1,6 +1,7 @@
 """The fork server: one thread, forks that tell how they ended, and nothing left when it is closed or killed."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -95,6 +96,46 @@ def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
         children.adopt("fields", server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log"))
     assert not exists(server.pid)
     assert children.running == []
+
+
+def children_of(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_who_imports_what_a_recorder_needs_becomes_the_recorder_once(tmp_path):
+    with ForkServer() as server:
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        (apprentice,) = children_of(server.pid)
+        pids = []
+        for _ in range(2):
+            process = server.fork("recorder", ["recorder"], join=JOIN, log=tmp_path / "recorder.log")
+            assert process.wait(60) == 3
+            pids.append(process.pid)
+    assert pids[0] == apprentice
+    assert pids[1] != apprentice
+    assert (tmp_path / "recorder.log").read_text().count("expected run_dir in the join data") == 2
+
+
+def test_a_recorder_is_forked_where_who_should_become_it_was_killed(tmp_path):
+    with ForkServer() as server:
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        (apprentice,) = children_of(server.pid)
+        end = os.pidfd_open(apprentice)
+        os.kill(apprentice, signal.SIGKILL)
+        assert select.select([end], [], [], 60)[0]
+        os.close(end)
+        process = server.fork("recorder", ["recorder"], join=JOIN, log=tmp_path / "recorder.log")
+        assert process.wait(60) == 3
+    assert process.pid != apprentice
+
+
+def test_a_run_without_a_process_for_its_recorder_keeps_none_ready(tmp_path):
+    with ForkServer() as server:
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        (apprentice,) = children_of(server.pid)
+        server.need_no_more()
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        assert not exists(apprentice)
 
 
 def test_a_closed_server_is_gone():
