@@ -211,9 +211,13 @@ class ZenohBus:
                 handler(self._relative(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
         # All replies of one to one question count, as each is another message.
-        self._session.get(
-            key, on_reply, payload=payload, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE
-        )
+        every, each = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
+        try:
+            self._session.get(key, on_reply, payload=payload, target=every, consolidation=each)
+        except zenoh.ZError:
+            # Nobody answers any more; who looks at a run from a thread of its own may ask as it is closed.
+            if not self._session.is_closed():
+                raise
 
     def declare_alive(self, key: str) -> None:
         """Show a liveliness token; see `Bus`."""

@@ -173,6 +173,16 @@ def test_all_answers_to_one_question_come(net):
     assert sorted(came) == [bytes([n]) for n in range(5)]
 
 
+def test_who_asks_after_the_session_was_closed_hears_nothing(net):
+    """Whoever looks at a run does so from a thread of its own, and may come too late."""
+    _, join = net
+    asker = join("service", "s")
+    asker.close()
+    answers = []
+    asker.ask("rpc/world/inspect", b"", lambda *answer: answers.append(answer))
+    assert answers == []
+
+
 def test_what_the_routers_own_session_answers_is_for_services_alone(net):
     """Other hosts ask it for scenario and room: an agent that asks hears nothing."""
     router, join = net

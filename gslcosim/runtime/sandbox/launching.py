@@ -1,6 +1,7 @@
 """Starting a process by way of the launcher: what the launcher is told, and what it tells in the end."""
 
 import fcntl
+import hashlib
 import json
 import os
 import sys
@@ -29,6 +30,7 @@ main()
 """
 _KERNELS = "kernels"
 _HERE = Path(__file__).parent
+_OURS = _HERE.parents[1]
 _DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
 _OF_THE_MACHINE = ("cpuinfo", "meminfo", "stat", "loadavg", "uptime", "version", "filesystems", "sys")
 _LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB", "n_processes": "n_processes of {:g}"}
@@ -196,11 +198,19 @@ def _linked_kernels(cell: AgentCell) -> Path | None:
         return None
     own = cell.scratch / _KERNELS
     own.mkdir(exist_ok=True)
-    for path in cell.kernels.rglob("*"):
-        inside = own / path.relative_to(cell.kernels)
-        if path.is_dir():
-            inside.mkdir(parents=True, exist_ok=True)
-        elif not inside.exists():
-            inside.parent.mkdir(parents=True, exist_ok=True)
-            inside.symlink_to(path)
+    for code in (_OURS, *(folder for folder in _OURS.rglob("*") if folder.is_dir()), cell.directory, *cell.reads):
+        compiled = cell.kernels / kernels_folder(code)
+        inside = own / compiled.name
+        if compiled.is_dir() and not inside.exists():
+            inside.mkdir()
+            for path in compiled.iterdir():
+                (inside / path.name).symlink_to(path)
     return own
+
+
+def kernels_folder(code: Path) -> str:
+    """Return the name of the folder in which numba keeps what it has compiled of the modules of a folder.
+
+    The cache is shared by all installations of the same packages, each of which would have thousands of links to make.
+    """
+    return f"{code.name}_{hashlib.sha1(str(code).encode(), usedforsecurity=False).hexdigest()}"
