@@ -3,7 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gslcosim.cameras.core import FAR_M, NEAR_M, add_lamps
 from gslcosim.cameras.offscreen import OffscreenView
 from gslcosim.contract.messages import Quaternion
+from gslcosim.environment.doors import boxes_of_doors
 from gslcosim.environment.model import Environment
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import Scenario
@@ -69,18 +70,28 @@ class Onlooker:
         extent_m, planes = self._model.stat.extent, self._model.vis.map
         planes.znear, planes.zfar = NEAR_M / extent_m, FAR_M / extent_m
         self._data = mujoco.MjData(self._model)
+        self._doors = [(box, int(self._model.geom(box.name).id)) for box in boxes_of_doors(environment)]
         self._size_px = (width_px, height_px)
         self._camera = self._model.camera(_NAME).id
         self._view = OffscreenView(self._model, width_px, height_px)
 
-    def picture(self, poses: Mapping[str, tuple[Vec3, Quaternion]], eye_m: Vec3, looks_at_m: Vec3) -> NDArray[np.uint8]:
+    def picture(
+        self,
+        poses: Mapping[str, tuple[Vec3, Quaternion]],
+        eye_m: Vec3,
+        looks_at_m: Vec3,
+        closed: Collection[str] = (),
+    ) -> NDArray[np.uint8]:
         """Return the (height, width, 3) picture of the vehicles at their poses, upper row first.
 
         Args:
             poses: By agent its place [m] and attitude (w, x, y, z), world frame.
             eye_m: Where one looks from, world frame [m].
             looks_at_m: What is in the middle of the picture, world frame [m]; not straight above or below the eye.
+            closed: The doors that are closed, of those that events move.
         """
+        for box, i in self._doors:
+            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in closed else 0.0
         for agent, (position_m, quaternion_wxyz) in poses.items():
             i = self._model.joint(f"{agent}/free").qposadr[0]
             self._data.qpos[i : i + 7] = (*position_m, *quaternion_wxyz)

@@ -54,7 +54,7 @@ class ChasePanel:
         """Return what is seen at a time [s] with the vehicles at their poses."""
         place_m, _ = poses[self._agent]
         eye_m = self._eye_m(place_m)
-        pixels = self._onlooker.picture(poses, eye_m, place_m)
+        pixels = self._onlooker.picture(poses, eye_m, place_m, self._run.closed_at(time_s))
         picture = Image.fromarray(np.ascontiguousarray(pixels))
         return self._with_gas(picture, time_s, eye_m, place_m)
 

@@ -24,8 +24,8 @@ _DOT_PX = 5
 class PlanPanel:
     """Draws the plan of a run at one time after another; times must not go back.
 
-    The gas is that of the last snapshot before the time, in the layer of the map; wind is that of the room at its
-    start, at the same height.
+    The gas is that of the last snapshot before the time, in the layer of the map; doors are as they are at the time;
+    wind is that of the room at its start, at the same height.
 
     Args:
         run: The run.
@@ -45,7 +45,7 @@ class PlanPanel:
         height_m = run.scenario.slice_height_m
         self._level = int(np.clip((height_m - grid.origin_m[2]) / grid.cell_m, 0, grid.shape[2] - 1))
         self._colors = {name: agent_color(i) for i, name in enumerate(run.agents)}
-        self._shown_snapshot = -1
+        self._shown_snapshot, self._room = -1, run.environment
         self._ground = self._with_gas(-1)
         # Tracks stay: they are drawn on as time passes.
         self._tracks = Image.new("RGBA", size_px, (0, 0, 0, 0))
@@ -53,9 +53,10 @@ class PlanPanel:
 
     def picture(self, time_s: float, poses: Mapping[str, tuple[Vec3, Quaternion]]) -> Image.Image:
         """Return the plan at a time [s], with the vehicles at their poses."""
-        snapshot = self._snapshot(time_s)
-        if snapshot != self._shown_snapshot:
-            self._shown_snapshot, self._ground = snapshot, self._with_gas(snapshot)
+        snapshot, room = self._snapshot(time_s), self._run.room_at(time_s)
+        if snapshot != self._shown_snapshot or room is not self._room:
+            self._shown_snapshot, self._room = snapshot, room
+            self._ground = self._with_gas(snapshot)
         draw = ImageDraw.Draw(self._tracks)
         if not self._last_px:
             self._draw_past(draw, time_s)
@@ -71,6 +72,11 @@ class PlanPanel:
         for agent, (place_m, turn) in poses.items():
             _draw_vehicle(over, self._pixel(place_m), yaw_from_quaternion(turn), self._colors[agent])
         return picture
+
+    def place_of(self, place_m: Vec3) -> tuple[int, int]:
+        """Return where in the picture, right and down, a place in the room is drawn [m]."""
+        x, y = self._pixel(place_m)
+        return round(x), round(y)
 
     # What was flown before the film begins.
     def _draw_past(self, draw: ImageDraw.ImageDraw, time_s: float) -> None:
@@ -93,7 +99,7 @@ class PlanPanel:
             levels = GasScale.of(self._run.scenario).levels(slices.mixing_ratio_ppm(snapshot))
             rgb = np.ascontiguousarray(colors.slice_colors()[levels.T[::-1]][..., :3])
             picture.paste(Image.fromarray(rgb).resize(self._room_px, Image.Resampling.BILINEAR), corner)
-        is_solid = self._run.environment.occupancy[:, :, self._level] == Cell.SOLID
+        is_solid = self._room.occupancy[:, :, self._level] == Cell.SOLID
         if is_solid.any():
             mask = Image.fromarray((is_solid.T[::-1] * 255).astype(np.uint8))
             picture.paste(colors.MAP_OBSTACLES, corner, mask.resize(self._room_px, Image.Resampling.NEAREST))

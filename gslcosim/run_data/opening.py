@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Command
 from gslcosim.environment.model import Environment
+from gslcosim.environment.situations import first_situation
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import UsageError
+from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.recording import entities
 from gslcosim.recording.entities import entities_of
 from gslcosim.recording.reading.stored_rows import StoredRows
 from gslcosim.run_data import recorded
 from gslcosim.run_data.recorded_streams import (
     RecordedBeliefs,
+    RecordedDoor,
     RecordedFilaments,
     RecordedPictures,
     RecordedPoints,
@@ -214,13 +217,42 @@ class RunData:
         return recorded.texts(self._rows, self.scenario, entities.FAULTS)
 
     @cached_property
+    def doors(self) -> Mapping[str, RecordedDoor]:
+        """By name when each door was closed, of those that events move."""
+        doors = {name: recorded.door(self._rows, self.scenario, name) for name in self._door_names}
+        return {name: door for name, door in doors.items() if len(door.tick)}
+
+    @property
+    def _door_names(self) -> list[str]:
+        return [door.name for door in self.scenario.environment.doors]
+
+    def closed_at(self, time_s: float) -> tuple[str, ...]:
+        """Return the names of the doors that are closed at a simulated time [s], sorted."""
+        closed = set(first_situation(self.scenario).closed)
+        for name, door in self.doors.items():
+            i = int(np.searchsorted(door.time_s, time_s + 1e-9, side="right")) - 1
+            if i >= 0:
+                (closed.add if door.is_closed[i] else closed.discard)(name)
+        return tuple(sorted(closed))
+
+    def room_at(self, time_s: float) -> Environment:
+        """Return the room with the doors as they are at a simulated time [s], and some wind that belongs to them."""
+        closed, room = self.closed_at(time_s), self.environment
+        if closed == first_situation(self.scenario).closed:
+            return room
+        return next(later for situation, later in room.later_rooms.items() if situation.closed == closed)
+
+    @cached_property
     def environment(self) -> Environment:
         """The room with its occupancy and wind; made anew where it is no longer in the cache, which takes its time.
+
+        `later_rooms` are those that events make of it.
 
         Raises:
             EnvironmentDataError: it is not the one that was flown in.
         """
-        return load_environment(environment_of(self._past, lambda _: None))
+        environment = load_environment(environment_of(self._past, lambda _: None))
+        return with_later_rooms(environment, prepare_later_rooms(self.scenario, scenario_dir=self.folder))
 
     def wind_m_s(self, time_s: float) -> NDArray[np.float32]:
         """Return the (nx, ny, nz, 3) wind of the environment at a simulated time [s], world frame [m/s]."""

@@ -15,6 +15,7 @@ from gslcosim.recording.rows.undrawn import NUMBERS_COMPONENT, numbers_in
 from gslcosim.run_data.recorded_streams import (
     Floats,
     Ints,
+    RecordedDoor,
     RecordedFilaments,
     RecordedPictures,
     RecordedPoints,
@@ -127,6 +128,13 @@ def texts(rows: StoredRows, scenario: Scenario, entity: str) -> RecordedTexts:
         text=tuple(map(str, lines.values)),
         level=tuple(map(str, levels.values)),
     )
+
+
+def door(rows: StoredRows, scenario: Scenario, name: str) -> RecordedDoor:
+    """Return when a door was closed."""
+    boxes = rows.column(f"{entities.DOORS}/{name}", "Boxes3D:half_sizes")
+    times = times_s(boxes.tick, scenario)
+    return RecordedDoor(tick=boxes.tick, time_s=times, is_closed=np.diff(boxes.starts) > 0)
 
 
 def slices(rows: StoredRows, scenario: Scenario) -> dict[str, RecordedSlices]:

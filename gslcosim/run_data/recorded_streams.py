@@ -90,6 +90,15 @@ class RecordedTexts:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedDoor:
+    """A door over time: n ticks (ascending) from which on it is closed or open, and times [s]."""
+
+    tick: Ints
+    time_s: Floats
+    is_closed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSlices:
     """The gas in one horizontal layer over time.
 

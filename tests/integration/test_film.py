@@ -11,8 +11,9 @@ import gslcosim
 from gslcosim.cli.main import main
 from gslcosim.errors import ModelError, UsageError
 from gslcosim.film.cuts import FRAMES_PER_S, Cut, pose_at
+from gslcosim.film.plan_panel import PlanPanel
 from gslcosim.film.screening import frames_of
-from gslcosim.recording.colors import agent_color
+from gslcosim.recording.colors import MAP_OBSTACLES, agent_color
 
 WHITE = (255, 255, 255)
 
@@ -135,3 +136,18 @@ def test_what_is_wrong_is_told(runs, tmp_path, capsys, monkeypatch):
 def test_a_full_disk_is_told(runs, capsys):
     assert main(["film", str(runs[0]), "--out", "/proc/film.gif", "--plan-only", "--size", "200x160"]) in (2, 3)
     assert "--out: expected a file that can be written" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_film_shows_doors_as_they_are_at_its_time(tmp_path):
+    short = ["--set", "referee.stop.time_limit_s=12", "--set", "gas.warm_up_s=1"]
+    main(["up", "event_door", "--in-process", "--quiet", "--runs-dir", str(tmp_path), *short])
+    run = gslcosim.open_run(next(tmp_path.iterdir()))
+    assert run.closed_at(9.9) == ("gate",)
+    assert run.closed_at(10.3) == ()
+    plan = PlanPanel(run, (320, 240))
+    poses = {name: pose_at(track, 0.0) for name, track in run.tracks.items()}
+    in_the_gate = plan.place_of((3.12, 2.0, 1.0))
+    before, after = (plan.picture(time_s, poses).getpixel(in_the_gate) for time_s in (9.0, 11.0))
+    assert before == MAP_OBSTACLES
+    assert after != MAP_OBSTACLES
