@@ -46,7 +46,8 @@ class Work(NamedTuple):
     """Scratch of one thread.
 
     `states` (3, 3, 3) and two records of `records.STATE` for planning; `places_m`, `velocity_m_s`, `ppm` and `wind_m_s`
-    of the sensors' places, `rotation` nine numbers of the vehicle's; `sample`, `raw`, `parts` and `hits` for readings.
+    of the sensors' places, `rotation` nine numbers of the vehicle's; `sample`, `raw`, `parts`, `hits`, `slots`,
+    `marks` and `is_nearby` for readings.
     """
 
     states: Any
@@ -60,6 +61,9 @@ class Work(NamedTuple):
     raw: Any
     parts: Any
     hits: Any
+    slots: Any
+    marks: Any
+    is_nearby: Any
 
 
 class Touch(NamedTuple):
@@ -102,5 +106,8 @@ def new_work(n_places: int, most_filaments: int, state_dtype: np.dtype[Any]) -> 
         sample=np.zeros(SAMPLE_LENGTH),
         raw=np.zeros(MOST_VALUES),
         parts=np.zeros(64),
-        hits=np.zeros(most_filaments, np.int64),
+        hits=np.zeros(most_filaments, np.int32),
+        slots=np.zeros(most_filaments, np.int32),
+        marks=np.zeros(most_filaments // 64 + 1, np.uint64),
+        is_nearby=np.zeros(most_filaments, np.bool_),
     )

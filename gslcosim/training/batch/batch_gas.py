@@ -97,15 +97,18 @@ class BatchGas:
         nx, ny = (int(n) for n in np.maximum(np.ceil(sides_m / _COLUMN_M), 1))
         starts = np.empty((tape.n_frames, nx * ny + 1), np.int32)
         members = np.empty(len(rows), np.int32)
-        largest_m = np.empty((tape.n_frames, nx * ny), np.float32)
+        largest_m = np.empty(tape.n_frames, np.float32)
         origin_m = np.array(grid.origin_m[:2], np.float64)
-        sort_frames_inplace(first, rows, origin_m, _COLUMN_M, nx, ny, starts, members, largest_m)
+        numbers = np.empty((4, len(rows)), np.float32)
+        sort_frames_inplace(first, rows, origin_m, _COLUMN_M, nx, ny, starts, members, numbers, largest_m)
         self.most_filaments = max(self.most_filaments, int(np.diff(first).max(initial=1)))
         row = np.zeros((), records.TAPE)
         row["n_frames"], row["n_rows"] = tape.n_frames, len(rows)
         row["origin_m"], row["column_m"], row["shape"] = origin_m, _COLUMN_M, (nx, ny)
-        arrays = {"first": first, "rows": rows, "starts": starts, "members": members, "largest_sigma_m": largest_m}
-        arrays["frame_sigma_m"] = np.ascontiguousarray(largest_m.max(axis=1))
+        arrays = {
+            "first": first, "starts": starts, "members": members, "sorted_numbers": numbers,
+            "largest_sigma_m": largest_m,
+        }  # fmt: skip
         if sources is not None:
             arrays["sources"] = sources
         for name, array in arrays.items():

@@ -87,16 +87,15 @@ TAPE = np.dtype(
     [
         ("n_frames", np.int64),
         ("first", np.int64),  # address of (n_frames + 1,) int64
-        ("rows", np.int64),  # address of (n, 4) float32
+        ("sorted_numbers", np.int64),  # address of (4, n) float32: x, y, z and sigma, by columns
         ("n_rows", np.int64),
         ("sources", np.int64),  # address of (n,) uint8; 0: there is one
         ("origin_m", np.float64, (2,)),
         ("column_m", np.float64),
         ("shape", np.int64, (2,)),
         ("starts", np.int64),  # address of (n_frames, n_columns + 1) int32
-        ("members", np.int64),  # address of (n,) int32: filaments of each column, in order, from the frame's first
-        ("largest_sigma_m", np.int64),  # address of (n_frames, n_columns) float32
-        ("frame_sigma_m", np.int64),  # address of (n_frames,) float32: the largest in each frame
+        ("members", np.int64),  # address of (n,) int32: which of the frame's filaments they are, in order by column
+        ("largest_sigma_m", np.int64),  # address of (n_frames,) float32
     ]
 )
 

@@ -86,7 +86,7 @@ def _sample_gas(cases, case, room, work, tick, n):
         frame = min(tick // case.gas_ticks_per_step, tape.n_frames - 1)
         add_tape_inplace(
             tape, frame, room, x_m, y_m, z_m, case.cutoff_sigma, cases.strengths[first:end],
-            cases.gas_of_source[first:end], work.hits, work.ppm[n],
+            cases.gas_of_source[first:end], work, work.ppm[n],
         )  # fmt: skip
 
 

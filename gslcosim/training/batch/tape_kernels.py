@@ -1,11 +1,22 @@
 """Readings of a tape of filaments: the sum of a single flight, in its order, of those that may be near only."""
 # pyright: basic, reportCallIssue=false
 
+from typing import Any
+
 import numba
 import numpy as np
+from llvmlite import ir
+from numba.extending import intrinsic
 
-from gslcosim.fields.reading.concentration_kernels import WallCells, is_seen, share_of_filament_ppm
+from gslcosim.fields.reading.concentration_kernels import (
+    WallCells,
+    is_box_of_air,
+    is_seen,
+    share_of_filament_ppm,
+)
 from gslcosim.training.batch.space_kernels import array_at
+
+_ONE = np.uint64(1)
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
@@ -14,7 +25,7 @@ def _column(coordinate_m, origin_m, column_m, n):
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members, largest_sigma_m):
+def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members, sorted_numbers, largest_sigma_m):
     """Sort the filaments of each frame of a tape into columns of space, in their order.
 
     Args:
@@ -26,60 +37,66 @@ def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members
         ny: Columns along y.
         starts: (n_frames, nx ny + 1) written: where each column's filaments begin, from the frame's first on.
         members: (n,) written: which filaments of the frame they are.
-        largest_sigma_m: (n_frames, nx ny) written: the largest standard deviation in each column [m].
+        sorted_numbers: (4, n) written: their x, y, z and sigma [m].
+        largest_sigma_m: (n_frames,) written: the largest standard deviation of each frame [m].
 
     Held by:
         tests/unit/training/batch/test_tape_kernels.py
     """
     for frame in range(len(first) - 1):
         at, n = first[frame], first[frame + 1] - first[frame]
-        begins, largest = starts[frame], largest_sigma_m[frame]
+        begins = starts[frame]
         begins[:] = 0
-        largest[:] = 0.0
+        largest_sigma_m[frame] = 0.0
         for f in range(n):
             i = _column(rows[at + f, 0], origin_m[0], column_m, nx)
             column = i * ny + _column(rows[at + f, 1], origin_m[1], column_m, ny)
             begins[column + 1] += 1
-            largest[column] = max(largest[column], rows[at + f, 3])
+            largest_sigma_m[frame] = max(largest_sigma_m[frame], rows[at + f, 3])
         for column in range(nx * ny):
             begins[column + 1] += begins[column]
         for f in range(n):
             i = _column(rows[at + f, 0], origin_m[0], column_m, nx)
             column = i * ny + _column(rows[at + f, 1], origin_m[1], column_m, ny)
-            members[at + begins[column]] = f
+            slot = at + begins[column]
+            members[slot] = f
+            for k in range(4):
+                sorted_numbers[k, slot] = rows[at + f, k]
             begins[column] += 1
         for column in range(nx * ny, 0, -1):
             begins[column] = begins[column - 1]
         begins[0] = 0
 
 
+# In single precision, for many at a time; `margin_m2` is more than rounding adds.
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _gap2_m2(coordinate_m, origin_m, column_m, i, n):
-    # Square of the distance to a column's extent; those of the border reach on for ever.
-    low, high = origin_m + i * column_m, origin_m + (i + 1) * column_m
-    gap = 0.0
-    if i > 0:
-        gap = max(gap, low - coordinate_m)
-    if i < n - 1:
-        gap = max(gap, coordinate_m - high)
-    return gap * gap
+def _tell_nearby_inplace(is_nearby, xs_m, ys_m, zs_m, sigmas_m, x_m, y_m, z_m, cutoff_sigma, margin_m2):
+    for m in range(len(xs_m)):
+        dx, dy, dz, reach = x_m - xs_m[m], y_m - ys_m[m], z_m - zs_m[m], cutoff_sigma * sigmas_m[m]
+        is_nearby[m] = dx * dx + dy * dy + dz * dz <= reach * reach + margin_m2
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
-def _sort_inplace(hits, n):
-    # By insertion: they come in runs that are sorted.
-    for k in range(1, n):
-        hit = hits[k]
-        j = k - 1
-        while j >= 0 and hits[j] > hit:
-            hits[j + 1] = hits[j]
-            j -= 1
-        hits[j + 1] = hit
+@intrinsic
+def _trailing_zeros(typingctx: Any, bits: Any) -> Any:
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        del context, signature
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
+
+    return bits(bits), codegen
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits):
-    """Write which filaments of a frame are within their cut-off of a place, in their order; return how many.
+def _numbers_of(tape, at, n):
+    numbers, row = tape.sorted_numbers + at * 4, tape.n_rows * 4
+    return (
+        array_at(numbers, n, np.float32), array_at(numbers + row, n, np.float32),
+        array_at(numbers + 2 * row, n, np.float32), array_at(numbers + 3 * row, n, np.float32),
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, _nrt=False)
+def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
+    """Write where those filaments of a frame stand that are within their cut-off of a place; return how many.
 
     Args:
         tape: Record of `TAPE`.
@@ -88,53 +105,66 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits):
         y_m: Place, world frame [m].
         z_m: Place, world frame [m].
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        hits: (n,) written; as long as the largest frame.
+        work: Scratch of this thread; its `hits` are written: where they stand in the sorted frame, in the order that
+            they have in the tape. `marks` are zeros, and are left so.
 
     Held by:
         tests/unit/training/batch/test_tape_kernels.py
     """
     nx, ny = tape.shape[0], tape.shape[1]
     n_columns = nx * ny
+    hits, slots, marks, is_nearby = work.hits, work.slots, work.marks, work.is_nearby
     first = array_at(tape.first, tape.n_frames + 1, np.int64)
     at = first[frame]
     n = first[frame + 1] - at
-    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)
+    xs_m, ys_m, zs_m, sigmas_m = _numbers_of(tape, at, n)
     members = array_at(tape.members + at * 4, n, np.int32)
     starts = array_at(tape.starts + frame * (n_columns + 1) * 4, n_columns + 1, np.int32)
-    largest = array_at(tape.largest_sigma_m + frame * n_columns * 4, n_columns, np.float32)
     # No filament of the frame reaches further than this, and a hair.
-    reach_m = 1.000001 * cutoff_sigma * np.float64(array_at(tape.frame_sigma_m, tape.n_frames, np.float32)[frame])
+    reach_m = 1.000001 * cutoff_sigma * np.float64(array_at(tape.largest_sigma_m, tape.n_frames, np.float32)[frame])
     i_first = _column(x_m - reach_m, tape.origin_m[0], tape.column_m, nx)
     i_last = _column(x_m + reach_m, tape.origin_m[0], tape.column_m, nx)
     j_first = _column(y_m - reach_m, tape.origin_m[1], tape.column_m, ny)
     j_last = _column(y_m + reach_m, tape.origin_m[1], tape.column_m, ny)
+    margin_m2 = np.float32(1e-6 * reach_m * (abs(x_m) + abs(y_m) + abs(z_m) + reach_m))
+    x, y, z, cutoff = np.float32(x_m), np.float32(y_m), np.float32(z_m), np.float32(cutoff_sigma)
     n_hits = 0
     for i in range(i_first, i_last + 1):
-        gap_x2 = _gap2_m2(x_m, tape.origin_m[0], tape.column_m, i, nx)
-        for j in range(j_first, j_last + 1):
-            column = i * ny + j
-            begin, end = starts[column], starts[column + 1]
-            if begin == end:
+        # Columns along y stand side by side.
+        begin, end = starts[i * ny + j_first], starts[i * ny + j_last + 1]
+        _tell_nearby_inplace(
+            is_nearby, xs_m[begin:end], ys_m[begin:end], zs_m[begin:end], sigmas_m[begin:end], x, y, z, cutoff,
+            margin_m2,
+        )  # fmt: skip
+        for k in range(end - begin):
+            if not is_nearby[k]:
                 continue
-            reach_m = cutoff_sigma * np.float64(largest[column])
-            # A hair more, so that rounding of the gap leaves nobody out.
-            if gap_x2 + _gap2_m2(y_m, tape.origin_m[1], tape.column_m, j, ny) > reach_m * reach_m * 1.000001:
+            m = begin + k
+            fx, fy, fz = np.float64(xs_m[m]), np.float64(ys_m[m]), np.float64(zs_m[m])
+            s = np.float64(sigmas_m[m])
+            d2 = (x_m - fx) * (x_m - fx) + (y_m - fy) * (y_m - fy) + (z_m - fz) * (z_m - fz)
+            if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
                 continue
-            for m in range(begin, end):
-                f = members[m]
-                fx, fy, fz = np.float64(rows[f, 0]), np.float64(rows[f, 1]), np.float64(rows[f, 2])
-                s = np.float64(rows[f, 3])
-                d2 = (x_m - fx) * (x_m - fx) + (y_m - fy) * (y_m - fy) + (z_m - fz) * (z_m - fz)
-                if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
-                    continue
-                hits[n_hits] = f
-                n_hits += 1
-    _sort_inplace(hits, n_hits)
+            f = members[m]
+            slots[f] = m
+            marks[f >> 6] |= _ONE << np.uint64(f & 63)
+            n_hits += 1
+    # Back into the tape's order, in which they are summed.
+    k = 0
+    for word in range((n + 63) >> 6):
+        bits = marks[word]
+        if bits == 0:
+            continue
+        marks[word] = 0
+        while bits != 0:
+            hits[k] = slots[(word << 6) + np.int64(_trailing_zeros(bits))]
+            bits &= bits - _ONE
+            k += 1
     return n_hits
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, gas_of_source, hits, ppm):
+def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, gas_of_source, work, ppm):
     """Add what the filaments of a frame contribute at a place; the same sum as `add_filaments_at_points_inplace`.
 
     Args:
@@ -147,19 +177,22 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
         strengths: (n_sources,) a filament's gas as volume of pure gas [ppm m3].
         gas_of_source: (n_sources,) which gas it is.
-        hits: (n,) scratch; as long as the largest frame.
+        work: Scratch of this thread.
         ppm: (n_gases,) mixing ratios [ppm]; added to.
 
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
-    n_hits = near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, hits)
+    n_hits = near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work)
     if n_hits == 0:
         return
+    hits = work.hits
     first = array_at(tape.first, tape.n_frames + 1, np.int64)
     at = first[frame]
     n = first[frame + 1] - at
-    rows = array_at(tape.rows + at * 16, (n, 4), np.float32)
+    xs_m, ys_m, zs_m, sigmas_m = _numbers_of(tape, at, n)
+    members = array_at(tape.members + at * 4, n, np.int32)
+    sources = array_at(tape.sources + at, n, np.uint8)
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
     is_opaque = True
     walls = WallCells(
@@ -169,14 +202,21 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
         (room.origin_m[0], room.origin_m[1], room.origin_m[2]),
         room.cell_m,
     )
+    x0, x1, y0, y1, z0, z1 = x_m, x_m, y_m, y_m, z_m, z_m
     for k in range(n_hits):
-        f = hits[k]
-        fx, fy, fz = np.float64(rows[f, 0]), np.float64(rows[f, 1]), np.float64(rows[f, 2])
-        s = np.float64(rows[f, 3])
-        if not is_seen(walls, x_m, y_m, z_m, fx, fy, fz):
+        m = hits[k]
+        fx, fy, fz = np.float64(xs_m[m]), np.float64(ys_m[m]), np.float64(zs_m[m])
+        x0, x1, y0, y1, z0, z1 = min(x0, fx), max(x1, fx), min(y0, fy), max(y1, fy), min(z0, fz), max(z1, fz)
+    # Where all that is around them is air, nobody hides.
+    is_open = is_box_of_air(walls, x0, x1, y0, y1, z0, z1)
+    for k in range(n_hits):
+        m = hits[k]
+        fx, fy, fz = np.float64(xs_m[m]), np.float64(ys_m[m]), np.float64(zs_m[m])
+        s = np.float64(sigmas_m[m])
+        if not (is_open or is_seen(walls, x_m, y_m, z_m, fx, fy, fz)):
             continue
         source = 0
         if tape.sources != 0:
-            source = array_at(tape.sources + at, n, np.uint8)[f]
+            source = sources[members[m]]
         d2 = (x_m - fx) * (x_m - fx) + (y_m - fy) * (y_m - fy) + (z_m - fz) * (z_m - fz)
         ppm[gas_of_source[source]] += share_of_filament_ppm(strengths[source], s, d2)

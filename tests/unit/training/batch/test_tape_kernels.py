@@ -3,7 +3,9 @@
 import numpy as np
 
 from gslcosim.training.batch import batch_records
+from gslcosim.training.batch.batch_arrays import new_work
 from gslcosim.training.batch.tape_kernels import near_filaments_inplace, sort_frames_inplace
+from gslcosim.world.physics import records
 
 CUTOFF_SIGMA = 5.0
 
@@ -15,20 +17,25 @@ def test_the_near_filaments_of_a_frame_are_all_within_their_cut_off_in_order():
     rows = np.column_stack([rng.uniform(-1, 7, (sum(counts), 3)), rng.uniform(0.01, 0.3, sum(counts))])
     rows = rows.astype(np.float32)
     starts, members = np.empty((4, 6 * 5 + 1), np.int32), np.empty(len(rows), np.int32)
-    largest_m = np.empty((4, 6 * 5), np.float32)
-    sort_frames_inplace(first, rows, np.zeros(2), 1.0, 6, 5, starts, members, largest_m)
+    numbers, largest_m = np.empty((4, len(rows)), np.float32), np.empty(4, np.float32)
+    sort_frames_inplace(first, rows, np.zeros(2), 1.0, 6, 5, starts, members, numbers, largest_m)
     tape = np.zeros((), batch_records.TAPE)
     tape["n_frames"], tape["column_m"], tape["shape"] = 4, 1.0, (6, 5)
-    arrays = {"first": first, "rows": rows, "starts": starts, "members": members, "largest_sigma_m": largest_m}
-    arrays["frame_sigma_m"] = np.ascontiguousarray(largest_m.max(axis=1))
+    tape["n_rows"] = len(rows)
+    arrays = {
+        "first": first, "starts": starts, "members": members, "sorted_numbers": numbers, "largest_sigma_m": largest_m,
+    }  # fmt: skip
     for name, array in arrays.items():
         tape[name] = array.ctypes.data
-    hits, n_found = np.zeros(1000, np.int64), 0
+    work, n_found = new_work(1, 700, records.STATE), 0
     for frame in range(4):
         own = rows[first[frame] : first[frame + 1]].astype(np.float64)
         for place_m in rng.uniform(-2, 8, (100, 3)):
             near = np.flatnonzero(np.linalg.norm(own[:, :3] - place_m, axis=1) <= CUTOFF_SIGMA * own[:, 3])
-            n = near_filaments_inplace(tape[()], frame, *place_m, CUTOFF_SIGMA, hits)
-            assert hits[:n].tolist() == near.tolist()
+            n = near_filaments_inplace(tape[()], frame, *place_m, CUTOFF_SIGMA, work)
+            found = first[frame] + work.hits[:n]
+            assert members[found].tolist() == near.tolist()
+            assert np.array_equal(numbers[:, found].T, own.astype(np.float32)[near])
+            assert not work.marks.any()
             n_found += n
     assert n_found > 400
