@@ -3,8 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gslcosim.training.batch.batch_records import MOST_GASES, MOST_VALUES, SAMPLE_LENGTH
+from gslcosim.training.batch.batch_records import CASES, MOST_GASES, WORK
 
 
 class Cases(NamedTuple):
@@ -43,27 +44,10 @@ class Searches(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch of one thread.
+    """Scratch of one thread: (1,) record of `WORK`, and the arrays that it points into."""
 
-    `states` (3, 3, 3) and two records of `records.STATE` for planning; `places_m`, `velocity_m_s`, `ppm` and `wind_m_s`
-    of the sensors' places, `rotation` nine numbers of the vehicle's; `sample`, `raw`, `parts`, `hits`, `slots`,
-    `marks` and `is_nearby` for readings.
-    """
-
-    states: Any
-    paths: Any
-    places_m: Any
-    velocity_m_s: Any
-    ppm: Any
-    wind_m_s: Any
-    rotation: Any
-    sample: Any
-    raw: Any
-    parts: Any
-    hits: Any
-    slots: Any
-    marks: Any
-    is_nearby: Any
+    record: Any
+    kept: tuple[Any, ...]
 
 
 class Touch(NamedTuple):
@@ -95,19 +79,32 @@ def new_work(n_places: int, most_filaments: int, state_dtype: np.dtype[Any]) -> 
         most_filaments: How many filaments a frame of a tape has at most.
         state_dtype: `records.STATE`.
     """
-    return Work(
-        states=np.zeros((3, 3, 3)),
-        paths=np.zeros(2, state_dtype),
-        places_m=np.zeros((n_places, 3)),
-        velocity_m_s=np.zeros((n_places, 3)),
-        ppm=np.zeros((n_places, MOST_GASES)),
-        wind_m_s=np.zeros((n_places, 3)),
-        rotation=np.zeros(9),
-        sample=np.zeros(SAMPLE_LENGTH),
-        raw=np.zeros(MOST_VALUES),
-        parts=np.zeros(64),
-        hits=np.zeros(most_filaments, np.int32),
-        slots=np.zeros(most_filaments, np.int32),
-        marks=np.zeros(most_filaments // 64 + 1, np.uint64),
-        is_nearby=np.zeros(most_filaments, np.bool_),
-    )
+    record = np.zeros(1, WORK)
+    arrays = {
+        "paths": np.zeros(2, state_dtype),
+        "places_m": np.zeros((n_places, 3)),
+        "velocity_m_s": np.zeros((n_places, 3)),
+        "wind_m_s": np.zeros((n_places, 3)),
+        "ppm": np.zeros((n_places, MOST_GASES)),
+        "hits": np.zeros(most_filaments, np.int32),
+        "slots": np.zeros(most_filaments, np.int32),
+        "marks": np.zeros(most_filaments // 64 + 1, np.uint64),
+        "is_nearby": np.zeros(most_filaments, np.uint8),
+    }
+    record["n_places"], record["most_filaments"] = n_places, most_filaments
+    for name, array in arrays.items():
+        record[name] = array.ctypes.data
+    return Work(record=record, kept=tuple(arrays.values()))
+
+
+def record_of(cases: Cases) -> NDArray[np.void]:
+    """Return the (1,) record of `CASES` that points into cases, which have to be kept."""
+    record = np.zeros(1, CASES)
+    for name, array in cases._asdict().items():
+        assert array.flags.c_contiguous, name
+        record[name] = array.ctypes.data
+        if f"n_{name}" in (CASES.names or ()):
+            record[f"n_{name}"] = len(array)
+    record["n_cases"], record["n_sensors"] = cases.instruments.shape
+    record["n_places"] = cases.places_m.shape[1]
+    return record

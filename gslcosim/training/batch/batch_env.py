@@ -19,7 +19,7 @@ from gslcosim.search.learned.acting import action_kind
 from gslcosim.ticks import NS_PER_S
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_actions import BATCHED_ACTIONS, BatchActions
-from gslcosim.training.batch.batch_arrays import Searches, Work, new_touch, new_work
+from gslcosim.training.batch.batch_arrays import Searches, Work, new_touch, new_work, record_of
 from gslcosim.training.batch.case_shares import case_of, shares_of_cases
 from gslcosim.training.batch.drawing_kernels import scrambled
 from gslcosim.training.batch.preparing import EXACT, FLYING, prepare
@@ -133,7 +133,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self.n_ticks = 0
         n_threads = n_threads or len(os.sched_getaffinity(0))
         n_places = self._prepared.cases.places_m.shape[1]
-        self._touch = new_touch(n_places)
+        self._touch, self._cases = new_touch(n_places), record_of(self._prepared.cases)
         self._work = [new_work(n_places, self._prepared.most_filaments, records.STATE) for _ in range(n_threads)]
         self._threads = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
 
@@ -267,7 +267,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def _fly_part(self, rows: NDArray[np.int64], how: int, work: Work) -> int:
         n_touched = fly(
             rows, how, self._next_cases, self._next_seeds, self._actions.tasks, self._actions.vectors, self._touch,
-            self._prepared.cases, self._searches, work, self._observations,
+            self._cases, self._searches, work.record, self._observations,
         )  # fmt: skip
         return int(n_touched)
 

@@ -216,3 +216,53 @@ SEARCH = np.dtype(
         ("found_sources", np.int64),  # a bit for each
     ]
 )
+
+# All cases and the scratch of a thread go from kernel to kernel as one record of addresses each: an array costs a call
+# seven numbers, and a tuple of arrays a hundred.
+CASES = np.dtype(
+    [
+        ("n_cases", np.int64),
+        ("n_sensors", np.int64),
+        ("n_places", np.int64),
+        ("rooms", np.int64),  # addresses of what `batch_arrays.Cases` has
+        ("n_rooms", np.int64),
+        ("cases", np.int64),
+        ("vehicles", np.int64),
+        ("plumes", np.int64),
+        ("n_plumes", np.int64),
+        ("tapes", np.int64),
+        ("n_tapes", np.int64),
+        ("strengths", np.int64),
+        ("gas_of_source", np.int64),
+        ("n_strengths", np.int64),
+        ("instruments", np.int64),
+        ("names", np.int64),
+        ("n_names", np.int64),
+        ("start_rows", np.int64),
+        ("n_start_rows", np.int64),
+        ("sources_m", np.int64),
+        ("n_sources", np.int64),
+        ("places_m", np.int64),
+    ]
+)
+
+WORK = np.dtype(
+    [
+        ("states", np.float64, (3, 3, 3)),  # for planning, as are the two records of `records.STATE`
+        ("paths", np.int64),
+        ("n_places", np.int64),
+        ("places_m", np.int64),  # addresses of (n_places, 3) float64: where sensors are, how they move, the wind there
+        ("velocity_m_s", np.int64),
+        ("wind_m_s", np.int64),
+        ("ppm", np.int64),  # address of (n_places, MOST_GASES) float64
+        ("rotation", np.float64, (9,)),  # of the vehicle
+        ("sample", np.float64, (SAMPLE_LENGTH,)),
+        ("raw", np.float64, (MOST_VALUES,)),
+        ("parts", np.float64, (64,)),
+        ("most_filaments", np.int64),  # of what follows: see `tape_kernels`
+        ("hits", np.int64),  # address of int32
+        ("slots", np.int64),  # address of int32
+        ("marks", np.int64),  # address of (most_filaments // 64 + 1,) uint64
+        ("is_nearby", np.int64),  # address of uint8
+    ]
+)

@@ -5,9 +5,10 @@ import math
 
 import numba
 
-from gslcosim.training.batch.space_kernels import is_edge_ahead, is_open_ahead
+from gslcosim.training.batch.space_kernels import array_at, is_edge_ahead, is_open_ahead
 from gslcosim.world.paths.quickest_kernels import GROWTH, SHORTEST_S, plan_inplace
 from gslcosim.world.paths.trajectory_kernels import polynomial_at
+from gslcosim.world.physics.records import STATE
 
 # See `gslcosim.world.paths.trajectory`.
 SAME_S = 1e-9
@@ -124,13 +125,13 @@ def must_brake(path, case, room, work, tick):
         path: Record of `records.STATE`: what it flies.
         case: Record of `CASE`.
         room: Record of `ROOM`.
-        work: Scratch of this thread.
+        work: Record of `WORK`.
         tick: The tick that ended.
 
     Held by:
         tests/unit/training/batch/test_braking_kernels.py
     """
-    state, end, stop = work.states[0], work.states[1], work.paths[0]
+    state, end, stop = work.states[0], work.states[1], array_at(work.paths, 2, STATE)[0]
     motion_inplace(state, path, case, tick + 1)
     # Mostly there is nothing anywhere near, and no need to know where exactly it stops.
     longest_s = longest_stop_s(case, state[1], state[2])

@@ -25,12 +25,13 @@ from gslcosim.training.batch.braking_kernels import (
     seconds_of,
 )
 from gslcosim.training.batch.exact_kernels import norm3
-from gslcosim.training.batch.space_kernels import copy_inplace, is_place_refused
+from gslcosim.training.batch.space_kernels import array_at, copy_inplace, is_place_refused
 from gslcosim.world.paths.quickest_kernels import plan_inplace
 from gslcosim.world.paths.trajectory_kernels import (
     allowed_aside_m,
     farthest_aside_m,
 )
+from gslcosim.world.physics.records import STATE
 
 # See `gslcosim.world.guidance.arrival` and `guidance.conduct`.
 _ARRIVED_WITHIN_M = 0.15
@@ -147,7 +148,7 @@ def _is_refused(search, path, case, room, work, tick, task, vector):
         return True
     if search.phase == TAKING_OFF or (search.keeps_velocity and _is_equal(vector, search.kept_velocity_m_s)):
         return False
-    planned, state, end = work.paths[1], work.states[2], work.states[1]
+    planned, state, end = array_at(work.paths, 2, STATE)[1], work.states[2], work.states[1]
     motion_inplace(state, path, case, tick)
     fly_at_inplace(planned, case, state, end, vector[0], vector[1], vector[2], tick)
     return must_brake(planned, case, room, work, tick)
@@ -173,7 +174,7 @@ def hear(search, path, case, room, work, tick, task, vector):
         path: Record of `records.STATE`.
         case: Record of `CASE`.
         room: Record of `ROOM`.
-        work: Scratch of this thread.
+        work: Record of `WORK`.
         tick: The tick that ended.
         task: CRUISE, GO_TO or HOLD.
         vector: (3,) velocity [m/s] or place [m], world frame.
@@ -200,7 +201,7 @@ def hear(search, path, case, room, work, tick, task, vector):
         else:
             if not (search.keeps_velocity and _is_equal(vector, search.kept_velocity_m_s)) or search.is_preparing:
                 # It was planned to see whether it can be done.
-                _copy_path(path, work.paths[1])
+                _copy_path(path, array_at(work.paths, 2, STATE)[1])
                 search.is_preparing = 0
                 search.prepares_since_tick = tick
             _forget_legs(search)
@@ -264,7 +265,7 @@ def end_tick(search, path, case, room, work, tick):
         path: Record of `records.STATE`.
         case: Record of `CASE`.
         room: Record of `ROOM`.
-        work: Scratch of this thread.
+        work: Record of `WORK`.
         tick: The tick that ends.
     """
     if search.is_preparing:

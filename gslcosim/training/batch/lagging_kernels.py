@@ -2,8 +2,9 @@
 # pyright: basic, reportCallIssue=false
 
 import numba
+import numpy as np
 
-from gslcosim.training.batch.space_kernels import is_hit, wind_at_inplace
+from gslcosim.training.batch.space_kernels import array_at, is_hit, wind_at_inplace
 from gslcosim.world.physics.flight_kernels import path_force_inplace
 from gslcosim.world.physics.rotor_kernels import drag_force
 
@@ -24,7 +25,7 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
         vehicle: Record of `records.CONSTANTS`.
         case: Record of `CASE`.
         room: Record of `ROOM`.
-        work: Scratch of this thread.
+        work: Record of `WORK`.
         tick: The tick that is advanced to.
         time_s: Time since the sources opened at the tick's beginning [s].
 
@@ -38,7 +39,7 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
     """
     p, v, f = search.position_m, search.velocity_m_s, search.force_m_s2
     dt_s = case.tick_s / case.n_substeps
-    wind = work.wind_m_s[0]
+    wind = array_at(work.wind_m_s, (work.n_places, 3), np.float64)[0]
     wind_at_inplace(wind, room, time_s, p[0], p[1], p[2])
     for i_substep in range(case.n_substeps):
         if is_hit(room, case.radius_m, case.half_height_m, p):

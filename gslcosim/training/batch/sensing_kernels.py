@@ -162,11 +162,14 @@ def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
 def _sample_inplace(instrument, memory, tick, n_gases, work):
     # Writes what the instrument sees now: gas, wind and how it moves, as they were `delay_ticks` ago.
     sample, n = work.sample, instrument.place
+    ppm = array_at(work.ppm, (work.n_places, MOST_GASES), np.float64)
+    wind_m_s = array_at(work.wind_m_s, (work.n_places, 3), np.float64)
+    velocity_m_s = array_at(work.velocity_m_s, (work.n_places, 3), np.float64)
     for g in range(n_gases):
-        sample[g] = work.ppm[n, g]
+        sample[g] = ppm[n, g]
     for axis in range(3):
-        sample[MOST_GASES + axis] = work.wind_m_s[n, axis]
-        sample[MOST_GASES + 3 + axis] = work.velocity_m_s[n, axis]
+        sample[MOST_GASES + axis] = wind_m_s[n, axis]
+        sample[MOST_GASES + 3 + axis] = velocity_m_s[n, axis]
     if instrument.delay_ticks == 0:
         return
     first, length = instrument.first_memory + instrument.n_kept, instrument.delay_ticks + 1
@@ -189,7 +192,7 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
         tick: The tick.
         tick_s: Length of a tick [s].
         n_gases: How many gases there are.
-        work: `Work` of this thread, with what is true at the sensors' places.
+        work: Record of `WORK`, with what is true at the sensors' places.
 
     Held by:
         tests/integration/training/test_batch_equals_flight.py

@@ -2,16 +2,22 @@
 # pyright: basic, reportCallIssue=false
 
 import numba
+import numpy as np
 
-from gslcosim.fields.models.formula_plume_kernels import steady_ppm
+from gslcosim.fields.models.formula_plume_kernels import PLUME, steady_ppm
 from gslcosim.training.batch.batch_records import (
     BEGIN,
+    CASE,
     FINISH,
+    INSTRUMENT,
+    MOST_GASES,
     NO_TASK,
     ON_GROUND,
+    ROOM,
     SEARCHES_ON,
     STEADY_PLUMES,
     STEP,
+    TAPE,
 )
 from gslcosim.training.batch.braking_kernels import seconds_of
 from gslcosim.training.batch.drawing_kernels import seed_inplace
@@ -20,9 +26,10 @@ from gslcosim.training.batch.guiding_kernels import end_tick, hear, take_off
 from gslcosim.training.batch.judging_kernels import judge_inplace
 from gslcosim.training.batch.lagging_kernels import fly_lagged_tick
 from gslcosim.training.batch.sensing_kernels import read_inplace, tell_pose_inplace, tell_reading_inplace
-from gslcosim.training.batch.space_kernels import copy_inplace, touches, wind_at_inplace
+from gslcosim.training.batch.space_kernels import array_at, copy_inplace, touches, wind_at_inplace
 from gslcosim.training.batch.tape_kernels import add_tape_inplace
 from gslcosim.world.physics.flight_kernels import path_force_inplace
+from gslcosim.world.physics.records import CONSTANTS
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
@@ -64,41 +71,50 @@ def _note_path(search):
 @numba.njit(cache=True, nogil=True, _nrt=False)
 def _place_sensors(search, places_m, work):
     p, v = search.position_m, search.velocity_m_s
+    world_m = array_at(work.places_m, (work.n_places, 3), np.float64)
+    velocity_m_s = array_at(work.velocity_m_s, (work.n_places, 3), np.float64)
     for n in range(places_m.shape[0]):
         for axis in range(3):
-            work.places_m[n, axis] = p[axis] + places_m[n, axis]
-            work.velocity_m_s[n, axis] = v[axis]
+            world_m[n, axis] = p[axis] + places_m[n, axis]
+            velocity_m_s[n, axis] = v[axis]
     work.rotation[:] = 0.0
     work.rotation[0] = work.rotation[4] = work.rotation[8] = 1.0
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _sample_gas(cases, case, room, work, tick, n):
-    x_m, y_m, z_m = work.places_m[n, 0], work.places_m[n, 1], work.places_m[n, 2]
+def _sample_gas(cases, case, room, work, tick, n, place_m):
+    x_m, y_m, z_m = place_m[0], place_m[1], place_m[2]
+    ppm = array_at(work.ppm, (work.n_places, MOST_GASES), np.float64)[n]
     for g in range(case.n_gases):
-        work.ppm[n, g] = 0.0
+        ppm[g] = 0.0
     first, end = case.first_plume, case.first_plume + case.n_plumes
     if case.gas == STEADY_PLUMES:
+        plumes = array_at(cases.plumes, cases.n_plumes, PLUME)
         for k in range(first, end):
-            work.ppm[n, cases.plumes[k].gas] += steady_ppm(cases.plumes[k], x_m, y_m, z_m)
+            ppm[plumes[k].gas] += steady_ppm(plumes[k], x_m, y_m, z_m)
     else:
-        tape = cases.tapes[case.tape]
+        tape = array_at(cases.tapes, cases.n_tapes, TAPE)[case.tape]
+        strengths = array_at(cases.strengths, cases.n_strengths, np.float64)
+        gas_of_source = array_at(cases.gas_of_source, cases.n_strengths, np.int64)
         frame = min(tick // case.gas_ticks_per_step, tape.n_frames - 1)
         add_tape_inplace(
-            tape, frame, room, x_m, y_m, z_m, case.cutoff_sigma, cases.strengths[first:end],
-            cases.gas_of_source[first:end], work, work.ppm[n],
+            tape, frame, room, x_m, y_m, z_m, case.cutoff_sigma, strengths[first:end],
+            gas_of_source[first:end], work, ppm,
         )  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
 def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
     time_s = case.warm_up_s + seconds_of(tick, case.tick_ns)
-    for n in range(cases.places_m.shape[1]):
-        _sample_gas(cases, case, room, work, tick, n)
-        place_m = work.places_m[n]
-        wind_at_inplace(work.wind_m_s[n], room, time_s, place_m[0], place_m[1], place_m[2])
+    places_m = array_at(work.places_m, (work.n_places, 3), np.float64)
+    wind_m_s = array_at(work.wind_m_s, (work.n_places, 3), np.float64)
+    for n in range(work.n_places):
+        place_m = places_m[n]
+        _sample_gas(cases, case, room, work, tick, n, place_m)
+        wind_at_inplace(wind_m_s[n], room, time_s, place_m[0], place_m[1], place_m[2])
+    instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
     for k in range(gauges.shape[0]):
-        instrument = cases.instruments[i_case, k]
+        instrument = instruments[i_case, k]
         read_inplace(instrument, gauges[k], memory, search, room, tick, case.tick_s, case.n_gases, work)
 
 
@@ -106,15 +122,19 @@ def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
 def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
     # From the end of a tick, which is judged, to the next question, the end, or the first touch.
     i_case = search.case
-    case, vehicle = cases.cases[i_case], cases.vehicles[i_case]
-    room = cases.rooms[case.room]
+    case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
+    vehicle = array_at(cases.vehicles, cases.n_cases, CONSTANTS)[i_case]
+    room = array_at(cases.rooms, cases.n_rooms, ROOM)[case.room]
+    start_rows = array_at(cases.start_rows, (cases.n_start_rows, 8), np.float64)
+    sources_m = array_at(cases.sources_m, (cases.n_sources, 3), np.float64)
+    places_m = array_at(cases.places_m, (cases.n_cases, cases.n_places, 3), np.float64)[i_case]
     while True:
         tick += 1
         search.tick = tick
         search.is_touching = search.is_bumped = 0
         copy_inplace(search.tick_start_m, search.position_m)
         if tick == 0:
-            _leave_start(search, case, cases.start_rows, tick)
+            _leave_start(search, case, start_rows, tick)
             search.is_asked = case.asks_every_tick
         else:
             if tick == 1:
@@ -123,7 +143,7 @@ def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
                 hear(search, path, case, room, work, tick - 1, task, vector)
                 task = NO_TASK
             if tick < case.n_start_rows:
-                _leave_start(search, case, cases.start_rows, tick)
+                _leave_start(search, case, start_rows, tick)
             elif case.is_lagged:
                 begin_s = case.warm_up_s + seconds_of(tick - 1, case.tick_ns)
                 fly_lagged_tick(search, path, vehicle, case, room, work, tick, begin_s)
@@ -131,24 +151,28 @@ def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
                 return
             _note_path(search)
             end_tick(search, path, case, room, work, tick)
-        _place_sensors(search, cases.places_m[i_case], work)
+        _place_sensors(search, places_m, work)
         _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
-        if search.is_asked or judge_inplace(search, case, room, cases.sources_m, tick):
+        if search.is_asked or judge_inplace(search, case, room, sources_m, tick):
             return
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
 def _tell(numbers, search, gauges, cases):
     i_case = search.case
-    case = cases.cases[i_case]
+    case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
+    instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
     tell_pose_inplace(numbers, search, case, seconds_of(search.tick, case.tick_ns))
     for k in range(gauges.shape[0]):
-        tell_reading_inplace(numbers, cases.instruments[i_case, k], gauges[k])
+        tell_reading_inplace(numbers, instruments[i_case, k], gauges[k])
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
 def _reset(search, path, gauges, cases, i_case, seed):
-    case, gravity_m_s2 = cases.cases[i_case], cases.vehicles[i_case].gravity_m_s2
+    case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
+    gravity_m_s2 = array_at(cases.vehicles, cases.n_cases, CONSTANTS)[i_case].gravity_m_s2
+    instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
+    names = array_at(cases.names, cases.n_names, np.uint8)
     search.case, search.seed = i_case, seed
     search.tick = -1
     copy_inplace(search.position_m, case.start_m)
@@ -179,15 +203,15 @@ def _reset(search, path, gauges, cases, i_case, seed):
         path.coefficients[axis, 0] = case.start_m[axis]
         path.end_world_m[axis] = case.start_m[axis]
     for k in range(gauges.shape[0]):
-        instrument, gauge = cases.instruments[i_case, k], gauges[k]
-        name = cases.names[instrument.first_name : instrument.first_name + instrument.n_name]
+        instrument, gauge = instruments[i_case, k], gauges[k]
+        name = names[instrument.first_name : instrument.first_name + instrument.n_name]
         seed_inplace(gauge.stream, seed, name)
         gauge.has_begun = gauge.is_warming_up = 0
         gauge.first_ppm = gauge.second_ppm = 0.0
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, work, observations):
+def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches, works, observations):
     """Fly searches to their next questions or ends, or to where they touch something.
 
     BEGIN begins them anew, in a case and with a seed; STEP gives those that are asked a task; FINISH ends the tick in
@@ -201,9 +225,9 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, wor
         tasks: (n,) CRUISE, GO_TO or HOLD for each search.
         vectors: (n, 3) velocity [m/s] or place [m], world frame.
         touch: `batch_arrays.Touch`; it counts with FINISH.
-        cases: `batch_arrays.Cases`.
+        all_cases: (1,) record of `CASES`.
         searches: `batch_arrays.Searches`.
-        work: `batch_arrays.Work` of this thread.
+        works: (1,) record of `WORK` of this thread.
         observations: (n, n_numbers) float32; the rows of these searches are written.
 
     Returns:
@@ -212,15 +236,18 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, wor
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
-    n_touched = 0
+    n_touched, cases, work = 0, all_cases[0], works[0]
+    sources_m = array_at(cases.sources_m, (cases.n_sources, 3), np.float64)
+    places_m = array_at(work.places_m, (work.n_places, 3), np.float64)
+    velocity_m_s = array_at(work.velocity_m_s, (work.n_places, 3), np.float64)
     for n in range(len(rows)):
         i = rows[n]
         search, path, gauges, memory = searches.searches[i], searches.paths[i], searches.gauges[i], searches.memory[i]
         if how == BEGIN:
             _reset(search, path, gauges, cases, case_of[i], seed_of[i])
         i_case = search.case
-        case = cases.cases[i_case]
-        room, tick = cases.rooms[case.room], search.tick
+        case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
+        room, tick = array_at(cases.rooms, cases.n_rooms, ROOM)[case.room], search.tick
         task = NO_TASK
         if how == STEP:
             task = tasks[i]
@@ -231,11 +258,11 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, cases, searches, wor
             _note_path(search)
             end_tick(search, path, case, room, work, tick)
             copy_inplace(work.rotation, touch.rotation)
-            for k in range(work.places_m.shape[0]):
-                copy_inplace(work.places_m[k], touch.places_m[k])
-                copy_inplace(work.velocity_m_s[k], touch.velocity_m_s[k])
+            for k in range(work.n_places):
+                copy_inplace(places_m[k], touch.places_m[k])
+                copy_inplace(velocity_m_s[k], touch.velocity_m_s[k])
             _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
-        if how == BEGIN or not (search.is_asked or judge_inplace(search, case, room, cases.sources_m, tick)):
+        if how == BEGIN or not (search.is_asked or judge_inplace(search, case, room, sources_m, tick)):
             if how == STEP:
                 search.command_tick = tick + 1
             _go_on(search, path, gauges, memory, cases, work, tick, task, vectors[i])

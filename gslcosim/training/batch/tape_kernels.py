@@ -105,7 +105,7 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
         y_m: Place, world frame [m].
         z_m: Place, world frame [m].
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        work: Scratch of this thread; its `hits` are written: where they stand in the sorted frame, in the order that
+        work: Record of `WORK`; its `hits` are written: where they stand in the sorted frame, in the order that
             they have in the tape. `marks` are zeros, and are left so.
 
     Held by:
@@ -113,7 +113,9 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
     """
     nx, ny = tape.shape[0], tape.shape[1]
     n_columns = nx * ny
-    hits, slots, marks, is_nearby = work.hits, work.slots, work.marks, work.is_nearby
+    most = work.most_filaments
+    hits, slots = array_at(work.hits, most, np.int32), array_at(work.slots, most, np.int32)
+    marks, is_nearby = array_at(work.marks, most // 64 + 1, np.uint64), array_at(work.is_nearby, most, np.uint8)
     first = array_at(tape.first, tape.n_frames + 1, np.int64)
     at = first[frame]
     n = first[frame + 1] - at
@@ -177,7 +179,7 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
         strengths: (n_sources,) a filament's gas as volume of pure gas [ppm m3].
         gas_of_source: (n_sources,) which gas it is.
-        work: Scratch of this thread.
+        work: Record of `WORK`.
         ppm: (n_gases,) mixing ratios [ppm]; added to.
 
     Held by:
@@ -186,7 +188,7 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
     n_hits = near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work)
     if n_hits == 0:
         return
-    hits = work.hits
+    hits = array_at(work.hits, work.most_filaments, np.int32)
     first = array_at(tape.first, tape.n_frames + 1, np.int64)
     at = first[frame]
     n = first[frame + 1] - at

@@ -28,14 +28,15 @@ def test_the_near_filaments_of_a_frame_are_all_within_their_cut_off_in_order():
     for name, array in arrays.items():
         tape[name] = array.ctypes.data
     work, n_found = new_work(1, 700, records.STATE), 0
+    hits, marks = work.kept[5], work.kept[7]
     for frame in range(4):
         own = rows[first[frame] : first[frame + 1]].astype(np.float64)
         for place_m in rng.uniform(-2, 8, (100, 3)):
             near = np.flatnonzero(np.linalg.norm(own[:, :3] - place_m, axis=1) <= CUTOFF_SIGMA * own[:, 3])
-            n = near_filaments_inplace(tape[()], frame, *place_m, CUTOFF_SIGMA, work)
-            found = first[frame] + work.hits[:n]
+            n = near_filaments_inplace(tape[()], frame, *place_m, CUTOFF_SIGMA, work.record[0])
+            found = first[frame] + hits[:n]
             assert members[found].tolist() == near.tolist()
             assert np.array_equal(numbers[:, found].T, own.astype(np.float32)[near])
-            assert not work.marks.any()
+            assert not marks.any()
             n_found += n
     assert n_found > 400
