@@ -289,7 +289,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             mounts_m = self._prepared.cases.places_m[i_case]
             self._touch.is_touched[0], self._touch.rotation[:] = touched.is_touched, rotation.ravel()
             self._touch.places_m[:] = search["position_m"] + mounts_m @ rotation.T
-            swings_m_s = np.cross(touched.motion[3:], mounts_m) @ rotation.T
+            swings_m_s = _turned_by(touched.motion[3:], mounts_m) @ rotation.T
             self._touch.velocity_m_s[:] = search["velocity_m_s"] + swings_m_s
             self._fly_part(np.array([i]), batch_records.FINISH, self._work[0])
 
@@ -332,6 +332,13 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             infos["case"] = searches["case"].astype(np.int64)
             infos["_success"] = infos["_case"] = ended
         return infos
+
+
+# The cross products of a rate of turn (3,) and places (n, 3), as `numpy.cross` has them, of which its checks take most.
+def _turned_by(rates: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    p, q, r = rates.tolist()
+    x, y, z = places.T
+    return np.stack([q * z - r * y, r * x - p * z, p * y - q * x], axis=1)
 
 
 def _as_objects(observations: NDArray[np.float32], chosen: NDArray[np.bool_]) -> NDArray[np.object_]:
