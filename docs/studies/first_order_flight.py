@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.batch.batch_lags import lags_s
+from gslcosim.training.batch.preparing import lags_s
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
 from gslcosim.vehicles import vehicle_of

@@ -24,7 +24,8 @@ OPEN_COUNTRY = {
     "F": (0.04, 0.016, 3e-4, -1.0),
 }
 # Knots of a path in a correlation time; between them it is interpolated.
-_KNOTS_PER_CORRELATION_TIME = 20
+KNOTS_PER_CORRELATION_TIME = 20
+KNOT_CORRELATION = math.exp(-1.0 / KNOTS_PER_CORRELATION_TIME)
 
 
 def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tuple[NDArray, NDArray]:
@@ -127,8 +128,8 @@ class WanderingPath:
 
     def __init__(self, rng: np.random.Generator, correlation_s: float) -> None:
         self._rng = rng
-        self._knot_s = correlation_s / _KNOTS_PER_CORRELATION_TIME
-        self._rho = math.exp(-1.0 / _KNOTS_PER_CORRELATION_TIME)
+        self._knot_s = correlation_s / KNOTS_PER_CORRELATION_TIME
+        self._rho = KNOT_CORRELATION
         self._knots = np.array([rng.standard_normal()])
 
     def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,13 +34,14 @@ class Cases(NamedTuple):
 class Searches(NamedTuple):
     """All searches: (n,) records of `SEARCH` and `records.STATE`, (n, n_sensors) of `GAUGE`, and (n, n_memory) numbers.
 
-    The latter are samples of late, see `sensing_kernels`.
+    The latter are samples of late, see `sensing_kernels`, and knots of the (n, n_wanders) records of `WANDER`.
     """
 
     searches: Any
     paths: Any
     gauges: Any
     memory: Any
+    wanders: Any
 
 
 class Work(NamedTuple):

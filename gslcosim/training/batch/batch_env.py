@@ -122,6 +122,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             paths=np.zeros(n_envs, records.STATE),
             gauges=np.zeros((n_envs, self._n_sensors), batch_records.GAUGE),
             memory=np.zeros((n_envs, self._prepared.n_memory)),
+            wanders=np.zeros((n_envs, self._prepared.n_wanders), batch_records.WANDER),
         )
         self._observations = np.zeros((n_envs, n_numbers), np.float32)
         self._actions = BatchActions(action, self.action_space.shape or (), step_m=step_m, speed_m_s=speed_m_s)

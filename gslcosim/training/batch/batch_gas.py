@@ -1,5 +1,6 @@
 """The gas of cases for the kernels: plumes in closed form, and tapes of filaments, each tape once."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,14 @@ from gslcosim.errors import UsageError
 from gslcosim.fields.gas_setup import GasSetup, gas_seed, gases_in
 from gslcosim.fields.models.filament_gas import gas_model_of, taped_plume
 from gslcosim.fields.models.formula_plume_kernels import PLUME
+from gslcosim.fields.models.gaussian_plume import KNOT_CORRELATION, KNOTS_PER_CORRELATION_TIME
 from gslcosim.fields.models.plume_gas import plume_records
 from gslcosim.fields.reading.concentration import strength_ppm_m3
 from gslcosim.fields.reading.filament_field import READINGS_WORTH_AN_INDEX
 from gslcosim.fields.stored.tape import GasTape, tape_hash
-from gslcosim.fields.timing import gas_timing
+from gslcosim.fields.timing import GasTiming, gas_timing
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec
+from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
 from gslcosim.training.batch import batch_records as records
 from gslcosim.training.batch.batch_instruments import ELSE
 from gslcosim.training.batch.tape_kernels import sort_frames_inplace
@@ -52,7 +54,7 @@ class BatchGas:
         return np.concatenate([np.zeros(1, PLUME), *self.plumes])
 
     def add(self, case: Any, scenario: Scenario, environment: Environment, n_places: int) -> None:
-        """Write the gas of a case into its record.
+        """Write the gas of a case into its record, but for where names and knots of meandering plumes are.
 
         Raises:
             UsageError: the gas would be read in another order in a single flight.
@@ -60,12 +62,14 @@ class BatchGas:
         gas, timing = scenario.gas, gas_timing(scenario)
         case["n_gases"], case["warm_up_s"] = len(gases_in(gas)), gas.warm_up_s
         case["gas_ticks_per_step"] = timing.ticks_per_step
-        if isinstance(gas, GaussianPlumeGasSpec):
+        if isinstance(gas, GaussianPlumeGasSpec | MeanderingPlumeGasSpec):
             plumes = plume_records(gas, GasSetup(scenario=scenario, environment=environment))
             # The first record is nobody's.
             case["gas"], case["first_plume"], case["n_plumes"] = records.STEADY_PLUMES, self._n_plumes + 1, len(plumes)
             self._n_plumes += len(plumes)
             self.plumes.append(plumes)
+            if isinstance(gas, MeanderingPlumeGasSpec):
+                _fill_wandering(case, gas, timing, environment, float(plumes["speed_m_s"].min()))
             return
         n_readings = n_places * timing.ticks_per_step
         if n_readings >= READINGS_WORTH_AN_INDEX:
@@ -119,4 +123,25 @@ class BatchGas:
 
 def fits(scenario: Scenario) -> bool:
     """Return whether a scenario's gas can be batched."""
-    return isinstance(scenario.gas, GaussianPlumeGasSpec | FilamentGasSpec) and not scenario.gas.rotor_downwash
+    models = GaussianPlumeGasSpec | MeanderingPlumeGasSpec | FilamentGasSpec
+    return isinstance(scenario.gas, models) and not scenario.gas.rotor_downwash
+
+
+def wander_names(scenario: Scenario) -> bytes:
+    """Return the names of the streams of meandering plumes, one after the other; nothing for other gas."""
+    if not isinstance(scenario.gas, MeanderingPlumeGasSpec):
+        return b""
+    return "".join(f"fields.meander.{i}.{axis}" for i in range(len(scenario.gas.sources)) for axis in "yz").encode()
+
+
+def _fill_wandering(
+    case: Any, gas: MeanderingPlumeGasSpec, timing: GasTiming, environment: Environment, speed_m_s: float
+) -> None:
+    case["gas"] = records.MEANDERING_PLUMES
+    case["gas_steps_per_tick"], case["gas_step_s"] = timing.steps_per_tick, timing.step_s
+    case["warm_up_steps"], case["gas_seed"] = timing.warm_up_steps, -1 if gas.seed is None else gas.seed
+    case["knot_s"], case["wander_rho"] = gas.plume.meander_s / KNOTS_PER_CORRELATION_TIME, KNOT_CORRELATION
+    case["instantaneous_frac"] = gas.plume.instantaneous_frac
+    # As many as pass while the air crosses the room, and a few.
+    crosses_s = (math.dist(environment.grid.origin_m, environment.grid.max_m) + 1.0) / speed_m_s
+    case["n_knots"] = math.ceil(crosses_s / case["knot_s"]) + 4

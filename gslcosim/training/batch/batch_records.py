@@ -32,7 +32,7 @@ ROOM = np.dtype(
     ]
 )
 
-STEADY_PLUMES, FILAMENTS = 0, 1
+STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES = 0, 1, 2
 # What the referee asks for.
 NEAREST_SOURCE, ALL_SOURCES = 0, 1
 
@@ -67,13 +67,24 @@ CASE = np.dtype(
         ("ends_on_collision", np.int64),
         ("first_distance_m", np.float64),  # of the start as the scenario has it
         ("diagonal_m", np.float64),
-        ("gas", np.int64),  # STEADY_PLUMES or FILAMENTS
+        ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS or MEANDERING_PLUMES
         ("first_plume", np.int64),  # of the plumes, or of the sources of filaments
         ("n_plumes", np.int64),
         ("tape", np.int64),
         ("cutoff_sigma", np.float64),
         ("n_gases", np.int64),
         ("gas_ticks_per_step", np.int64),
+        ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `wandering_kernels`
+        ("gas_step_s", np.float64),
+        ("warm_up_steps", np.int64),
+        ("gas_seed", np.int64),  # -1: the search's
+        ("first_wander_name", np.int64),  # of the random streams of their paths, which are equally long
+        ("n_wander_name", np.int64),
+        ("first_knot", np.int64),  # where knots are kept among the numbers of a search, a ring for each path
+        ("n_knots", np.int64),
+        ("knot_s", np.float64),
+        ("wander_rho", np.float64),
+        ("instantaneous_frac", np.float64),
         ("warm_up_s", np.float64),
         ("centre_m", np.float64, (3,)),  # for the numbers of an observation
         ("half_m", np.float64, (3,)),
@@ -164,6 +175,9 @@ GAUGE = np.dtype(
         ("is_warming_up", np.int64),
     ]
 )
+
+# A path of a plume's axis, sideways or upward.
+WANDER = np.dtype([("stream", np.uint64, (4,)), ("n_knots", np.int64)])
 
 ON_GROUND, TAKING_OFF, FLYING, HOLDING = 0, 1, 2, 3
 # How searches are flown on.

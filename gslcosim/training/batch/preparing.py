@@ -18,6 +18,7 @@ from gslcosim.fields.gas_setup import gases_in
 from gslcosim.generation import prepare_environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scenario.models.gas import MeanderingPlumeGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import AllSourcesSuccess, SourceSuccess
 from gslcosim.search.learned.acting import MARGIN_M
@@ -26,20 +27,22 @@ from gslcosim.sensing.briefings import briefing_of
 from gslcosim.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_arrays import Cases
-from gslcosim.training.batch.batch_gas import BatchGas, fits
+from gslcosim.training.batch.batch_gas import BatchGas, fits, wander_names
 from gslcosim.training.batch.batch_instruments import ELSE, BatchInstruments
-from gslcosim.training.batch.batch_lags import fill_lags
 from gslcosim.training.batch.batch_rooms import BatchRooms
 from gslcosim.training.learning_task import room_key
 from gslcosim.vehicles import Vehicle, vehicle_of
-from gslcosim.world.core import WorldCore, physics_step_ms
+from gslcosim.world.core import POINT_ROBOT_STEP_MS, WorldCore, physics_step_ms
 from gslcosim.world.guidance.abilities import abilities_of
 from gslcosim.world.physics import records
 from gslcosim.world.physics.contacts import ContactScene
+from gslcosim.world.physics.records import hover_rotor_speed_rad_s
 
 # How vehicles fly: point robots alone, to the bit of a single flight; or rotorcraft too, as point masses.
 EXACT, FIRST_ORDER = "exact", "first_order"
 FLYING = (EXACT, FIRST_ORDER)
+# Their streams' names are equally long.
+_MOST_MEANDERING = 10
 # A vehicle has left what it stands on when it is so far from everything [m].
 _CLEAR_M = 0.01
 
@@ -49,7 +52,8 @@ class Prepared:
     """Cases as kernels take them; `kept` holds what their addresses point into.
 
     `briefing` is that of the first case, `names` those of the numbers of an observation; `scenes` are what vehicles may
-    touch, by case; `n_memory` is how many numbers a search keeps of samples of late, `most_filaments` how many
+    touch, by case; `n_memory` is how many numbers a search keeps of samples of late and of wandering
+    paths, `n_wanders` how many such paths it has, `most_filaments` how many
     filaments the largest frame of a tape has.
     """
 
@@ -58,6 +62,7 @@ class Prepared:
     names: tuple[str, ...]
     scenes: tuple[ContactScene, ...] = field(repr=False)
     n_memory: int
+    n_wanders: int
     most_filaments: int
     kept: Sequence[object] = field(repr=False)
 
@@ -90,8 +95,10 @@ def _misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, str, object
     if vehicle.avoidance != "none":
         yield "agents[0].vehicle.avoidance", "none in a batch", vehicle.avoidance
     if not fits(scenario):
-        expected = "gaussian_plume, or filament without rotor_downwash, in a batch"
+        expected = "gaussian_plume, meandering_plume, or filament without rotor_downwash, in a batch"
         yield "gas.model", expected, f"{scenario.gas.model}{' with it' if scenario.gas.rotor_downwash else ''}"
+    if isinstance(scenario.gas, MeanderingPlumeGasSpec) and len(scenario.gas.sources) > _MOST_MEANDERING:
+        yield "gas.sources", f"at most {_MOST_MEANDERING} that meander in a batch", len(scenario.gas.sources)
     if not isinstance(scenario.referee.success, SourceSuccess | AllSourcesSuccess):
         yield "referee.success.of", "source or all_sources in a batch", scenario.referee.success.of
     if not scenario.referee.stop.on_collision:
@@ -121,7 +128,8 @@ class _Preparing:
         self.instruments: list[BatchInstruments] = []
         self.start_rows: list[NDArray[np.float64]] = []
         self.sources_m: list[tuple[float, float, float]] = []
-        self.n_start_rows = self.n_name = 0
+        self.n_start_rows = self.n_name = self.n_wanders = self.n_memory = 0
+        self.names_of_streams = b""
         self.briefing: Briefing | None = None
         self.names: tuple[str, ...] = ()
 
@@ -141,6 +149,19 @@ class _Preparing:
         self.n_name += len(instruments.names)
         self.instruments.append(instruments)
         self._add_case(scenario, agent, environment, len(instruments.places_m))
+        self._add_wandering(self.cases[-1], scenario, instruments)
+
+    # Names of streams are one after the other, those of sensors first.
+    def _add_wandering(self, case: Any, scenario: Scenario, instruments: BatchInstruments) -> None:
+        names, n_wanders = wander_names(scenario), 2 * len(scenario.gas.sources)
+        self.n_memory = max(self.n_memory, instruments.n_memory)
+        self.names_of_streams += instruments.names + names
+        if names:
+            case["first_wander_name"], case["n_wander_name"] = self.n_name, len(names) // n_wanders
+            case["first_knot"] = instruments.n_memory
+            self.n_name += len(names)
+            self.n_wanders = max(self.n_wanders, n_wanders)
+            self.n_memory = max(self.n_memory, instruments.n_memory + n_wanders * int(case["n_knots"]))
 
     def _environment(self, loaded: LoadedScenario) -> Environment:
         key = room_key(loaded)
@@ -174,7 +195,7 @@ class _Preparing:
         scene = self._scene(environment, model, scenario.tick_ms, step_ms)
         vehicle = scene.constants
         if model.rotors is not None:
-            fill_lags(case, model, vehicle, scenario.tick_ms)
+            _fill_lags(case, model, vehicle, scenario.tick_ms)
         limits = abilities_of(spec, model, vehicle, model.body.half_height_m).limits
         case["max_speed_m_s"], case["max_acceleration_m_s2"] = limits.max_speed_m_s, limits.max_acceleration_m_s2
         rows = self._start_rows(case, scenario, environment, model.body.radius_m)
@@ -266,7 +287,7 @@ def prepare(
         strengths=np.array(gas.strengths, np.float64),
         gas_of_source=np.array(gas.gas_of_source, np.int64),
         instruments=np.array([instruments.rows for instruments in preparing.instruments]),
-        names=np.frombuffer(b"".join(i.names for i in preparing.instruments), np.uint8),
+        names=np.frombuffer(preparing.names_of_streams, np.uint8),
         start_rows=np.concatenate(preparing.start_rows),
         sources_m=np.array(preparing.sources_m, np.float64),
         places_m=places_m,
@@ -276,10 +297,35 @@ def prepare(
         briefing=preparing.briefing,
         names=preparing.names,
         scenes=tuple(preparing.scenes),
-        n_memory=max(instruments.n_memory for instruments in preparing.instruments),
+        n_memory=preparing.n_memory,
+        n_wanders=preparing.n_wanders,
         most_filaments=gas.most_filaments,
         kept=(*preparing.rooms.kept, *gas.kept),
     )
+
+
+def lags_s(vehicle: Vehicle) -> tuple[float, float]:
+    """Return how long a rotorcraft takes to give a force sideways and upwards [s].
+
+    Its attitude obeys e'' + k_omega e' + k_R e = 0, which for a slow e is a lag of k_omega/k_R; its rotors have one of
+    their own, faster up than down, which both forces wait for.
+    """
+    control, rotors = vehicle.control, vehicle.rotors
+    assert control is not None, "a rotorcraft has control"
+    assert rotors is not None, "a rotorcraft has rotors"
+    rotors_s = (rotors.time_constant_up_s + rotors.time_constant_down_s) / 2
+    return control.rate_gain_s[0] / control.attitude_gain_s2[0] + rotors_s, rotors_s
+
+
+# How a rotorcraft flies in a case, see `lagging_kernels`.
+def _fill_lags(case: Any, vehicle: Vehicle, constants: Any, tick_ms: int) -> None:
+    # As long as point robots' steps, or whole ticks where those are no whole number of them.
+    n_substeps = max(1, round(tick_ms / POINT_ROBOT_STEP_MS))
+    step_s = tick_ms * 1e-3 / n_substeps
+    tilt_s, lift_s = lags_s(vehicle)
+    case["is_lagged"], case["n_substeps"], case["physics_step_s"] = 1, n_substeps, step_s
+    case["tilt_share"], case["lift_share"] = -math.expm1(-step_s / tilt_s), -math.expm1(-step_s / lift_s)
+    case["rotor_speeds_rad_s"] = int(constants["n_rotors"]) * hover_rotor_speed_rad_s(constants)
 
 
 # Place, velocity and whether something forbidden is touched at the end of each tick, until the vehicle is clear.

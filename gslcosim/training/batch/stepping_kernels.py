@@ -10,6 +10,7 @@ from gslcosim.training.batch.batch_records import (
     CASE,
     FINISH,
     INSTRUMENT,
+    MEANDERING_PLUMES,
     MOST_GASES,
     NO_TASK,
     ON_GROUND,
@@ -28,6 +29,7 @@ from gslcosim.training.batch.lagging_kernels import fly_lagged_tick
 from gslcosim.training.batch.sensing_kernels import read_inplace, tell_pose_inplace, tell_reading_inplace
 from gslcosim.training.batch.space_kernels import array_at, copy_inplace, touches, wind_at_inplace
 from gslcosim.training.batch.tape_kernels import add_tape_inplace
+from gslcosim.training.batch.wandering_kernels import begin_paths_inplace, meandering_ppm
 from gslcosim.world.physics.flight_kernels import path_force_inplace
 from gslcosim.world.physics.records import CONSTANTS
 
@@ -82,7 +84,7 @@ def _place_sensors(search, places_m, work):
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _sample_gas(cases, case, room, work, tick, n, place_m):
+def _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m):
     x_m, y_m, z_m = place_m[0], place_m[1], place_m[2]
     ppm = array_at(work.ppm, (work.n_places, MOST_GASES), np.float64)[n]
     for g in range(case.n_gases):
@@ -92,6 +94,11 @@ def _sample_gas(cases, case, room, work, tick, n, place_m):
         plumes = array_at(cases.plumes, cases.n_plumes, PLUME)
         for k in range(first, end):
             ppm[plumes[k].gas] += steady_ppm(plumes[k], x_m, y_m, z_m)
+    elif case.gas == MEANDERING_PLUMES:
+        plumes = array_at(cases.plumes, cases.n_plumes, PLUME)
+        for k in range(case.n_plumes):
+            plume = plumes[first + k]
+            ppm[plume.gas] += meandering_ppm(plume, k, wanders, memory, case, tick, x_m, y_m, z_m)
     else:
         tape = array_at(cases.tapes, cases.n_tapes, TAPE)[case.tape]
         strengths = array_at(cases.strengths, cases.n_strengths, np.float64)
@@ -104,13 +111,13 @@ def _sample_gas(cases, case, room, work, tick, n, place_m):
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
+def _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
     time_s = case.warm_up_s + seconds_of(tick, case.tick_ns)
     places_m = array_at(work.places_m, (work.n_places, 3), np.float64)
     wind_m_s = array_at(work.wind_m_s, (work.n_places, 3), np.float64)
     for n in range(work.n_places):
         place_m = places_m[n]
-        _sample_gas(cases, case, room, work, tick, n, place_m)
+        _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m)
         wind_at_inplace(wind_m_s[n], room, time_s, place_m[0], place_m[1], place_m[2])
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
     for k in range(gauges.shape[0]):
@@ -119,7 +126,7 @@ def _sense(search, gauges, memory, cases, case, i_case, room, work, tick):
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
+def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vector):
     # From the end of a tick, which is judged, to the next question, the end, or the first touch.
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
@@ -152,7 +159,7 @@ def _go_on(search, path, gauges, memory, cases, work, tick, task, vector):
             _note_path(search)
             end_tick(search, path, case, room, work, tick)
         _place_sensors(search, places_m, work)
-        _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
+        _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick)
         if search.is_asked or judge_inplace(search, case, room, sources_m, tick):
             return
 
@@ -168,7 +175,7 @@ def _tell(numbers, search, gauges, cases):
 
 
 @numba.njit(cache=True, nogil=True, _nrt=False)
-def _reset(search, path, gauges, cases, i_case, seed):
+def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     gravity_m_s2 = array_at(cases.vehicles, cases.n_cases, CONSTANTS)[i_case].gravity_m_s2
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
@@ -202,6 +209,8 @@ def _reset(search, path, gauges, cases, i_case, seed):
     for axis in range(3):
         path.coefficients[axis, 0] = case.start_m[axis]
         path.end_world_m[axis] = case.start_m[axis]
+    if case.gas == MEANDERING_PLUMES:
+        begin_paths_inplace(wanders, memory, case, names, seed)
     for k in range(gauges.shape[0]):
         instrument, gauge = instruments[i_case, k], gauges[k]
         name = names[instrument.first_name : instrument.first_name + instrument.n_name]
@@ -243,8 +252,9 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
     for n in range(len(rows)):
         i = rows[n]
         search, path, gauges, memory = searches.searches[i], searches.paths[i], searches.gauges[i], searches.memory[i]
+        wanders = searches.wanders[i]
         if how == BEGIN:
-            _reset(search, path, gauges, cases, case_of[i], seed_of[i])
+            _reset(search, path, gauges, memory, wanders, cases, case_of[i], seed_of[i])
         i_case = search.case
         case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
         room, tick = array_at(cases.rooms, cases.n_rooms, ROOM)[case.room], search.tick
@@ -261,11 +271,11 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
             for k in range(work.n_places):
                 copy_inplace(places_m[k], touch.places_m[k])
                 copy_inplace(velocity_m_s[k], touch.velocity_m_s[k])
-            _sense(search, gauges, memory, cases, case, i_case, room, work, tick)
+            _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick)
         if how == BEGIN or not (search.is_asked or judge_inplace(search, case, room, sources_m, tick)):
             if how == STEP:
                 search.command_tick = tick + 1
-            _go_on(search, path, gauges, memory, cases, work, tick, task, vectors[i])
+            _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vectors[i])
         _tell(observations[i], search, gauges, cases)
         n_touched += search.touched_at >= 0
     return n_touched

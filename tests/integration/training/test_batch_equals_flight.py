@@ -20,6 +20,7 @@ pytestmark = pytest.mark.timeout(400)
 FIGURES = ("distance_to_source_m", "path_length_m", "n_commands", "time_s")
 PUFFS = ("agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none")
 BALL = (*PUFFS, "gas.model=gaussian_plume")
+MEANDERS = ("gas.model=meandering_plume", "gas.plume.meander_s=4")
 LIMIT = "referee.stop.time_limit_s=8"
 EVERY_SENSOR = (
     "agents[0].sensors=["
@@ -107,6 +108,8 @@ def test_velocities_on_request_are_those_of_single_flights():
         ((*PUFFS, LIMIT, "agents[0].mode=lockstep"), {"action": "waypoint"}),
         ((*PUFFS, LIMIT), {"hold_s": 0.5, "reward": "sparse"}),
         ((*BALL, LIMIT), {"hold_s": 0.2, "action": "heading", "step_m": 0.7}),
+        ((*BALL, *MEANDERS, LIMIT), {"hold_s": 0.5}),
+        ((*BALL, *MEANDERS, LIMIT, TWO_GASES, "gas.seed=9", "gas.step_s=0.2"), {"hold_s": 0.5}),
         ((*PUFFS, LIMIT, EVERY_SENSOR), {"hold_s": 0.5}),
         ((*PUFFS, LIMIT, TWO_GASES, "referee.success.of=all_sources"), {"hold_s": 0.5}),
         ((*BALL, LIMIT, "agents[0].vehicle.start_m=[4.5,2.5,1.5]"), {"hold_s": 0.5, "action": "waypoint_3d"}),
@@ -148,7 +151,7 @@ def test_a_search_is_flown_again_alone_from_the_scenario_that_it_tells():
             "agents[0].vehicle.model: expected holonomic in a batch, or flying first_order, was iris.",
         ),
         ("agents[0].vehicle.avoidance=2d", "agents[0].vehicle.avoidance: expected none in a batch, was 2d."),
-        ("gas.model=meandering_plume", "gas.model: expected gaussian_plume, or filament without rotor_downwash, in a"),
+        ("gas.model=farrell", "gas.model: expected gaussian_plume, meandering_plume, or filament without rotor_down"),
         (
             "agents[0].sensors[0]={model: camera, name: eye}",
             "model: expected a sensor of gas, wind or ranges in",
