@@ -224,7 +224,7 @@ def against_hand_made(found: Mapping[Key, Searches]) -> str:
     lines = ["| cases | place | agent | beside | more success, points | sooner, s |", "|---|---|---|---|---|---|"]
     for cases, place, name in (key for key in found if key[2] not in HAND_MADE):
         for other in (other for other in HAND_MADE if (cases, place, other) in found):
-            cells = _differences(found[cases, place, name], found[cases, place, other])
+            cells = shown_differences(found[cases, place, name], found[cases, place, other])
             lines.append(f"| {cases} | {place} | `{name}` | `{other}` | {cells} |")
     return "\n".join(lines) + "\n"
 
@@ -234,12 +234,13 @@ def losses(found: Mapping[Key, Searches]) -> str:
     lines = ["| cases | agent | from | to | more success, points | sooner, s |", "|---|---|---|---|---|---|"]
     for cases, name in dict.fromkeys((key[0], key[2]) for key in found if key[2] not in HAND_MADE):
         for before, after in pairwise(place for place in PLACES if (cases, place, name) in found):
-            cells = _differences(found[cases, after, name], found[cases, before, name])
+            cells = shown_differences(found[cases, after, name], found[cases, before, name])
             lines.append(f"| {cases} | `{name}` | {before} | {after} | {cells} |")
     return "\n".join(lines) + "\n"
 
 
-def _differences(a: Searches, b: Searches) -> str:
+def shown_differences(a: Searches, b: Searches) -> str:
+    """Return by how much more often a finds sources than b, in points, and by how much sooner, as cells of a table."""
     success = paired_difference(a.success.astype(float), b.success.astype(float))
     sooner_s = paired_difference(b.counted_s, a.counted_s)
     return f"{shown(success, 100, sign='+')} | {shown(sooner_s, sign='+')}"

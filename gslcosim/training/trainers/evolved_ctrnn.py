@@ -114,4 +114,5 @@ class EvolvedCtrnn:
         ):  # fmt: skip
             arrays[name] = scale * arrays[name]
         singles = {name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()}
-        return CtrnnPolicy.of_arrays(self.names, self.action, singles, {"dt_s": dt_s})
+        told = {"dt_s": dt_s, "spread": self.settings.flown_spread}
+        return CtrnnPolicy.of_arrays(self.names, self.action, singles, told)

@@ -19,7 +19,9 @@ from gslcosim.training.trainers.trainer_settings import TableSettings
 class TabularQ:
     """Learns a `ValueTable`: what each leg is worth in each of a few states.
 
-    Q(s, a) += rate (r + discount max Q(s', .) - Q(s, a)), with the mean over all searches that were in s and did a.
+    Q(s, a) += rate (r + discount V(s') - Q(s, a)), with the mean over all searches that were in s and did a;
+    V(s) = (1 - e) max Q(s, .) + e mean Q(s, .), where e is the share of legs that are flown at random: the values are
+    those of the table as it is flown.
 
     Args:
         pool: The cases of training, with `settings.searches` searches.
@@ -32,7 +34,8 @@ class TabularQ:
         UsageError: the action has no choices, or an observation is not there.
 
     Source:
-        Watkins and Dayan 1992, Q-learning, Machine Learning 8.
+        Watkins and Dayan 1992, Q-learning, Machine Learning 8; the mean over what is flown as in Sutton and Barto
+        2018, Reinforcement Learning, section 6.6 (expected Sarsa).
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class TabularQ:
             values=self._values.astype(np.float32),
             turns_with=self.settings.wind,
             yields_with=self.settings.refused,
+            explores=self.settings.explore_last,
         )
 
     def step(self) -> dict[str, float]:
@@ -93,7 +97,9 @@ class TabularQ:
             memory = np.where(begins[:, None], table.memory(n), memory)
             after, memory = table.states(seen, memory)
             goes_on = ~np.asarray(terminated)
-            wanted = np.asarray(rewards) + s.discount * goes_on * self._values[after].max(axis=1)
+            next_values = self._values[after]
+            worth = (1.0 - explore) * next_values.max(axis=1) + explore * next_values.mean(axis=1)
+            wanted = np.asarray(rewards) + s.discount * goes_on * worth
             # In the step after its end a search begins anew, and learns nothing.
             self._learn(states[~begins], choices[~begins], wanted[~begins], rate)
             rewarded += float(np.asarray(rewards)[~begins].sum())

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gslcosim.scenario.models.spec import Positive, Spec
+from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000)]
 _Share = Annotated[float, Field(ge=0, le=1)]
@@ -16,7 +16,7 @@ class CtrnnSettings(Spec):
     """Evolution of a continuous-time recurrent network of `n_neurons`.
 
     In each of `rounds` generations a `population` of networks searches in `cases_per_round` cases; `spread` is the
-    standard deviation of the first.
+    standard deviation of the first. `flown_spread` is that of what is added to the outputs in all flights.
     """
 
     kind: Literal["ctrnn"]
@@ -25,6 +25,7 @@ class CtrnnSettings(Spec):
     cases_per_round: _Count = 32
     n_neurons: Annotated[int, Field(ge=1, le=1000)] = 8
     spread: Positive = 0.5
+    flown_spread: NonNegative = 0.0
     observations: _Names = _SEEN
 
 
@@ -32,10 +33,10 @@ class TableSettings(Spec):
     """Tabular Q-learning, the smallest example.
 
     In each of `rounds` a number of `searches` flies `steps_per_round` legs; the share of random legs falls from
-    `explore` to `explore_last`, the rate of learning from `rate` to `rate_last`. The state is made of the `gas` now in
-    classes between `gas_cuts`, of whether there is more than at the leg before, and of how many legs ago there was gas
-    last, in classes between `since_cuts`, and with `place_cuts` of where in the room it is, seen upwind; legs are
-    counted from the wind, and after one that was `refused` the next best follows.
+    `explore` to `explore_last`, with which the table is flown, the rate of learning from `rate` to `rate_last`. The
+    state is made of the `gas` now in classes between `gas_cuts`, of whether there is more than at the leg before, of
+    how many legs ago there was gas last, in classes between `since_cuts`, and with `place_cuts` of where in the room it
+    is, seen upwind; legs are counted from the wind, and after one that was `refused` the next best follows.
     """
 
     kind: Literal["table"]
@@ -43,7 +44,7 @@ class TableSettings(Spec):
     searches: _Count = 512
     steps_per_round: _Count = 128
     explore: _Share = 0.5
-    explore_last: _Share = 0.02
+    explore_last: _Share = 0.2
     rate: _Share = 0.3
     rate_last: _Share = 0.02
     discount: _Share = 0.99

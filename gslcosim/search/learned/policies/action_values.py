@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.search.learned.acting import N_HEADINGS
-from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError, checked
+from gslcosim.search.learned.policies.policy import (
+    Actions,
+    ActionSettings,
+    Floats,
+    Policy,
+    PolicyError,
+    checked,
+    checked_number,
+)
+from gslcosim.search.learned.policies.scatter import even_numbers
 
 States = NDArray[np.int64]
 _REFUSED = 0.5
@@ -173,7 +182,8 @@ class ValueTable(Policy):
     The state is the number that the digits make, the first one counting most. With `turns_with`, the names of the sine
     and the cosine of a direction, headings are counted from the nearest of the eight directions to that one: upwind,
     where that is where the wind comes from. With `yields_with`, the name of what is above a half after a command that
-    was refused, the next best choice follows each refusal.
+    was refused, the next best choice follows each refusal. A share `explores` of the choices is any of them, as the
+    bits of the observation say (`even_numbers`), so that no state holds it for ever.
 
     Args:
         observation_names: See `Policy`.
@@ -182,6 +192,7 @@ class ValueTable(Policy):
         values: (states, choices); of equal values the first wins.
         turns_with: Names of sine and cosine, or nothing.
         yields_with: Name of an observation, or nothing.
+        explores: Share of choices that are drawn, from 0 to 1.
 
     Raises:
         PolicyError: a digit reads what is not observed, or the action has no choices.
@@ -198,12 +209,13 @@ class ValueTable(Policy):
         values: Floats,
         turns_with: tuple[str, str] | None = None,
         yields_with: str | None = None,
+        explores: float = 0.0,
     ) -> None:
         super().__init__(observation_names, action)
         if not action.n_choices:
             raise PolicyError(f"action.kind: expected one with choices (heading) for a table, was {action.kind!r}.")
         self.digits, self.values = tuple(digits), values
-        self.turns_with, self.yields_with = turns_with, yields_with
+        self.turns_with, self.yields_with, self.explores = turns_with, yields_with, explores
         read = [name for digit in self.digits for name in digit.observed] + list(turns_with or ())
         read += [] if yields_with is None else [yields_with]
         if strange := sorted(set(read).difference(self.observation_names)):
@@ -242,7 +254,11 @@ class ValueTable(Policy):
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
         """Look the states up; see `Policy`."""
         states, after = self.states(observations, memory)
-        return self.turned(best_but(self.values[states], after[:, -1]), observations), after
+        choices = best_but(self.values[states], after[:, -1])
+        if self.explores:
+            shares, n_choices = even_numbers(observations, 2), self.values.shape[1]
+            choices = np.where(shares[:, 0] < self.explores, (shares[:, 1] * n_choices).astype(np.int64), choices)
+        return self.turned(choices, observations), after
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -254,7 +270,9 @@ class ValueTable(Policy):
         """See `Policy`."""
         names = {kind: name for name, kind in DIGITS.items()}
         digits = [{"digit": names[type(digit)], **asdict(digit)} for digit in self.digits]
-        return {"digits": digits, "turns_with": self.turns_with, "yields_with": self.yields_with}
+        return {
+            "digits": digits, "turns_with": self.turns_with, "yields_with": self.yields_with, "explores": self.explores,
+        }  # fmt: skip
 
     @classmethod
     def of_arrays(
@@ -273,11 +291,17 @@ class ValueTable(Policy):
         yields_with = settings.get("yields_with")
         if yields_with is not None and not isinstance(yields_with, str):
             raise PolicyError(f"settings.yields_with: expected the name of an observation, was {yields_with!r}.")
+        explores = checked_number(settings, "explores", is_above=False, default=0.0)
+        if explores > 1:
+            raise PolicyError(f"settings.explores: expected a share from 0 to 1, was {explores:g}.")
         digits = [_digit_of(one, i) for i, one in enumerate(told)]
         n_states = math.prod(digit.n_classes for digit in digits)
         values = checked(arrays, {"values": (n_states, action.n_choices or None)})["values"]
         pair = None if turns_with is None else (str(turns_with[0]), str(turns_with[1]))
-        return cls(observation_names, action, digits=digits, values=values, turns_with=pair, yields_with=yields_with)
+        return cls(
+            observation_names, action, digits=digits, values=values, turns_with=pair, yields_with=yields_with,
+            explores=explores,
+        )  # fmt: skip
 
 
 def _digit_of(told: Any, i: int) -> Digit:

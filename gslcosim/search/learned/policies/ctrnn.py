@@ -15,6 +15,7 @@ from gslcosim.search.learned.policies.policy import (
     checked,
     checked_number,
 )
+from gslcosim.search.learned.policies.scatter import spread_of, spread_out
 
 
 class CtrnnPolicy(Policy):
@@ -33,6 +34,7 @@ class CtrnnPolicy(Policy):
         inputs: V, (h, k).
         outputs: C, (o, h).
         output_bias: c, (o,).
+        spread: Standard deviation of what is added to the outputs before tanh, as for a `GruPolicy`.
 
     Source:
         Beer 1995, On the dynamics of small continuous-time recurrent neural networks, Adaptive Behavior 3(4), eq. 1;
@@ -53,9 +55,10 @@ class CtrnnPolicy(Policy):
         inputs: Floats,
         outputs: Floats,
         output_bias: Floats,
+        spread: float = 0.0,
     ) -> None:
         super().__init__(observation_names, action)
-        self.dt_s = dt_s
+        self.dt_s, self.spread = dt_s, spread
         self._arrays: dict[str, NDArray[Any]] = {
             "tau_s": tau_s, "recurrent": recurrent, "bias": bias, "inputs": inputs, "outputs": outputs,
             "output_bias": output_bias,
@@ -72,7 +75,8 @@ class CtrnnPolicy(Policy):
         """Step the neurons once and read them; see `Policy`."""
         driven = _logistic(memory + self._bias) @ self._recurrent + observations @ self._inputs
         after = driven + (memory - driven) * self._kept
-        return self.action.chosen(_logistic(after + self._bias) @ self._outputs + self._output_bias), after
+        outputs = _logistic(after + self._bias) @ self._outputs + self._output_bias
+        return self.action.chosen(spread_out(outputs, observations, self.spread)), after
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -82,7 +86,7 @@ class CtrnnPolicy(Policy):
     @property
     def settings(self) -> dict[str, Any]:
         """See `Policy`."""
-        return {"dt_s": self.dt_s}
+        return {"dt_s": self.dt_s, "spread": self.spread}
 
     @classmethod
     def of_arrays(
@@ -99,7 +103,8 @@ class CtrnnPolicy(Policy):
             raise PolicyError(f"tau_s: expected numbers above 0, was {float(tau_s.min()):g}.")
         h, k, o = len(tau_s), len(observation_names), action.n_outputs
         shapes = {"recurrent": (h, h), "bias": (h,), "inputs": (h, k), "outputs": (o, h), "output_bias": (o,)}
-        return cls(observation_names, action, dt_s=dt_s, tau_s=tau_s, **checked(arrays, shapes))
+        spread = spread_of(settings, action)
+        return cls(observation_names, action, dt_s=dt_s, tau_s=tau_s, spread=spread, **checked(arrays, shapes))
 
 
 # By tanh, which overflows nowhere.

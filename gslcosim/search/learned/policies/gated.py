@@ -11,11 +11,9 @@ from gslcosim.search.learned.policies.policy import (
     ActionSettings,
     Floats,
     Policy,
-    PolicyError,
     checked,
-    checked_number,
 )
-from gslcosim.search.learned.policies.scatter import normal_numbers
+from gslcosim.search.learned.policies.scatter import spread_of, spread_out
 
 
 class GruPolicy(Policy):
@@ -79,9 +77,7 @@ class GruPolicy(Policy):
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:
         """Step the units once and read them; see `Policy`."""
         outputs, after = self.outputs(observations, memory)
-        if self.spread:
-            outputs = outputs + np.float32(self.spread) * normal_numbers(observations, outputs.shape[1])
-        return self.action.chosen(outputs), after
+        return self.action.chosen(spread_out(outputs, observations, self.spread)), after
 
     def outputs(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return what an action is chosen by, (n, o), and the next memory; as `act`."""
@@ -114,9 +110,7 @@ class GruPolicy(Policy):
         settings: Mapping[str, Any],
     ) -> Self:
         """Return the network; see `Policy`."""
-        spread = checked_number(settings, "spread", is_above=False, default=0.0)
-        if spread and action.n_choices:
-            raise PolicyError(f"settings.spread: expected 0 for action {action.kind}, which has choices, was {spread}.")
+        spread = spread_of(settings, action)
         k, o = len(observation_names), action.n_outputs
         ends = checked(arrays, {"encoder": (None, k), "outputs": (o, None)})
         m, h = len(ends["encoder"]), ends["outputs"].shape[1]

@@ -140,6 +140,19 @@ def test_after_each_refusal_the_next_best_choice_follows():
     assert again.yields_with == "refused"
 
 
+def test_a_share_of_choices_is_drawn_by_the_bits_of_what_is_observed():
+    values = np.zeros((1, 9), np.float32)
+    policy = ValueTable(NAMES, HEADING, digits=[Level(observation="nose.amount", cuts=())], values=values, explores=0.5)
+    (observations,) = seen(4000, 1)
+    actions, _ = policy.act(observations, policy.memory(4000))
+    again, _ = policy.act(observations, policy.memory(4000))
+    assert np.array_equal(actions, again)
+    shares = np.bincount(actions, minlength=9) / 4000
+    np.testing.assert_allclose(shares, [0.5 + 0.5 / 9, *[0.5 / 9] * 8], atol=0.03)
+    with pytest.raises(PolicyError, match=r"explores: expected a share from 0 to 1, was 2"):
+        ValueTable.of_arrays(NAMES, HEADING, policy.arrays, {**policy.settings, "explores": 2})
+
+
 def test_wrong_settings_are_told():
     with pytest.raises(PolicyError, match=r"action\.kind: expected one of waypoint.*, was 'jump'"):
         ActionSettings(kind="jump")

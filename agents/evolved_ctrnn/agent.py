@@ -1,0 +1,17 @@
+"""Flies a recurrent network that was evolved in halls with a leak. README.md beside this file says how."""
+
+from gslcosim.agent_kit import Briefing, run
+from gslcosim.search.learned.policies.policy import Policy
+from gslcosim.search.learned.policies.policy_agent import PolicyAgent, policy_beside
+
+
+class EvolvedCtrnn(PolicyAgent):
+    """Remembers gas and wind in a few neurons, and commands a velocity each second."""
+
+    def policy_of(self, briefing: Briefing) -> Policy:
+        """Return the policy beside this file."""
+        return policy_beside(briefing, __file__)
+
+
+if __name__ == "__main__":
+    run(EvolvedCtrnn)

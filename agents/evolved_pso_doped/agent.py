@@ -1,0 +1,20 @@
+"""Evolved PSO, doped: the particle swarm of S-PSO with parameters that were evolved with hard cases drawn more often.
+
+README.md beside this file says how they were evolved, parameters.json has them.
+"""
+
+from gslcosim.agent_kit import Briefing, run
+from gslcosim.search.learned.parameter_files import with_learned_parameters
+from gslcosim.search.method import settings_of
+from gslcosim.search.swarms.particle_agent import ParticleAgent
+
+
+class EvolvedPsoDoped(ParticleAgent):
+    """One particle whose parameters were evolved."""
+
+    def __init__(self, briefing: Briefing) -> None:
+        super().__init__(briefing, with_learned_parameters(settings_of(briefing, __file__), __file__))
+
+
+if __name__ == "__main__":
+    run(EvolvedPsoDoped)

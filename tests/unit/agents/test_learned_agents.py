@@ -1,0 +1,72 @@
+"""Learned agents: their files say how they are made again, fit what makes them, and decide within 100 us."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from gslcosim.methods.card import card_beside
+from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.search.learned.parameter_files import PARAMETERS_FILE, load_parameters
+from gslcosim.search.learned.policies.policy_agent import bundled_policies
+from gslcosim.search.learned.policies.policy_files import card_of_policy, load_policy
+
+AGENTS = bundled_agents()["learned"].parents[1]
+# The policy of `learned` was made by hand.
+POLICIES = {name: path for name, path in bundled_policies(AGENTS).items() if name != "learned"}
+SWARMS = ("evolved_pso", "evolved_pso_doped")
+LIMIT_S = 100e-6
+
+
+def card_of(name):
+    if name in POLICIES:
+        return card_of_policy(POLICIES[name])
+    return json.loads(bundled_agents()[name].with_name(PARAMETERS_FILE).read_text())
+
+
+def test_what_is_trained_is_bundled():
+    assert {"evolved_ctrnn", "recurrent_ppo", "tabular_q"} <= set(POLICIES)
+
+
+@pytest.mark.parametrize("name", [*POLICIES, *SWARMS])
+def test_a_card_tells_how_the_agent_is_made_again(name):
+    card = card_of(name)
+    assert {"data", "seeds", "budget", "training_time_s", "versions", "machine", "validation"} <= set(card)
+    (*command, file) = card["command"].split()
+    assert command == ["gslcosim", "train"]
+    pytest.importorskip("gymnasium", reason="extra gym")
+    from gslcosim.training.learning.train_file import load_train_file
+
+    spec = load_train_file(file).spec
+    assert card["trainer"] == json.loads(spec.trainer.model_dump_json())
+    assert card["budget"]["round"] == card["trainer"].get("rounds", card["trainer"].get("settings", {}).get("rounds"))
+    assert card["seeds"]["training"] == spec.seed
+    assert card["seeds"]["cases"][1] - card["seeds"]["cases"][0] + 1 == spec.cases.training
+    assert card["doping"] == (spec.doping is not False)
+    if name in POLICIES:
+        assert load_policy(POLICIES[name]).action == spec.action.settings
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_a_decision_takes_at_most_100_us(name):
+    """Processor time of this thread, the least of many: others on the machine do not count."""
+    policy = load_policy(POLICIES[name])
+    seen = np.random.default_rng(1).uniform(-1, 1, (200, 1, len(policy.observation_names))).astype(np.float32)
+    memory, times_s = policy.memory(1), []
+    for one in seen:
+        began = time.thread_time()
+        _, memory = policy.act(one, memory)
+        times_s.append(time.thread_time() - began)
+    assert min(times_s) <= LIMIT_S
+
+
+@pytest.mark.parametrize("name", SWARMS)
+def test_evolved_parameters_are_those_of_s_pso_that_its_card_does_not_have(name):
+    card, whole = (card_beside(bundled_agents()[one]) for one in (name, "s_pso"))
+    parameters = load_parameters(bundled_agents()[name].with_name(PARAMETERS_FILE))
+    assert set(parameters) == set(card_of(name)["trainer"]["ranges"])
+    assert set(parameters) | set(card.parameters) == set(whole.parameters)
+    assert not set(parameters) & set(card.parameters)
+    assert all(whole.parameters[key].problem_of(value) is None for key, value in parameters.items())
+    assert card.parameters == {key: whole.parameters[key] for key in card.parameters}
