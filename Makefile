@@ -45,8 +45,9 @@ bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
 bench-suite: .venv/ready-dev  # what a flight of a suite costs and its parts, how busy workers are, whether memory stays flat
 	$(BIN)/python tests/benchmarks/bench_suite.py $(SUITE)
 
-bench-training: .venv/ready-dev  # agent steps per second in batches, beside single environments, in turns
+bench-training: .venv/ready-dev  # agent steps per second in batches, beside single environments, in turns; how far batched rotorcraft are from full flights
 	$(BIN)/python tests/benchmarks/bench_training.py
+	$(BIN)/python docs/studies/first_order_flight.py
 
 bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=--quick for less
 	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)
