@@ -16,14 +16,14 @@ def drawn(rng, *shape):
     return rng.normal(0.0, 0.7, shape).astype(np.float32)
 
 
-def ctrnn(action=VELOCITY, h=6, names=NAMES):
+def ctrnn(action=VELOCITY, h=6, names=NAMES, spread=0.0):
     rng = np.random.default_rng(1)
     arrays = {
         "tau_s": rng.uniform(0.5, 5.0, h).astype(np.float32), "recurrent": drawn(rng, h, h), "bias": drawn(rng, h),
         "inputs": drawn(rng, h, len(names)), "outputs": drawn(rng, action.n_outputs, h),
         "output_bias": drawn(rng, action.n_outputs),
     }  # fmt: skip
-    return CtrnnPolicy(names, action, dt_s=0.5, **arrays)
+    return CtrnnPolicy(names, action, dt_s=0.5, spread=spread, **arrays)
 
 
 def gru(action=VELOCITY, m=8, h=5, names=NAMES):
@@ -46,7 +46,10 @@ def table(names=NAMES):
     return ValueTable(names, HEADING, digits=digits, values=values, turns_with=("wind.from_sin", "wind.from_cos"))
 
 
-EVERY_KIND = {"ctrnn": ctrnn, "gru": gru, "table": table, "gru_of_choices": lambda: gru(HEADING)}
+EVERY_KIND = {
+    "ctrnn": ctrnn, "gru": gru, "table": table, "gru_of_choices": lambda: gru(HEADING),
+    "ctrnn_with_spread": lambda: ctrnn(spread=0.4),
+}  # fmt: skip
 
 
 def seen(n, n_steps, names=NAMES, seed=5):

@@ -140,6 +140,14 @@ def test_after_each_refusal_the_next_best_choice_follows():
     assert again.yields_with == "refused"
 
 
+def test_a_spread_moves_the_outputs_of_a_network_by_as_much():
+    (observations,) = seen(4000, 1)
+    plain, spread = (ctrnn(spread=each).act(observations, ctrnn().memory(4000))[0] for each in (0.0, 0.4))
+    moved = np.arctanh(spread.astype(np.float64)) - np.arctanh(plain.astype(np.float64))
+    assert moved.mean() == pytest.approx(0.0, abs=0.02)
+    assert moved.std() == pytest.approx(0.4, abs=0.02)
+
+
 def test_a_share_of_choices_is_drawn_by_the_bits_of_what_is_observed():
     values = np.zeros((1, 9), np.float32)
     policy = ValueTable(NAMES, HEADING, digits=[Level(observation="nose.amount", cuts=())], values=values, explores=0.5)
