@@ -2,12 +2,14 @@
 
     python docs/studies/training_to_flight.py --n 100
 
-Every agent meets the same cases of the split `test` of each family, with the same starts, gas and noise, in three
+Every agent meets the same cases of the split `test` of each family, with the same starts, gas and noise, in these
 places:
 
 - `batch`: the batch environment, policies only;
 - `holonomic`: the same searches as single flights in this process;
-- `quadrotor`: the same with an Iris in place of the holonomic vehicle, from the ground;
+- `avoiding`: the same where a planner that knows the map leads waypoints around obstacles, where there are some:
+  agents that look for none need it;
+- `quadrotor`: the same with an Iris in place of the holonomic vehicle, from the ground, and with that planner;
 
 and in rooms, winds and gas that no policy was trained on, from starts drawn anew, with the holonomic vehicle:
 
@@ -37,6 +39,7 @@ from gslcosim.benchmark.statistics.estimates import Estimate
 from gslcosim.benchmark.statistics.pairs import paired_difference
 from gslcosim.benchmark.statistics.rates import wilson
 from gslcosim.benchmark.statistics.times import counted_times, restricted_mean
+from gslcosim.environment.of_scenario.places import problems_of_places
 from gslcosim.runtime.flight import fly
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 from gslcosim.scenario.loading import LoadedScenario
@@ -50,8 +53,10 @@ from gslcosim.training.learning_task import LearningTask
 HAND_MADE = ("e_coli", "dung_beetle", "persistent_walk")
 # The agent that flies any policy has the one of another agent.
 PILOT = "learned"
-PLACES = ("batch", "holonomic", "quadrotor")
+PLACES = ("batch", "holonomic", "avoiding", "quadrotor")
 QUADROTOR = "iris"
+# Families whose halls have something to go around.
+CLUTTERED = ("cluttered_halls",)
 EQUIPPED = (
     "agents[0].sensors=[{model: tgs2600, name: nose}, {model: anemometer, name: wind}, {model: four_range_finders, "
     "name: ranges}]",
@@ -167,13 +172,30 @@ def cases_of(cases: str, place: str, n: int) -> list[LoadedScenario]:
     if cases in ELSEWHERE:
         tasks = [LearningTask(scenario=source, overrides=overrides) for source, overrides in ELSEWHERE[cases]]
         return [tasks[i % len(tasks)].loaded(FIRST_SEED + i) for i in range(n)]
-    return [on_quadrotor(one) if place == "quadrotor" else one for one in load_family(cases).cases("test", n)]
+    changes = {
+        "avoiding": {"avoidance": "2d"},
+        "quadrotor": {"model": QUADROTOR} | ({"avoidance": "2d"} if cases in CLUTTERED else {}),
+    }.get(place, {})
+    family, chosen = load_family(cases), list[LoadedScenario]()
+    for i in range(family.spec.seeds.test.count):
+        one = family.case("test", i)
+        # All places have the same cases: those in which a quadrotor, which is larger, has room at the start, too.
+        if cases not in CLUTTERED or has_room(with_vehicle(one, {"model": QUADROTOR})):
+            chosen.append(with_vehicle(one, changes))
+        if len(chosen) == n:
+            break
+    return chosen
 
 
-def on_quadrotor(one: LoadedScenario) -> LoadedScenario:
-    """Return a case with a quadrotor in the same place."""
+def has_room(one: LoadedScenario) -> bool:
+    """Return whether the vehicle of a case touches nothing at its start."""
+    return not problems_of_places(one.scenario, scenario_dir=one.directory)
+
+
+def with_vehicle(one: LoadedScenario, changes: Mapping[str, str]) -> LoadedScenario:
+    """Return a case whose vehicle is another, or avoids obstacles, in the same place."""
     agent = one.scenario.agents[0]
-    vehicle = agent.vehicle.model_copy(update={"model": QUADROTOR})
+    vehicle = agent.vehicle.model_copy(update=dict(changes))
     scenario = one.scenario.model_copy(update={"agents": (agent.model_copy(update={"vehicle": vehicle}),)})
     return replace(one, scenario=scenario)
 
@@ -192,7 +214,8 @@ def main() -> None:
         learned = {name: learned[name] for name in given.agents}
     found: dict[Key, Searches] = {}
     for cases in given.cases:
-        for place in given.places if cases not in ELSEWHERE else ("holonomic",):
+        places = [place for place in given.places if place != "avoiding" or cases in CLUTTERED]
+        for place in places if cases not in ELSEWHERE else ("holonomic",):
             loaded = cases_of(cases, place, given.n)
             hand_made = [Flier(name=name, python=name) for name in HAND_MADE if place != "batch"]
             for flier in (*learned.values(), *hand_made):

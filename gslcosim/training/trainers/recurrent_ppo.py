@@ -15,6 +15,8 @@ from gslcosim.training.trainers.ppo_network import Segments, advantages, first_a
 
 # The observation that says that the last command was refused or changed.
 REFUSED = "refused"
+# The outcome of a search that has ended by a collision.
+COLLISION = "collision"
 _OF_VALUES = ("value", "value_bias", "log_spread")
 
 
@@ -26,8 +28,9 @@ class PpoSettings:
     each environment and learns after each segment, `epochs` times from `parts` parts of the environments.
     `n_encoded` and `n_units` are the sizes of the network. `observations` are those that the policy gets, all where
     it is absent. `refused_cost` is taken from the reward where a command was refused: an agent that is asked again at
-    once, in front of a wall for example, loses hardly any time by it, and learns slowly to leave. `flown_spread` is
-    which share of the spread of training the policy is flown with.
+    once, in front of a wall for example, loses hardly any time by it, and learns slowly to leave. `collision_cost` is
+    taken from it where a search ends by a collision: with 0, an agent that finds nothing saves the rest of its time by
+    one. `flown_spread` is which share of the spread of training the policy is flown with.
     """
 
     rounds: int = 100
@@ -45,6 +48,7 @@ class PpoSettings:
     value_weight: float = 0.5
     max_gradient: float = 0.5
     refused_cost: float = 0.01
+    collision_cost: float = 0.0
     flown_spread: float = 1.0
     observations: tuple[str, ...] | None = None
 
@@ -57,7 +61,9 @@ class PpoSettings:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
                 raise UsageError(f"recurrent_ppo.{name}: expected a number above 0 and up to {most:g}, was {value!r}.")
-        for name in ("entropy_weight", "value_weight", "max_gradient", "refused_cost", "flown_spread"):
+        for name in (
+            "entropy_weight", "value_weight", "max_gradient", "refused_cost", "collision_cost", "flown_spread",
+        ):  # fmt: skip
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
                 raise UsageError(f"recurrent_ppo.{name}: expected a number from 0, was {value!r}.")
@@ -218,7 +224,7 @@ class RecurrentPpo:
             ends = np.asarray(terminated) | np.asarray(truncated)
             # In the next step the environment starts again, and takes no action.
             is_step = ~flight.ends if not self._resets_at_once else np.ones(n, np.bool_)
-            paid = np.asarray(rewards) - self._cost(np.asarray(observed), ends)
+            paid = np.asarray(rewards) - self._cost(np.asarray(observed), ends) - self._cost_of_ends(infos, ends)
             rows.append((flight.observed, flight.starts, chosen, log_likely, paid, ends, is_step))
             flight.count(np.asarray(rewards), ends, infos)
             if self._doping is not None and ends.any():
@@ -242,6 +248,12 @@ class RecurrentPpo:
         if self._refused is None:
             return 0.0
         return np.where(ends, 0.0, self.settings.refused_cost * (observed[:, self._refused] > 0.5))
+
+    def _cost_of_ends(self, infos: Mapping[str, Any], ends: NDArray[np.bool_]) -> NDArray[np.float64] | float:
+        if self.settings.collision_cost == 0.0 or not ends.any():
+            return 0.0
+        outcomes = np.asarray(infos.get("final_info", infos).get("outcome", np.full(len(ends), None)), dtype=object)
+        return np.where(ends & (outcomes == COLLISION), self.settings.collision_cost, 0.0)
 
     def _learn(self, flown: Segments, rng: np.random.Generator) -> list[Mapping[str, Any]]:
         s = self.settings

@@ -115,6 +115,7 @@ def test_advantages_are_the_sum_that_they_should_be():
         ({"rounds": 0}, "recurrent_ppo.rounds: expected a whole number from 1, was 0"),
         ({"discount": 1.5}, "recurrent_ppo.discount: expected a number above 0 and up to 1, was 1.5"),
         ({"max_gradient": "much"}, "recurrent_ppo.max_gradient: expected a number from 0, was 'much'"),
+        ({"collision_cost": -1.0}, "recurrent_ppo.collision_cost: expected a number from 0, was -1.0"),
         ({"parts": 3}, "recurrent_ppo.parts: expected a divisor of 8 environments, was 3"),
         ({"observations": ("x", "smell")}, "recurrent_ppo.observations: expected names among x, y, .*, was smell"),
     ],
@@ -136,6 +137,15 @@ def test_a_checkpoint_of_another_network_is_refused_and_nothing_is_lost():
     with pytest.raises(UsageError, match="checkpoint: expected the arrays of a network of 8 units, was other ones in"):
         one.resume(other.state())
     assert all(np.array_equal(array, before[name]) for name, array in one.state().items())
+
+
+@pytest.mark.parametrize("is_final", [False, True], ids=["next_step", "same_step"])
+def test_a_search_that_ends_by_a_collision_costs_what_is_set(is_final):
+    told = {"outcome": np.array(["collision", "success", None, "collision"], dtype=object)}
+    ends = np.array([True, True, False, False])
+    one = trainer(collision_cost=1.5)
+    np.testing.assert_array_equal(one._cost_of_ends({"final_info": told} if is_final else told, ends), [1.5, 0, 0, 0])
+    assert trainer()._cost_of_ends(told, ends) == 0.0
 
 
 def test_a_policy_sees_the_observations_that_were_chosen():
