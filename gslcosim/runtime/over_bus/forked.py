@@ -60,10 +60,15 @@ def become(request: dict[str, Any], parent: int, unwanted: Sequence[int]) -> NoR
     except BaseException:  # told in the log, as by an interpreter that ends
         traceback.print_exc()
     finally:
-        with contextlib.suppress(OSError, ValueError):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(code)
+        end_fork(code)
+
+
+def end_fork(code: int) -> NoReturn:
+    """End a process that was forked, with what it has written, and without what its parent would do at its end."""
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 # A service without a log can fly; what ends it is told over the bus.

@@ -26,6 +26,7 @@ from typing import Any
 from gslcosim.errors import ExitCode, UsageError
 from gslcosim.machine import machine_error
 from gslcosim.runtime.over_bus.fork_server import import_what_services_share
+from gslcosim.runtime.over_bus.forked import end_fork
 from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.over_bus.warm_place import differences, identity, n_threads, warm_folder, warm_socket
 from gslcosim.runtime.privacy import keep_memory_private
@@ -231,10 +232,7 @@ class _WarmServer:
         except BaseException:  # told where the caller looks, as by an interpreter that ends
             traceback.print_exc()
         finally:
-            with contextlib.suppress(OSError, ValueError):
-                sys.stdout.flush()
-                sys.stderr.flush()
-            os._exit(code)
+            end_fork(code)
 
 
 def _stale_text(differing: Sequence[str], pid: int) -> str:

@@ -9,10 +9,10 @@ import numpy as np
 from gslcosim.world.paths.trajectory_kernels import (
     N_SAMPLES,
     peak_speed_and_acceleration,
-    polynomial_at,
     rest_to_rest_duration,
     set_quartic_to_velocity_inplace,
     set_quintic_inplace,
+    speed2_and_acceleration2_at,
 )
 
 # No polynomial is shorter than a few times the response of an attitude loop: a vehicle could not follow its jerk.
@@ -21,17 +21,6 @@ GROWTH = 1.04
 _N_DURATIONS = 250
 # A hair more than what is allowed, so that rounding never rules out what a look at the whole path would not.
 _HAIR = 1.0 + 1e-9
-
-
-@numba.njit(cache=True, nogil=True)
-def _is_surely_over(coefficients, t, most_speed2, most_acceleration2):
-    speed = 0.0
-    acceleration = 0.0
-    for i in range(3):
-        _, v, a, _ = polynomial_at(coefficients, i, t)
-        speed += v * v
-        acceleration += a * a
-    return speed > most_speed2 or acceleration > most_acceleration2
 
 
 @numba.njit(cache=True, nogil=True)
@@ -51,7 +40,8 @@ def _excess_of(coefficients, duration_s, speed_limit, acceleration_limit, allowe
     most_speed2 = (allowed * speed_limit) ** 2 * _HAIR
     most_acceleration2 = (allowed * acceleration_limit) ** 2 * _HAIR
     for k in (N_SAMPLES // 2, N_SAMPLES // 4, 3 * N_SAMPLES // 4):
-        if _is_surely_over(coefficients, duration_s * k / N_SAMPLES, most_speed2, most_acceleration2):
+        speed2, acceleration2 = speed2_and_acceleration2_at(coefficients, duration_s * k / N_SAMPLES)
+        if speed2 > most_speed2 or acceleration2 > most_acceleration2:
             return np.inf
     peak_speed, peak_acceleration = peak_speed_and_acceleration(coefficients, duration_s)
     return max(peak_speed / speed_limit, peak_acceleration / acceleration_limit)
@@ -144,8 +134,6 @@ def plan_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_accel
         if excess < least:
             least = excess
             best_duration = duration
-        if excess <= allowed:
-            break
         duration = max(duration * GROWTH, duration + step_s)
     _set_polynomial(coefficients, start, end, is_velocity, best_duration)
     return best_duration

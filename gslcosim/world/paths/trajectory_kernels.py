@@ -203,6 +203,22 @@ def allowed_aside_m(speed_m_s, max_acceleration_m_s2):
 
 
 @numba.njit(cache=True, nogil=True)
+def speed2_and_acceleration2_at(coefficients, t):
+    """Return the squares of speed [m^2/s^2] and acceleration [m^2/s^4] of a polynomial (3, 6) at t [s].
+
+    Held by:
+        tests/analytic/test_world_trajectory.py
+    """
+    speed2 = 0.0
+    acceleration2 = 0.0
+    for i in range(3):
+        _, v, a, _ = polynomial_at(coefficients, i, t)
+        speed2 += v * v
+        acceleration2 += a * a
+    return speed2, acceleration2
+
+
+@numba.njit(cache=True, nogil=True)
 def peak_speed_and_acceleration(coefficients, duration_s):
     """Return the greatest speed [m/s] and acceleration [m/s^2] of a polynomial, from 33 equally spaced instants.
 
@@ -218,13 +234,7 @@ def peak_speed_and_acceleration(coefficients, duration_s):
     peak_speed = 0.0
     peak_acceleration = 0.0
     for k in range(N_SAMPLES + 1):
-        t = duration_s * k / N_SAMPLES
-        speed = 0.0
-        acceleration = 0.0
-        for i in range(3):
-            _, v, a, _ = polynomial_at(coefficients, i, t)
-            speed += v * v
-            acceleration += a * a
-        peak_speed = max(peak_speed, speed)
-        peak_acceleration = max(peak_acceleration, acceleration)
+        speed2, acceleration2 = speed2_and_acceleration2_at(coefficients, duration_s * k / N_SAMPLES)
+        peak_speed = max(peak_speed, speed2)
+        peak_acceleration = max(peak_acceleration, acceleration2)
     return math.sqrt(peak_speed), math.sqrt(peak_acceleration)
