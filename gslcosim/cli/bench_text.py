@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.terminal import table, write_note
+from gslcosim.cli.terminal import clear_status_line, draw_status_line, table, write_note
 
 if TYPE_CHECKING:
     from gslcosim.benchmark.execution.running import Progress, RunSummary
@@ -233,8 +233,7 @@ class _Line:
             return
         now = time.monotonic()
         if self._is_terminal:
-            sys.stderr.write(f"\r\x1b[2K{text[: _width()]}")
-            sys.stderr.flush()
+            draw_status_line(text)
             self._is_drawn = True
         elif is_last or now - self._shown_at >= _PLAIN_EVERY_S:
             self._shown_at = now
@@ -243,14 +242,7 @@ class _Line:
     def end(self) -> None:
         """Leave the line empty."""
         if self._is_drawn:
-            sys.stderr.write("\r\x1b[2K")
-            sys.stderr.flush()
-
-
-def _width() -> int:
-    import shutil
-
-    return shutil.get_terminal_size().columns - 1
+            clear_status_line()
 
 
 def _duration(seconds: float | None) -> str:

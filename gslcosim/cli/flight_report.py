@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.run_dirs import RECORDING
-from gslcosim.cli.terminal import table, write_note
+from gslcosim.cli.terminal import plain_text, table, write_note
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -77,7 +77,7 @@ class LiveLine:
 
         status = self._status
         line = Table.grid(padding=(0, 1))
-        cells: list[Any] = [self._spinner, self._title, status_text(status) if status else ""]
+        cells: list[Any] = [self._spinner, plain_text(self._title), plain_text(status_text(status) if status else "")]
         if status is not None and status.fraction is not None:
             cells += [ProgressBar(total=1.0, completed=status.fraction, width=BAR_WIDTH)]
             cells += [f"{100 * status.fraction:3.0f} %"]

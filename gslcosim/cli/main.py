@@ -40,7 +40,13 @@ from gslcosim.cli.commands import (
     view,
 )
 from gslcosim.cli.parsing import build_parser, parse
-from gslcosim.cli.terminal import finish_output, give_up_output, open_missing_streams, write_note
+from gslcosim.cli.terminal import (
+    escape_library_messages,
+    finish_output,
+    give_up_output,
+    open_missing_streams,
+    write_note,
+)
 from gslcosim.errors import ExitCode, GslCosimError, MachineError
 from gslcosim.machine import check_address_space, unforeseen
 
@@ -93,6 +99,8 @@ def main(words: Sequence[str] | None = None) -> int:
     # What is imported stays: looking through it for garbage again and again would take a seventh of the start.
     gc.set_threshold(_COLLECT_EVERY)
     open_missing_streams()
+    if words is None:
+        escape_library_messages()
     exit_code = told_exit_code(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:
         # Libraries wait at the interpreter's end for threads that a machine without memory has not let them start.

@@ -5,7 +5,7 @@ import difflib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from gslcosim.cli.terminal import write, write_note
 from gslcosim.errors import UsageError
@@ -31,6 +31,12 @@ class Command:
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are ours to write."""
+
+    def __init__(self, **options: Any) -> None:
+        """Take what an argument parser takes."""
+        super().__init__(**options)
+        # From Python 3.14 on help has escape sequences of its own, which our output would show as text.
+        self.color = False
 
     def error(self, message: str) -> NoReturn:
         """Raise what is wrong with the call.

@@ -1,14 +1,26 @@
-"""Writing to the terminal: results to stdout, everything else to stderr."""
+"""Writing to the terminal: results to stdout, everything else to stderr.
+
+Whatever a command prints goes through here, and what is in it from strangers (errors of agents, names in files, logs)
+can neither move the cursor nor set a title: `escape_terminal_text`.
+"""
 
 import contextlib
 import json
 import os
+import shutil
 import sys
 from collections.abc import Sequence
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from gslcosim.errors import MachineError
 from gslcosim.machine import machine_error
+from gslcosim.terminal_text import escape_json_text, escape_terminal_text
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+_CLEAR_SCREEN = "\x1b[H\x1b[J"
+_CLEAR_LINE = "\r\x1b[2K"
 
 
 def write(text: str = "") -> None:
@@ -18,8 +30,22 @@ def write(text: str = "") -> None:
         MachineError: it cannot be written.
         BrokenPipeError: whoever has read it is gone.
     """
+    _write_result(f"{escape_terminal_text(text)}\n")
+
+
+def write_screen(text: str) -> None:
+    """Clear the terminal and write text at its top.
+
+    Raises:
+        MachineError: it cannot be written.
+        BrokenPipeError: whoever has read it is gone.
+    """
+    _write_result(f"{_CLEAR_SCREEN}{escape_terminal_text(text)}\n")
+
+
+def _write_result(text: str) -> None:
     try:
-        sys.stdout.write(f"{text}\n")
+        sys.stdout.write(text)
     except BrokenPipeError:
         raise
     except OSError as error:
@@ -75,24 +101,65 @@ def _no_output(error: OSError) -> MachineError:
 
 def write_json(content: Any) -> None:
     """Write the result to stdout as JSON."""
-    write(json.dumps(content, indent=2, ensure_ascii=False))
+    _write_result(f"{escape_json_text(json.dumps(content, indent=2, ensure_ascii=False))}\n")
 
 
 def write_note(text: str) -> None:
     """Write a line that is not part of the result to stderr; where that is full or gone, nobody needs it."""
+    _write_to_stderr(f"{escape_terminal_text(text)}\n")
+
+
+def draw_status_line(text: str) -> None:
+    """Draw a line on stderr, a terminal, in place of the one that was drawn there last."""
+    width = shutil.get_terminal_size().columns - 1
+    _write_to_stderr(f"{_CLEAR_LINE}{escape_terminal_text(text, is_one_line=True)[:width]}")
+
+
+def clear_status_line() -> None:
+    """Take away the line that `draw_status_line` has drawn."""
+    _write_to_stderr(_CLEAR_LINE)
+
+
+def _write_to_stderr(text: str) -> None:
     try:
-        sys.stderr.write(f"{text}\n")
+        sys.stderr.write(text)
         sys.stderr.flush()
     except OSError:
         _give_up(sys.stderr)
 
 
+def plain_text(text: str) -> "Text":
+    """Return text for Rich, in which neither markup (`[red]`) nor control characters mean anything."""
+    from rich.text import Text
+
+    return Text(escape_terminal_text(text, is_one_line=True))
+
+
+def escape_library_messages() -> None:
+    """Write warnings and log records of libraries, which quote the files that they read, as notes."""
+    # Not imported by commands that only read small files.
+    import logging
+    import warnings
+
+    class NoteHandler(logging.Handler):
+        """Handler that writes a log record as a note."""
+
+        def emit(self, record: logging.LogRecord) -> None:
+            write_note(record.getMessage())
+
+    def write_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
+        write_note(f"{filename}:{lineno}: {category.__name__}: {message}")
+
+    cast("Any", warnings).showwarning = write_warning
+    # What Python uses where nobody has set up logging.
+    cast("Any", logging).lastResort = NoteHandler(logging.WARNING)
+
+
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return rows as aligned columns under their headings; a pipe gets the same text as a terminal."""
-    widths = [max(len(row[i]) for row in (headings, *rows)) for i in range(len(headings))]
-    lines = (
-        "   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in (headings, *rows)
-    )
+    cells = [[escape_terminal_text(cell, is_one_line=True) for cell in row] for row in (headings, *rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
+    lines = ("   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "\n".join(line.rstrip() for line in lines)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Self
 
 from gslcosim.errors import UsageError
+from gslcosim.terminal_text import escape_terminal_text
 
 if sys.platform != "win32":
     import termios
@@ -108,7 +109,8 @@ class Keyboard:
 
     def show(self, lines: Sequence[str]) -> None:
         """Draw a picture over the last one."""
-        self._write("\x1b[H" + "\x1b[K\r\n".join(lines) + "\x1b[K\x1b[J")
+        shown = (escape_terminal_text(line, is_one_line=True) for line in lines)
+        self._write("\x1b[H" + "\x1b[K\r\n".join(shown) + "\x1b[K\x1b[J")
 
     def _write(self, text: str) -> None:
         left = text.encode()

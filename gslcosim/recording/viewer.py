@@ -27,9 +27,20 @@ def open_viewer(path: Path) -> None:
     """
     _check_file(path)
     check_screen()
-    viewer = subprocess.run([str(rerun_program()), *_LOCAL, str(path)], env=rerun_environment(), check=False)
+    # What it logs may come from the recording, and is no text for a terminal.
+    viewer = subprocess.run(
+        [str(rerun_program()), *_LOCAL, str(path)],
+        env=rerun_environment({"NO_COLOR": "1"}),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+    )
     if viewer.returncode != 0:
-        raise RecordingError(f"viewer: expected to end with 0, was {viewer.returncode}.\nFile: {path}")
+        said = viewer.stdout.strip().splitlines()
+        last = f": {said[-1][:300]}" if said else ""
+        raise RecordingError(f"viewer: expected to end with 0, was {viewer.returncode}{last}\nFile: {path}")
 
 
 def check_screen() -> None:

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.parsing import Command
-from gslcosim.cli.terminal import add_json_option, table, write, write_json
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_screen
 
 if TYPE_CHECKING:
     from gslcosim.runtime.watching.running_flights import RunningFlight
@@ -90,7 +90,7 @@ def _top(arguments: argparse.Namespace) -> int:
         if arguments.json:
             write_json({**now.facts, "participants": rows})
         else:
-            write(("\033[H\033[J" if is_drawn_again else "") + _page(now, rows))
+            (write_screen if is_drawn_again else write)(_page(now, rows))
         if arguments.once:
             return 0
         before = now

@@ -12,6 +12,7 @@ from gslcosim.cli.parsing import Command, at_least_one, whole_number
 from gslcosim.cli.scenarios import check_places
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 from gslcosim.errors import ExitCode
+from gslcosim.terminal_text import escape_terminal_text
 
 if TYPE_CHECKING:
     from gslcosim.generation import MadeEnvironment
@@ -185,11 +186,16 @@ def _progress_bar(*, is_quiet: bool) -> Iterator[Callable[[str, float], None]]:
         yield lambda _text, _fraction: None
         return
     from rich.console import Console
+    from rich.markup import escape as escape_markup
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bars:
         bar = bars.add_task("", total=1.0)
-        yield lambda text, fraction: bars.update(bar, description=text, completed=fraction)
+
+        def draw(text: str, fraction: float) -> None:
+            bars.update(bar, description=escape_markup(escape_terminal_text(text)), completed=fraction)
+
+        yield draw
 
 
 COMMAND = Command(

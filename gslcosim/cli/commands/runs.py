@@ -9,7 +9,15 @@ from typing import Any
 from gslcosim.cli.parsing import Command, at_least_one
 from gslcosim.cli.run_dirs import RECORDING, RUNS_DIR
 from gslcosim.cli.run_rows import COLUMNS, NUMBERS, SHORT_NAMES, TEXTS, rows_of
-from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+from gslcosim.cli.terminal import (
+    add_json_option,
+    clear_status_line,
+    draw_status_line,
+    table,
+    write,
+    write_json,
+    write_note,
+)
 from gslcosim.errors import MachineError, UsageError
 from gslcosim.run_data.row_filters import Condition, sorted_rows
 
@@ -60,7 +68,10 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = [Path(word) for word in words or [RUNS_DIR]]
     key = arguments.sort.removeprefix("-")
     key = arguments.sort.replace(key, SHORT_NAMES.get(key, key))
-    rows = sorted_rows(rows_of(folders, _tell if sys.stderr.isatty() else None), key, COLUMNS)
+    is_terminal = sys.stderr.isatty()
+    rows = sorted_rows(rows_of(folders, _tell if is_terminal else None), key, COLUMNS)
+    if is_terminal:
+        clear_status_line()
     chosen = [row for row in rows if all(condition.holds(row) for condition in conditions)][: arguments.limit]
     if action == "remove":
         return _remove(chosen, arguments)
@@ -77,7 +88,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _tell(n: int) -> None:
-    write_note(f"\033[1A\033[K{n} runs read" if n > 500 else f"{n} runs read")
+    draw_status_line(f"{n} runs read")
 
 
 def _tell_rest(n_shown: int, n: int) -> None:

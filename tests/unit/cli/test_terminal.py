@@ -1,0 +1,262 @@
+"""What commands print passes one place, which shows control characters in place of obeying them."""
+
+import ast
+import contextlib
+import io
+import json
+import os
+import pty
+import re
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+import gslcosim
+from gslcosim.cli.bench_text import watched_count
+from gslcosim.cli.commands import generate
+from gslcosim.cli.flight_report import LiveLine, agents_table, summary
+from gslcosim.cli.main import main
+from gslcosim.cli.terminal import draw_status_line, table, write, write_json, write_note, write_screen
+from gslcosim.cockpit.keyboard import Keyboard
+from gslcosim.recording import viewer
+from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.runtime.watching.window import windows_folder
+
+PACKAGE = Path(gslcosim.__file__).parent
+TITLE = "\x1b]0;owned\x07"
+CLEAR = "\x1b[2J"
+EVIL = f"{TITLE}{CLEAR}[red]evil[/red]\u202e"
+SHOWN = r"\x1b]0;owned\x07\x1b[2J[red]evil[/red]\u202e"
+# What writes elsewhere than `gslcosim.cli.terminal`, and only what is ours.
+WRITERS = {
+    "cli/terminal.py",
+    "cli/rendering_probe.py",  # JSON for the process that has started it
+    "cockpit/keyboard.py",  # escapes each line itself
+    "contract/publish/messages_page.py",
+    "scenario/keys_page.py",
+    "methods/blocks_page.py",
+    "runtime/over_bus/service.py",  # usage of a service's process, into its log
+}
+
+
+def obeyed(text):
+    """Return the control characters that reach a terminal."""
+    return set(re.findall("[^\\n\\t -~\xa0-\u200d\u2010-\u2027\u202f-\u2065\u206a-\U0010ffff]", text))
+
+
+def test_each_writer_shows_what_is_foreign(capsys):
+    write(EVIL)
+    write_note(EVIL)
+    output = capsys.readouterr()
+    assert output.out == output.err == f"{SHOWN}\n"
+    write_screen(EVIL)
+    assert capsys.readouterr().out == f"\x1b[H\x1b[J{SHOWN}\n"
+    draw_status_line(f"{EVIL}\n2")
+    assert capsys.readouterr().err == f"\r\x1b[2K{SHOWN}\\n2"
+    write_json({EVIL: "\x9b"})
+    text = capsys.readouterr().out
+    assert not obeyed(text)
+    assert json.loads(text) == {EVIL: "\x9b"}
+
+
+def test_a_cell_can_neither_break_its_row_nor_its_column():
+    lines = table(("name", "n"), [(f"{TITLE}\nforged   9", "1"), ("b", "2")]).splitlines()
+    assert lines == [f"{'name':<30} n", r"\x1b]0;owned\x07\nforged   9   1"[:30] + " 1", f"{'b':<30} 2"]
+
+
+def test_the_live_line_takes_neither_markup_nor_escape_sequences():
+    line = LiveLine(EVIL)
+    line(FlightStatus(state="preparing", text=EVIL, fraction=0.5))
+    console = Console(file=io.StringIO(), width=240, force_terminal=True, color_system=None)
+    console.print(line.render())
+    drawn = console.file.getvalue()
+    assert drawn.count(SHOWN) == 2
+    assert not obeyed(drawn)
+
+
+def on_a_terminal(monkeypatch, draw):
+    """Return what `draw` writes to stderr where that is a terminal."""
+    stream = io.StringIO()
+    stream.isatty = lambda: True
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "xterm")
+    draw()
+    return stream.getvalue()
+
+
+def test_the_progress_bar_takes_neither_markup_nor_escape_sequences(monkeypatch):
+    def draw():
+        with generate._progress_bar(is_quiet=False) as report:
+            report(EVIL, 0.5)
+
+    drawn = on_a_terminal(monkeypatch, draw)
+    assert SHOWN in drawn
+    assert TITLE not in drawn
+
+
+def test_the_status_line_of_suites_is_one_harmless_line(monkeypatch):
+    def draw():
+        with watched_count(EVIL, is_quiet=False) as report:
+            report(1, 2)
+
+    assert on_a_terminal(monkeypatch, draw) == f"\r\x1b[2K{SHOWN}: 1 of 2\r\x1b[2K"
+
+
+def test_the_cockpit_shows_what_agents_say(monkeypatch):
+    master, terminal = pty.openpty()
+    with os.fdopen(terminal, "r+b", buffering=0) as stream:
+        monkeypatch.setattr(sys, "stdin", stream)
+        monkeypatch.setattr(sys, "stdout", stream)
+        with Keyboard() as keyboard:
+            keyboard.show([f"radio  {EVIL}"])
+        drawn = os.read(master, 4096).decode()
+    os.close(master)
+    assert f"radio  {SHOWN}" in drawn
+    assert TITLE not in drawn
+
+
+AGENT = {
+    "name": EVIL,
+    "outcome": EVIL,
+    "time_to_source_s": None,
+    "steps": 1,
+    "path_length_m": 1.0,
+    "movement_overhead": None,
+    "final_distance_m": 1.0,
+}
+
+
+def test_a_summary_shows_errors_of_agents(tmp_path, capsys):
+    result = {
+        "end_reason": EVIL,
+        "valid": True,
+        "agents": [AGENT],
+        "sandboxes": {EVIL: EVIL},
+        "faults": [{"participant": EVIL, "tick": 1, "text": EVIL}],
+    }
+    write(summary(FlightResult(exit_code=1, run_dir=tmp_path / EVIL, result=result)))
+    text = capsys.readouterr().out
+    assert not obeyed(text)
+    assert text.count(SHOWN) >= 7
+    assert not obeyed(agents_table([AGENT], {}))
+
+
+def make_run(folder, **result):
+    (folder / "logs").mkdir(parents=True)
+    content = {"schema": "gslcosim/result/1", "end_reason": "success", "agents": [], "faults": [], **result}
+    (folder / "result.json").write_text(json.dumps(content))
+
+
+def test_runs_of_strangers_are_listed(tmp_path, capsys):
+    make_run(tmp_path / EVIL.replace("/", "_"), scenario=EVIL, end_reason=f"{EVIL}\n")
+    (tmp_path / os.fsdecode(b"no utf-8 \xff")).mkdir()
+    for words in ((), ("--json",)):
+        assert main(["runs", str(tmp_path), *words]) == 0
+        text = capsys.readouterr().out
+        assert not obeyed(text)
+        assert "owned" in text
+
+
+def test_names_of_files_and_words_of_a_call_are_shown(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path(f"{TITLE}.yaml").write_text('name: "\\e]0;owned\\a"\n"\\e[2J": 1\n')
+    for words in (["validate", f"{TITLE}.yaml"], ["validate", EVIL], ["list", EVIL], ["compare", EVIL, EVIL], [EVIL]):
+        assert main(words) == 2
+        output = capsys.readouterr()
+        assert not obeyed(output.out + output.err)
+        assert r"\x1b" in output.out + output.err
+
+
+def test_flights_of_others_are_listed(monkeypatch, tmp_path, capsys):
+    """Whoever of the user listens in that folder is asked how its flight goes."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    folder = windows_folder()
+    folder.mkdir()
+    texts = dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "state", "text"), EVIL)
+    numbers = dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 1.0)
+    participant = dict.fromkeys(("name", "state"), EVIL) | {"waits_for": [EVIL], "cpu_s": None, "memory_bytes": None}
+    participant |= {"pid": None, "tick": 1, "queued_ticks": 0, "n_resends": 0}
+    facts = json.dumps({**texts, **numbers, "participants": [participant]}).encode()
+
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(folder / f"{os.getpid()}-a.flight"))
+        listener.listen()
+
+        def answer():
+            with contextlib.suppress(OSError):
+                while True:
+                    connection = listener.accept()[0]
+                    connection.sendall(facts)
+                    connection.close()
+
+        threading.Thread(target=answer, daemon=True).start()
+        for words in (["ps"], ["ps", "--json"], ["top", "--once", "--every", "0.1"]):
+            assert main(words) == 0
+            text = capsys.readouterr().out
+            assert "owned" in text
+            assert not obeyed(text)
+        listener.shutdown(socket.SHUT_RDWR)
+
+
+def test_messages_of_libraries_are_shown(tmp_path):
+    """They quote names in the files that they read; asked in a process of its own, as the command line is one."""
+    program = (
+        "import sys, warnings, logging\n"
+        "from gslcosim.cli import main as cli\n"
+        "def call(words):\n"
+        f"    warnings.warn({EVIL!r}); logging.getLogger('x').warning('%s', {EVIL!r}); return 0\n"
+        "cli.told_exit_code = call\n"
+        "cli.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ended.stderr.count(SHOWN) == 2
+    assert not obeyed(ended.stderr)
+
+
+def test_what_the_viewer_logs_stays_away(monkeypatch, tmp_path, capfd):
+    program = tmp_path / "rerun"
+    program.write_text("#!/bin/sh\nprintf 'first\\n\\033]0;owned\\007last\\n'\nexit 4\n")
+    program.chmod(0o755)
+    recording = tmp_path / "a.rrd"
+    recording.write_bytes(b"RRF2")
+    monkeypatch.setenv("DISPLAY", ":9")
+    monkeypatch.setattr(viewer, "rerun_program", lambda: program)
+    with pytest.raises(viewer.RecordingError, match=r"was 4: .*owned.*last"):
+        viewer.open_viewer(recording)
+    assert capfd.readouterr() == ("", "")
+
+
+def is_writing(node):
+    """Return whether a node of a module's syntax writes to a standard stream or makes a console that does."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        return node.func.id == "print"
+    return isinstance(node, ast.Attribute) and node.attr == "write" and ast.unparse(node.value) in (
+        "sys.stdout", "sys.stderr", "sys.__stdout__", "sys.__stderr__",
+    )  # fmt: skip
+
+
+def test_nothing_else_writes_to_a_standard_stream():
+    found = set()
+    for path in PACKAGE.rglob("*.py"):
+        name = path.relative_to(PACKAGE).as_posix()
+        if "templates/" not in name and any(map(is_writing, ast.walk(ast.parse(path.read_text(encoding="utf-8"))))):
+            found.add(name)
+    assert found <= WRITERS
+    assert "cli/terminal.py" in found
+
+
+def test_rich_gets_no_foreign_text_as_markup():
+    """Whoever makes a console or a bar of Rich is in the list, and is tested above."""
+    users = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if re.search(r"^\s*(from|import) rich\b", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert users == {"cli/terminal.py", "cli/flight_report.py", "cli/commands/generate.py"}
