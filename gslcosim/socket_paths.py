@@ -1,15 +1,10 @@
-"""Addresses of unix sockets in folders with long names, and who is at the other end of one."""
+"""Addresses of unix sockets in folders with long names."""
 
 import contextlib
 import os
-import socket
-import struct
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-
-# struct ucred: pid, uid, gid.
-_CREDENTIALS = struct.Struct("3i")
 
 
 @contextlib.contextmanager
@@ -29,9 +24,3 @@ def socket_address(path: Path) -> Iterator[str]:
         yield f"/proc/self/fd/{folder}/{path.name}"
     finally:
         os.close(folder)
-
-
-def pid_behind(connection: socket.socket) -> int:
-    """Return the process at the other end of a unix socket, as the system says; Linux only."""
-    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return _CREDENTIALS.unpack(credentials)[0]

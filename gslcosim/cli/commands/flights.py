@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.parsing import Command
-from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_screen
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note, write_screen
 
 if TYPE_CHECKING:
     from gslcosim.runtime.watching.running_flights import RunningFlight
@@ -58,6 +58,9 @@ def _ps(arguments: argparse.Namespace) -> int:
         write(table(headings, [_flight_row(flight) for flight in flights]))
     else:
         write(_NONE)
+    for flight in flights:
+        if flight.facts["state"] == "refused":
+            write_note(flight.facts["text"])
     return 0
 
 

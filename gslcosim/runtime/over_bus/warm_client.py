@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.errors import SimulationFault, UsageError
-from gslcosim.runtime.over_bus.warm_place import identity, warm_socket
-from gslcosim.socket_paths import pid_behind, socket_address
+from gslcosim.runtime.over_bus.warm_place import identity, warm_secret, warm_socket
+from gslcosim.socket_paths import socket_address
+from gslcosim.socket_peers import check_peer, peer_pid
 
 ANSWER_WITHIN_S = 15.0
 _START = "Start one in another shell: gslcosim serve"
@@ -25,14 +26,16 @@ def fly_warm(words: Sequence[str]) -> int:
         words: The command line without the program's name.
 
     Raises:
-        UsageError: there is no server, or it has ended, does not answer, or has imported other code.
+        UsageError: there is no server, or it has ended, does not answer, has imported other code, or it and this
+            process are not confined alike.
         SimulationFault: the flight's process has ended without a word.
     """
     # The streams are those of this process, so that nothing of it may wait in them.
     sys.stdout.flush()
     sys.stderr.flush()
     with _connected() as connection:
-        pid = pid_behind(connection)
+        check_peer(connection, place="up --warm")
+        pid = peer_pid(connection)
         socket.send_fds(connection, [b"gslcosim\n"], [0, 1, 2])
         connection.sendall(json.dumps(_request(words)).encode() + b"\n")
         answers = _answers(connection)
@@ -56,12 +59,23 @@ def _request(words: Sequence[str]) -> dict[str, Any]:
     umask = os.umask(0)
     os.umask(umask)
     return {
+        "secret": _secret(),
         "words": list(words),
         "identity": identity(),
         "environ": dict(os.environ),
         "folder": str(Path.cwd()),
         "umask": umask,
     }
+
+
+def _secret() -> str:
+    try:
+        return warm_secret().read_text()
+    except OSError as error:
+        raise UsageError(
+            f"up --warm: expected the server's secret in {warm_secret()}, could not read it ({error}). "
+            "Start the server again: gslcosim serve"
+        ) from error
 
 
 def _connected() -> socket.socket:

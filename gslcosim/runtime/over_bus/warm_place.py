@@ -26,6 +26,11 @@ def warm_socket() -> Path:
     return warm_folder() / "server.sock"
 
 
+def warm_secret() -> Path:
+    """Return the file with what a caller has to know; it is made anew by each server, and hidden from sandboxes."""
+    return warm_folder() / "secret"
+
+
 def identity() -> dict[str, str]:
     """Return what a server has imported or what would be imported now, each part by its name in messages.
 

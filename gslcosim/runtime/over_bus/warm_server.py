@@ -10,6 +10,7 @@ import gc
 import importlib
 import json
 import os
+import secrets
 import selectors
 import signal
 import socket
@@ -28,11 +29,12 @@ from gslcosim.machine import machine_error
 from gslcosim.runtime.over_bus.fork_server import import_what_services_share
 from gslcosim.runtime.over_bus.forked import end_fork
 from gslcosim.runtime.over_bus.forks import ForkServer
-from gslcosim.runtime.over_bus.warm_place import differences, identity, n_threads, warm_folder, warm_socket
+from gslcosim.runtime.over_bus.warm_place import differences, identity, n_threads, warm_folder, warm_secret, warm_socket
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.process_title import set_process_title
 from gslcosim.runtime.watching.own_process import user_id
-from gslcosim.socket_paths import pid_behind, socket_address
+from gslcosim.socket_paths import socket_address
+from gslcosim.socket_peers import check_peer, peer_pid
 
 GREETING = b"gslcosim\n"
 N_STREAMS = 3
@@ -59,6 +61,8 @@ Fly = Callable[[Sequence[str], ForkServer], int]
 def serve_warm(fly: Fly, *, announce: Callable[[Path], None]) -> None:
     """Import and rehearse, then fly for whoever of this user asks, until SIGINT or SIGTERM; flights end with it.
 
+    Who asks is in no sandbox: it shows a secret that lies beside the socket, and is confined no more than the server.
+
     Args:
         fly: Flies a command line with a fork server, and returns its exit code; called in a fork.
         announce: Is told the socket as soon as it is listened at.
@@ -68,19 +72,20 @@ def serve_warm(fly: Fly, *, announce: Callable[[Path], None]) -> None:
         MachineError: the socket cannot be made.
     """
     keep_memory_private()
-    with _listener() as listener:
+    with _listener() as (listener, secret):
         # Before anything is imported: what is changed meanwhile differs then.
         imported = identity()
         gc.disable()
         _warm_up()
         gc.collect()
         gc.freeze()
-        server = _WarmServer(listener, imported, fly)
+        server = _WarmServer(listener, imported, secret, fly)
         try:
             announce(warm_socket())
             server.serve()
         finally:
             warm_socket().unlink(missing_ok=True)
+            warm_secret().unlink(missing_ok=True)
             server.end_flights()
 
 
@@ -116,12 +121,13 @@ def _listener() -> Any:
             folder.mkdir(mode=0o700, exist_ok=True)
             _check_is_ours(folder)
             _remove_dead(path)
+            secret = _write_secret(warm_secret())
             with socket_address(path) as address:
                 listener.bind(address)
             listener.listen(_QUEUE)
         except OSError as error:
             raise machine_error(error, "warm server", "a unix socket that can be made", path=path) from error
-        yield listener
+        yield listener, secret
     finally:
         listener.close()
 
@@ -134,6 +140,15 @@ def _check_is_ours(folder: Path) -> None:
         )
 
 
+def _write_secret(path: Path) -> str:
+    secret = secrets.token_urlsafe(32)
+    path.unlink(missing_ok=True)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600)
+    with os.fdopen(descriptor, "w") as file:
+        file.write(secret)
+    return secret
+
+
 def _remove_dead(path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         try:
@@ -142,14 +157,15 @@ def _remove_dead(path: Path) -> None:
         except (FileNotFoundError, ConnectionRefusedError):
             path.unlink(missing_ok=True)
             return
-        pid = pid_behind(probe)
+        pid = peer_pid(probe)
     raise UsageError(f"serve: expected no other server of this user, found one, process {pid}. End it: kill {pid}")
 
 
 class _WarmServer:
-    def __init__(self, listener: socket.socket, imported: dict[str, str], fly: Fly) -> None:
+    def __init__(self, listener: socket.socket, imported: dict[str, str], secret: str, fly: Fly) -> None:
         self._listener = listener
         self._imported = imported
+        self._secret = secret
         self._fly = fly
         self._flights: set[int] = set()
         self._woken, self._waker = os.pipe()
@@ -196,6 +212,7 @@ class _WarmServer:
         connection, _ = self._listener.accept()
         with connection:
             try:
+                check_peer(connection, place="caller")
                 check_one_thread()
                 pid = os.fork()
             except (UsageError, OSError) as error:
@@ -220,7 +237,7 @@ class _WarmServer:
             signal.signal(signal.SIGINT, signal.default_int_handler)
             for fd in (self._woken, self._waker, self._listener.fileno()):
                 os.close(fd)
-            request = _taken_over(connection)
+            request = _taken_over(connection, self._secret)
             if differing := differences(self._imported, request["identity"]):
                 pid = os.getppid()
                 _tell(connection, {"refused": _stale_text(differing, pid)})
@@ -229,6 +246,8 @@ class _WarmServer:
                 # Whoever has called is gone as soon as it knows.
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
                 _tell(connection, {"code": code})
+        except UsageError as error:
+            _tell(connection, {"refused": str(error)})
         except BaseException:  # told where the caller looks, as by an interpreter that ends
             traceback.print_exc()
         finally:
@@ -261,15 +280,17 @@ def _obey(connection: socket.socket) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
 
-def _taken_over(connection: socket.socket) -> dict[str, Any]:
+def _taken_over(connection: socket.socket, secret: str) -> dict[str, Any]:
     connection.settimeout(REQUEST_WITHIN_S)
     _, streams, _, _ = socket.recv_fds(connection, len(GREETING), N_STREAMS)
+    request = json.loads(_line_from(connection))
+    if not secrets.compare_digest(str(request["secret"]).encode(), secret.encode()):
+        raise UsageError(f"warm server: expected the secret in {warm_secret()}, the caller has another.")
     for fd, stream in enumerate(streams):
         os.dup2(stream, fd)
         os.close(stream)
     sys.stdout = os.fdopen(1, "w", closefd=False)
     sys.stderr = os.fdopen(2, "w", closefd=False, errors="backslashreplace")
-    request = json.loads(_line_from(connection))
     connection.settimeout(None)
     os.environ.clear()
     os.environ.update(request["environ"])

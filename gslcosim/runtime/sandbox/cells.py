@@ -13,6 +13,8 @@ from pathlib import Path
 
 import gslcosim
 from gslcosim._kernel_cache import cache_root
+from gslcosim.runtime.over_bus.warm_place import warm_folder
+from gslcosim.runtime.watching.window import windows_folder
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 
 # Read-only for every agent, where they exist.
@@ -123,8 +125,12 @@ def lies_in_truth(folder: Path) -> bool:
 
 
 def always_hidden() -> list[Path]:
-    """Return what no agent sees wherever it lies: bundled scenarios, and the cache with environments and gas."""
-    return [bundled_folder("."), cache_root()]
+    """Return what no agent sees wherever it lies.
+
+    Bundled scenarios, the cache with environments and gas, and the folders of sockets at which only those in no sandbox
+    may ask.
+    """
+    return [bundled_folder("."), cache_root(), warm_folder(), windows_folder()]
 
 
 def is_system(path: Path) -> bool:

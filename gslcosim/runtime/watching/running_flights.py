@@ -13,7 +13,8 @@ from typing import Any
 
 from gslcosim.errors import RunTimeoutError, UsageError
 from gslcosim.runtime.watching.window import SUFFIX, windows_folder
-from gslcosim.socket_paths import pid_behind, socket_address
+from gslcosim.socket_paths import socket_address
+from gslcosim.socket_peers import check_peer, peer_pid
 
 LOOK_WITHIN_S = 2.0
 STOP_WITHIN_S = 20.0
@@ -61,7 +62,11 @@ def running_flights() -> list[RunningFlight]:
 
 
 def look_through(window: Path) -> RunningFlight | None:
-    """Return the flight behind a window, `silent` where it tells nothing in time; None where it has ended."""
+    """Return the flight behind a window; None where it has ended.
+
+    It is `silent` where it tells nothing in time, and `refused`, with the reason as its `text`, where it and this
+    process are not confined alike.
+    """
     if sys.platform == "win32":
         return None
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection, contextlib.suppress(OSError, ValueError):
@@ -73,7 +78,12 @@ def look_through(window: Path) -> RunningFlight | None:
             window.unlink(missing_ok=True)
             return None
         try:
+            check_peer(connection, place=window.name)
             facts = json.loads(_all_of(connection))
+            if "refused" in facts:
+                raise UsageError(str(facts["refused"]))
+        except UsageError as error:
+            facts = _UNTOLD | {"state": "refused", "text": str(error)}
         except TimeoutError:
             facts = _UNTOLD
         return RunningFlight(window, _pid_of(connection, window), facts, time.monotonic())
@@ -131,4 +141,4 @@ def _all_of(connection: socket.socket) -> bytes:
 
 # Elsewhere than on Linux it is the one in the window's name.
 def _pid_of(connection: socket.socket, window: Path) -> int:
-    return pid_behind(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])
+    return peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])

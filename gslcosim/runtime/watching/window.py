@@ -1,4 +1,4 @@
-"""The window of a flight: whoever of its user connects is told how it goes, and can do nothing else."""
+"""The window of a flight: whoever of its user connects, and is in no sandbox, is told how it goes, and no more."""
 
 import contextlib
 import json
@@ -15,12 +15,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
+from gslcosim.errors import UsageError
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.status import FlightStatus
 from gslcosim.runtime.watching.own_process import user_id
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
 from gslcosim.socket_paths import socket_address
+from gslcosim.socket_peers import check_peer
 from gslcosim.ticks import seconds_from_ticks
 
 SUFFIX = ".flight"
@@ -36,7 +38,8 @@ def windows_folder() -> Path:
 class FlightWindow:
     """Reports of a flight pass through here, and whoever connects to its unix socket gets the last one as JSON.
 
-    A connection is answered and closed; nothing is read from it. Where no socket can be made, on Windows or on a full
+    A connection is answered and closed; nothing is read from it. Processes that are confined more than the flight, such
+    as its agents, are only told why they are refused. Where no socket can be made, on Windows or on a full
     disk, the flight goes on without a window.
 
     Args:
@@ -103,6 +106,13 @@ class FlightWindow:
             ],
         }
 
+    def _answer(self, connection: socket.socket) -> dict[str, Any]:
+        try:
+            check_peer(connection, place=str(self._facts["run_id"]))
+        except UsageError as error:
+            return {"refused": str(error)}
+        return self.look()
+
     def _open(self) -> None:
         if sys.platform == "win32":
             return
@@ -131,7 +141,7 @@ class FlightWindow:
                 return
             with connection, contextlib.suppress(OSError):
                 connection.settimeout(_SEND_WITHIN_S)
-                connection.sendall(json.dumps(self.look()).encode())
+                connection.sendall(json.dumps(self._answer(connection)).encode())
 
 
 # Of flights that were killed: nobody listens there any more.
