@@ -21,7 +21,7 @@ from gslcosim.bus.port import Answerer, Certificate, Handler, Join, Mailbox
 from gslcosim.bus.queued_mailbox import QueuedMailbox
 from gslcosim.bus.zenoh_mailbox import ZenohMailbox
 from gslcosim.bus.zenoh_mesh import is_router_lost, joining_mesh
-from gslcosim.bus.zenoh_sessions import open_session, set_unread_limit
+from gslcosim.bus.zenoh_sessions import open_session, open_with_patience, set_unread_limit
 from gslcosim.errors import SimulationFault
 
 # How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not
@@ -82,9 +82,12 @@ class ZenohBus:
             _insert_base64(config, "connect_private_key_base64", join.tls_client_key)
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
+        # Whoever is watched is ended with the supervisor, so a router that is silent is one that is stopped.
+        endpoint = join.endpoint if join.is_watched else ""
         try:
             with joining_mesh(config, join):
-                return cls(open_session(config), join.namespace)
+                session = open_with_patience(lambda: open_session(config), endpoint)
+                return cls(session, join.namespace)
         except zenoh.ZError as error:
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "

@@ -4,6 +4,8 @@
 
 import os
 import re
+import socket
+from collections.abc import Callable
 
 import zenoh
 
@@ -13,6 +15,9 @@ from gslcosim.machine import LACKING, machine_error
 _EXPECTED = "a session that opens"
 # How pyo3 raises what Rust does not handle; no class to be imported.
 _PANIC = "PanicException"
+_UNIX_SOCKET = "unixsock-stream/"
+# A router that answers may have been stopped during an attempt; one that refuses a password answers each time.
+_MAX_ATTEMPTS = 3
 
 
 def open_session(config: zenoh.Config) -> zenoh.Session:
@@ -37,6 +42,48 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
             f"zenoh: expected {_EXPECTED}, was {error}. Raise the limits on open files (ulimit -n) and on processes "
             "(ulimit -u), or close programs."
         ) from error
+
+
+def open_with_patience(open_once: Callable[[], zenoh.Session], endpoint: str) -> zenoh.Session:
+    """Open a session to the router of this machine; wait for a router that is stopped, however long that is.
+
+    Zenoh gives an attempt up after seconds, and its error is the same for a stopped router and a refused password.
+
+    Args:
+        open_once: Tries to open the session.
+        endpoint: Where the router listens, as Zenoh names it.
+
+    Raises:
+        zenoh.ZError: no router listens there, or it refuses the session.
+    """
+    for _ in range(_MAX_ATTEMPTS - 1):
+        try:
+            return open_once()
+        except zenoh.ZError:
+            if not wait_for_answer(endpoint):
+                raise
+    return open_once()
+
+
+def wait_for_answer(endpoint: str) -> bool:
+    """Wait until a process that listens at a unix socket reads what it is sent; return false where none listens.
+
+    The kernel accepts connections for a process that is stopped. It sees the end of this one when it continues, and
+    closes it.
+    """
+    if not endpoint.startswith(_UNIX_SOCKET):
+        return False
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+            probe.connect(endpoint.removeprefix(_UNIX_SOCKET))
+            probe.shutdown(socket.SHUT_WR)
+            while probe.recv(4096):
+                pass
+    except ConnectionResetError:
+        return True
+    except OSError:
+        return False
+    return True
 
 
 def set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
