@@ -16,12 +16,12 @@ run: .venv/ready            # fly the quickstart
 test: .venv/ready-dev       # what a newcomer types: the fast tests, and each capability once end to end
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and not soak"
-	$(BIN)/pytest -q -n 2 --dist loadscope -m "tour and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 --dist loadscope -m "tour and not soak"
 
 test-all: .venv/ready-dev   # what is slower or repeats, after `make test`
 	@tests/install_debian_packages.sh
-	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not tour and not soak" --reruns 2
-	$(BIN)/pytest -q -n 2 --dist loadscope -m "end_to_end and not tour and not soak" --reruns 2
+	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not tour and not soak"
+	$(BIN)/pytest -q -n 2 --dist loadscope -m "end_to_end and not tour and not soak"
 
 check: .venv/ready-dev      # style, types, layers, spelling
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deadlines import PROCESS_S
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "studies" / "plume_statistics.py"
 
@@ -66,7 +67,7 @@ def test_pauses_and_peaks_grow_beside_the_axis(study):
 @pytest.mark.slow
 def test_the_script_prints_its_table():
     run = subprocess.run(
-        [sys.executable, str(SCRIPT), "--seconds", "20"], capture_output=True, text=True, check=True, timeout=100
+        [sys.executable, str(SCRIPT), "--seconds", "20"], capture_output=True, text=True, check=True, timeout=PROCESS_S
     )
     assert run.stdout.count("%") == 2 * 10
 

@@ -31,7 +31,6 @@ def flown(words, package, gslcosim_with, folder):
 @pytest.mark.slow
 @pytest.mark.tour
 @pytest.mark.end_to_end
-@pytest.mark.timeout(300)
 def test_a_service_of_a_package_flies_in_one_process_and_in_many_with_one_digest(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     program, *words = shlex.split(command)
@@ -51,7 +50,6 @@ def first_difference(a, b, port):
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
-@pytest.mark.timeout(300)
 def test_wind_and_gas_react_a_tick_after_gas_was_met_and_the_recording_shows_it(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     _, *words = shlex.split(command)

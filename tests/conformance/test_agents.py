@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from languages import BUILD_LIMIT_S, of_every_language
+from deadlines import BUILD_S, PROCESS_S
+from languages import of_every_language
 
 from gslcosim.conformance import FlightLimits, Wiring, check_agent
 from gslcosim.conformance.creation import create_agent
@@ -15,7 +16,7 @@ FRAMED = ROOT / "tests" / "end_to_end" / "agents" / "framed.py"
 LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 
 # The first test of a language builds it.
-pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_LIMIT_S + 120)]
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_S + PROCESS_S)]
 
 
 # The other bundled methods are checked in test_methods.py.

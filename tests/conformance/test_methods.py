@@ -13,7 +13,7 @@ LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 # A check mostly waits: for processes to start, join and exit.
 N_AT_ONCE = 4
 
-pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 
 @pytest.fixture(scope="module")

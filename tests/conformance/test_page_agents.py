@@ -23,7 +23,7 @@ OTHER_INSTRUMENTS = {("agents/python.md", "beams.py")}
 CASES = [(page, name, ways) for (page, name), each in AGENTS.items() for ways in each]
 N_AT_ONCE = 3
 
-pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 
 def test_every_agent_on_a_page_is_among_them():

@@ -13,6 +13,11 @@ from pathlib import Path
 
 from gslcosim.cli.main import main
 
+# Scripts use these flights, too; pytest finds the folder by its settings.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "shared"))
+
+from deadlines import EVENT_S, PROCESS_S
+
 ROOT = Path(__file__).resolve().parents[2]
 TINY_ROOM = ROOT / "scenarios" / "tiny_room.yaml"
 ON_BOARD = TINY_ROOM.with_name("on_board_sensors.yaml")
@@ -20,7 +25,6 @@ AGENTS = Path(__file__).parent / "agents"
 EVERY_VEHICLE = Path(__file__).parent / "every_vehicle.yaml"
 AROUND_A_WALL = Path(__file__).parent / "around_a_wall.yaml"
 COMMAND = [sys.executable, "-m", "gslcosim"]
-LIMIT_S = 110
 # A recorder is a seventh process; digests do not depend on it.
 UNRECORDED = ("--set", "recording.enabled=false")
 
@@ -46,7 +50,7 @@ class Flight:
     runs_dir: Path
     arguments: list[str] = field(default_factory=list)
 
-    def child(self, name: str, limit_s: float = 60) -> int:
+    def child(self, name: str, limit_s: float = EVENT_S) -> int:
         """Wait until a participant's process exists and return its number."""
         deadline = time.monotonic() + limit_s
         while time.monotonic() < deadline:
@@ -56,7 +60,7 @@ class Flight:
             wait_a_moment()
         raise AssertionError(f"no process {name!r} within {limit_s} s")
 
-    def wait_until_flying(self, limit_s: float = 60) -> None:
+    def wait_until_flying(self, limit_s: float = EVENT_S) -> None:
         """Wait until the first command has passed an agent's door."""
         deadline = time.monotonic() + limit_s
         while time.monotonic() < deadline:
@@ -66,7 +70,7 @@ class Flight:
             wait_a_moment()
         raise AssertionError(f"no command within {limit_s} s")
 
-    def wait_for(self, is_true: Callable[[], bool], limit_s: float = 60) -> None:
+    def wait_for(self, is_true: Callable[[], bool], limit_s: float = EVENT_S) -> None:
         """Wait until a condition holds."""
         deadline = time.monotonic() + limit_s
         while not is_true():
@@ -80,7 +84,7 @@ class Flight:
             self.process.kill()
         self.process.communicate()
 
-    def end(self, limit_s: float = LIMIT_S) -> Ended:
+    def end(self, limit_s: float = PROCESS_S) -> Ended:
         """Wait for the end; nothing the flight has started may be left."""
         started = children_of(self.process.pid)
         output, errors = self.process.communicate(timeout=limit_s)

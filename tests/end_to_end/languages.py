@@ -16,7 +16,9 @@ from typing import IO
 
 import pytest
 import yaml
-from flights import ROOT
+from flights import ROOT  # which finds the next
+
+from deadlines import BUILD_S, EVENT_S  # isort: skip
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import (
@@ -32,8 +34,6 @@ from gslcosim.contract.messages import (
 from gslcosim.gateway.framing import Frame, Item, Splitter, frame_of_message, payload_of_frame, splitter_of
 
 SERIES = json.loads((ROOT / "tests" / "golden" / "dung_beetle_commands.json").read_text())
-BUILD_LIMIT_S = 900
-PLAY_LIMIT_S = 60
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def build(folder: Path, command: tuple[str, ...]) -> str:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=BUILD_LIMIT_S,
+        timeout=BUILD_S,
         check=False,
     )
     return f"{folder.name}: {' '.join(command)}\n{outcome.stdout}" if outcome.returncode else ""
@@ -238,7 +238,7 @@ def answers(command: list[str], frame_format: str, messages: list[Message]) -> t
     commands: list[Command] = []
     splitter = splitter_of(frame_format)
     agent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
-    limit = threading.Timer(PLAY_LIMIT_S, agent.kill)
+    limit = threading.Timer(EVENT_S, agent.kill)
     limit.start()
     with ExitStack() as on_exit:
         on_exit.callback(limit.cancel)

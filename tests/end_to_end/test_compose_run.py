@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S, PROCESS_S
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
@@ -56,8 +57,8 @@ def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
 
     processes = {name: start(name) for name in sorted(services, key=lambda name: name == "supervisor")}
     try:
-        output = processes["supervisor"].communicate(timeout=100)[0]
-        codes = {name: process.wait(timeout=20) for name, process in processes.items()}
+        output = processes["supervisor"].communicate(timeout=PROCESS_S)[0]
+        codes = {name: process.wait(timeout=EVENT_S) for name, process in processes.items()}
     finally:
         for process in processes.values():
             process.kill()

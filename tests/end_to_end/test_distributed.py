@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 
+from deadlines import EVENT_S
 from flights import ROOT, TINY_ROOM, fly_here, start
 
 SERVICES = ("world", "fields", "sensing", "referee", "recorder")
@@ -41,7 +42,7 @@ def test_services_and_agent_started_elsewhere_join_by_their_files(tmp_path):
     try:
         ended = flight.end()
         assert ended.result.get("valid") is True, ended.errors
-        assert [process.wait(timeout=15) for process in others] == [0] * len(others)
+        assert [process.wait(timeout=EVENT_S) for process in others] == [0] * len(others)
     finally:
         for process in others:
             process.kill()

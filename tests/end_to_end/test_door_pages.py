@@ -7,15 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import PROCESS_S
 from flights import ROOT, TINY_ROOM, fly, fly_here
 
 EXAMPLES = ROOT / "docs" / "examples"
 PAGES = ("agents/python.md", "gateway.md", "zenoh-door.md")
 SAVED = re.compile(r"<!-- from docs/examples/(\S+) -->\n```python\n(.*?)```", re.DOTALL)
 COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
-LIMIT_S = 300
-
-pytestmark = pytest.mark.timeout(LIMIT_S + 30)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -31,7 +29,7 @@ def test_a_page_followed_literally_flies(tmp_path, page):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=LIMIT_S,
+        timeout=PROCESS_S,
         check=False,
     )
     assert followed.returncode == 0, followed.stdout + followed.stderr

@@ -12,7 +12,8 @@ import termios
 import time
 
 import pytest
-from flights import COMMAND, LIMIT_S, TINY_ROOM, UNRECORDED, assert_gone, children_of
+from deadlines import EVENT_S, PROCESS_S
+from flights import COMMAND, TINY_ROOM, UNRECORDED, assert_gone, children_of
 from test_replay import replayed
 
 LEFT_RIGHT_M = re.compile(rb"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\) m")
@@ -38,7 +39,7 @@ class Terminal:
         if select.select([self.number], [], [], wait_s)[0]:
             self.seen += os.read(self.number, 65536)
 
-    def wait_for(self, is_true, limit_s=60):
+    def wait_for(self, is_true, limit_s=EVENT_S):
         deadline = time.monotonic() + limit_s
         while not is_true():
             assert time.monotonic() < deadline, self.seen[-3000:].decode(errors="replace")
@@ -58,7 +59,7 @@ class Terminal:
     def end(self):
         """Wait for the end; return the exit code, the run and how the terminal is."""
         started = children_of(self.process.pid)
-        self.wait_for(lambda: self.process.poll() is not None, LIMIT_S)
+        self.wait_for(lambda: self.process.poll() is not None, PROCESS_S)
         self.read(0)
         after = termios.tcgetattr(self.inner)
         os.close(self.inner)
@@ -138,7 +139,7 @@ def test_a_terminal_that_is_too_small_is_one_sentence(tmp_path):
 def test_without_a_terminal_it_is_one_sentence(tmp_path):
     ended = subprocess.run(
         [*COMMAND, "fly", str(TINY_ROOM), "--runs-dir", str(tmp_path)], stdin=subprocess.DEVNULL, capture_output=True,
-        text=True, check=False, timeout=LIMIT_S,
+        text=True, check=False, timeout=PROCESS_S,
     )  # fmt: skip
     assert ended.returncode == 2
     assert "expected a terminal as standard input and output, was none" in ended.stderr

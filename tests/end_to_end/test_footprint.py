@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from flights import TINY_ROOM, children_of, command_of, start, with_agent
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.end_to_end]
 LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
 # The supervisor has the router's as well; a service five of Zenoh's and one a key that it reads.
 MOST_THREADS, MOST_FILES = 40, 48

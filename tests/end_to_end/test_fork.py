@@ -278,7 +278,6 @@ def test_runs_of_other_rooms_are_not_seen_together(past, tmp_path):
         record_runs([a.run_dir / "recording.rrd"] * 2, tmp_path / "both.rrd")
 
 
-@pytest.mark.timeout(300)
 def test_the_commands_of_the_page_work(tmp_path):
     text = PAGE.read_text()
     lines = [line for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) for line in block.splitlines()]

@@ -58,13 +58,12 @@ def test_agents_of_one_process_may_be_free(tmp_path):
 
 
 def test_time_does_not_wait_for_a_slow_agent(tmp_path):
-    """Half a second for a decision is ten seconds of flight at this pace."""
+    """Half a second for a decision is ten seconds of flight at this pace: most ticks go by unanswered."""
     slow = ("--set", f"agents[0].start={{python: {AGENTS / 'slow_listener.py'}}}")
     past = fly_here(TINY_ROOM, tmp_path / "past", *FREE, *slow)
     assert past.exit_code == 1, past.errors
     assert past.result["sim_time_s"] == 20
-    assert past.result["flight_wall_s"] < 4
-    assert 1 <= past.result["agents"][0]["steps"] <= 3
+    assert past.result["agents"][0]["steps"] < past.result["ticks"] / 4
     assert_equal(past, replayed(past.run_dir, tmp_path / "again"))
 
 
@@ -73,7 +72,7 @@ def test_pace_alone_changes_no_digest(tmp_path):
     for processes in ("one", "grouped"):
         paced = fly(TINY_ROOM, tmp_path / processes, *SHORT, "--pace", "20", "--processes", processes)
         assert paced.result["digest"] == fast.result["digest"]
-        assert paced.result["flight_wall_s"] >= 8 / 20 * 0.95
+        assert paced.result["pace"]["factor"] == 20
         assert set(paced.result["pace"]) == {"factor", "worst_lag_s", "late_share", "lost_s"}
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S
 from flights import AGENTS, TINY_ROOM, fly, fly_here, start
 
 ASKED_LESS = ("--set", "referee.stop.time_limit_s=8")
@@ -92,7 +93,7 @@ def test_an_agent_may_attach_itself(tmp_path, digest_over_zenoh, door, more):
     agent = subprocess.Popen([sys.executable, AGENTS / "framed.py", "socket", "json"], env=environment)
     try:
         assert digest_of(flight.end()) == digest_over_zenoh
-        assert agent.wait(timeout=10) == 0
+        assert agent.wait(timeout=EVENT_S) == 0
     finally:
         agent.kill()
         agent.wait()

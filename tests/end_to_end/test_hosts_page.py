@@ -5,6 +5,7 @@ import shutil
 import subprocess
 
 import pytest
+from deadlines import EVENT_S, PROCESS_S
 from flights import COMMAND, ROOT, fly_here, wait_a_moment
 from two_hosts import HERE, two_hosts, why_not
 
@@ -40,7 +41,7 @@ def test_the_page_leads_from_two_machines_to_one_run(folders, tmp_path):
     keys, up, copy, join = blocks()
     with two_hosts() as hosts:
         made = shell(hosts.here, keys, here)
-        _, errors = made.communicate(timeout=30)
+        _, errors = made.communicate(timeout=EVENT_S)
         assert made.returncode == 0, errors
         flight = shell(hosts.here, up, here)
         try:
@@ -48,12 +49,12 @@ def test_the_page_leads_from_two_machines_to_one_run(folders, tmp_path):
                 assert flight.poll() is None, flight.communicate()
                 wait_a_moment()
             copied = shell(hosts.here, copy, here)
-            copied.communicate(timeout=10)
+            copied.communicate(timeout=EVENT_S)
             assert copied.returncode == 0
             joined = shell(hosts.there, join, there)
-            told, errors = joined.communicate(timeout=100)
+            told, errors = joined.communicate(timeout=PROCESS_S)
             assert joined.returncode == 0, errors
-            _, errors = flight.communicate(timeout=30)
+            _, errors = flight.communicate(timeout=EVENT_S)
             assert flight.returncode in (0, 1), errors
         finally:
             flight.kill()

@@ -7,16 +7,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import BUILD_S, PROCESS_S
 from flights import ROOT
 from languages import language_agents
 
 # What takes longer, for building and fetching packages, is for `make soak`.
 QUICK_PAGES = ("c", "shell")
 PAGES = (*QUICK_PAGES, "cpp", "go", "java", "octave", "rust", "typescript")
-LIMIT_S = {"rust": 900}
-USUAL_LIMIT_S = 300  # on a new machine packages are fetched first
 
-pytestmark = pytest.mark.timeout(max(LIMIT_S.values()) + 60)
+pytestmark = pytest.mark.timeout(BUILD_S + PROCESS_S)
 SAVED = re.compile(r"Save this as `([^`]+)`[^\n]*\n\n```\w+\n(.*?)```", re.DOTALL)
 COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 
@@ -48,7 +47,7 @@ def test_a_page_followed_literally_ends_in_a_flying_agent(tmp_path, language):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=LIMIT_S.get(language, USUAL_LIMIT_S),
+        timeout=BUILD_S,
         check=False,
     )
     assert followed.returncode == 0, followed.stdout + followed.stderr

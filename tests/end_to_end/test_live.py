@@ -9,9 +9,9 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S, PROCESS_S
 from flights import (
     COMMAND,
-    LIMIT_S,
     ROOT,
     TINY_ROOM,
     UNRECORDED,
@@ -52,14 +52,14 @@ def ended(flight, said):
     with flight.process as process:
         process.stdout.read()
         said.text += process.stderr.read()
-        process.wait(LIMIT_S)
+        process.wait(PROCESS_S)
     assert_gone(started)
     return flight.process.returncode
 
 
 def rows_of(recording):
     """Return the number of chunks and rows of a recording; nothing of it is cut off."""
-    told = run_rerun(["rrd", "stats", recording], timeout_s=60).stdout
+    told = run_rerun(["rrd", "stats", recording], timeout_s=EVENT_S).stdout
     numbers = {
         name: int(value.replace(" ", "").replace("\u2009", ""))
         for name, value in re.findall(r"(num_chunks|num_rows) = ([\d \u2009]+)\n", told)
@@ -88,7 +88,7 @@ def test_a_browser_that_comes_late_gets_all_of_the_recording(tmp_path):
     page, query = said.until(r"Watch it at (http://127\.0\.0\.1:\d+)\?url=(\S+)").groups()
     said.until("stays open until Ctrl-C")
     (run_dir,) = (tmp_path / "runs").glob("*/")
-    with urllib.request.urlopen(page, timeout=30) as answer:
+    with urllib.request.urlopen(page, timeout=EVENT_S) as answer:
         assert b"<html" in answer.read().lower()
     late = tmp_path / "late.rrd"
     address = urllib.parse.unquote(query)
@@ -114,7 +114,7 @@ def test_a_recording_is_served_afterwards(tmp_path):
     flight = Flight(server, tmp_path)
     said = Said(flight)
     page = said.until(r"Watch it at (http://127\.0\.0\.1:\d+)")[1]
-    with urllib.request.urlopen(page, timeout=30) as answer:
+    with urllib.request.urlopen(page, timeout=EVENT_S) as answer:
         assert answer.status == 200
     said.until("stays open until Ctrl-C")
     server.send_signal(signal.SIGINT)
@@ -158,7 +158,7 @@ def _started(*words):
 
 
 def _told(*words):
-    told = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=60, check=False)
+    told = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=EVENT_S, check=False)
     return told.stdout + told.stderr
 
 

@@ -7,10 +7,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
+from deadlines import PROCESS_S
 from flights import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
@@ -66,9 +66,7 @@ def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_pat
 
 @BOTH
 def test_a_recorder_that_cannot_write_from_the_start_is_told_at_once(tmp_path, processes):
-    began_at = time.monotonic()
     ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(4_000), is_recorded=True)
-    assert time.monotonic() - began_at < 30
     assert ended.exit_code == 3
     assert saved_result(ended)["faults"][0]["participant"] == "recorder"
     assert "recording.rrd: expected to write" in ended.errors
@@ -109,7 +107,7 @@ def test_a_runs_directory_that_cannot_be_made_is_told(tmp_path, reason):
         else:
             place = tmp_path.__class__("/proc/runs")
         call = [*COMMAND, "up", str(TINY_ROOM), "--runs-dir", str(place)]
-        ended = subprocess.run(call, capture_output=True, text=True, timeout=60, check=False)
+        ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)
     assert ended.returncode == 3
     assert ended.stderr.startswith(f"runs directory: expected a folder that can be written, was {reason}")
     assert "--runs-dir chooses another." in ended.stderr
@@ -207,7 +205,7 @@ def test_a_suite_whose_recordings_find_no_room_says_so(tmp_path):
     """It was told as another digest."""
     with mounted(tmp_path / "small", "size=700k") as place:
         call = [*COMMAND, "bench", "run", "smoke", "--jobs", "1", "--results", str(place / "results")]
-        ended = subprocess.run(call, capture_output=True, text=True, timeout=100, check=False)
+        ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)
     assert ended.returncode == 3
     assert "expected to be made, was ended by recorder: recording.rrd: expected to write" in ended.stderr
     assert "was no space left on device. Free room there" in ended.stderr
@@ -227,7 +225,7 @@ def test_every_command_tells_a_disk_without_room(tmp_path, words):
     with mounted(tmp_path / "full", "size=4k") as place:
         (place / "filling").write_bytes(bytes(4096))
         call = [*COMMAND, *(word.format(place=place) for word in words)]
-        ended = subprocess.run(call, capture_output=True, text=True, timeout=100, check=False)
+        ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)
     assert ended.returncode == 3, ended.stderr
     assert "was no space left on device. Free room there" in ended.stderr
     assert "Traceback" not in ended.stderr

@@ -29,7 +29,6 @@ def openfoam_or_skip():
 pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.slow,
-    pytest.mark.timeout(600),
 ]  # compiling takes long on a busy machine
 
 

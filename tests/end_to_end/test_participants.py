@@ -17,8 +17,6 @@ PROGRAM = Path(__file__).parent / "foreign_program.py"
 SHORT = ("--set", "referee.stop.time_limit_s=2", "--set", "referee.success.within_m=0.01")
 FAULT = 3
 
-pytestmark = pytest.mark.timeout(300)
-
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory):

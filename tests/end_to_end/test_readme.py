@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import PROCESS_S
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -32,7 +33,7 @@ def run(line, folder):
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     return subprocess.run(
         ["sh", "-e", "-c", line], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True,
-        timeout=300, check=False,
+        timeout=PROCESS_S, check=False,
     )  # fmt: skip
 
 
@@ -44,7 +45,6 @@ def folder(tmp_path):
 
 @pytest.mark.end_to_end
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("title", ["Everyday commands", "Compare methods"])
 def test_every_command_works_as_it_stands(title, folder):
     lines = commands_of(title)

@@ -12,6 +12,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S, PROCESS_S
 from flights import COMMAND, TINY_ROOM, fly_here, start, wait_a_moment, with_agent
 
 from gslcosim.cli.main import main
@@ -20,7 +21,6 @@ from gslcosim.runtime.over_bus import warm_client, warm_place, warm_server
 
 pytestmark = [
     pytest.mark.end_to_end,
-    pytest.mark.timeout(300),
     pytest.mark.skipif(sys.platform != "linux", reason="forks are safe on Linux only"),
 ]
 ONE_TICK = ("--set", "referee.stop.time_limit_s=0.1")
@@ -46,7 +46,7 @@ def serving():
     finally:
         process.send_signal(signal.SIGCONT)
         process.terminate()
-        assert process.wait(60) in (0, -signal.SIGKILL)
+        assert process.wait(EVENT_S) in (0, -signal.SIGKILL)
         process.stdout.close()
 
 
@@ -124,7 +124,7 @@ def test_a_server_with_other_imports_refuses(server, monkeypatch):
 
 def test_one_process_is_refused(server, tmp_path):
     flight = start(TINY_ROOM, tmp_path, "--warm", "--processes", "one")
-    _, errors = flight.process.communicate(timeout=60)
+    _, errors = flight.process.communicate(timeout=PROCESS_S)
     assert flight.process.returncode == 2
     assert "--warm: expected --processes separate or grouped with it, was one" in errors
 
@@ -145,7 +145,7 @@ def test_a_killed_server_is_told_from_none_and_replaced(tmp_path):
         assert "expected a server, found none. Start one in another shell: gslcosim serve" in text
         with serving() as process:
             process.kill()
-            process.wait(60)
+            process.wait(EVENT_S)
             assert "found one that was killed. Start one" in refused("up", str(TINY_ROOM), "--warm")
         with serving():
             ended = start(TINY_ROOM, tmp_path, *ONE_TICK, "--warm").end()

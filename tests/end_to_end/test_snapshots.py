@@ -181,7 +181,6 @@ def test_a_recording_begins_at_the_snapshot(past, tmp_path):
     assert next(tmp_path.glob("*/recording.rrd")).stat().st_size > 10_000
 
 
-@pytest.mark.timeout(300)
 def test_the_commands_of_the_page_work(tmp_path):
     lines = re.findall(r"^gslcosim .*$", (ROOT / "docs" / "snapshots.md").read_text(), re.MULTILINE)
     assert len(lines) == 4

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import PROCESS_S
 
 PAGE = Path(__file__).parents[2] / "docs" / "benchmark" / "submit.md"
 COMMANDS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
@@ -17,7 +18,6 @@ COMMANDS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
 
 @pytest.mark.end_to_end
 @pytest.mark.slow
-@pytest.mark.timeout(400)
 @pytest.mark.skipif(shutil.which("go") is None, reason="needs Go: apt-get install golang-go")
 def test_the_page_leads_to_a_row_in_the_table(tmp_path: Path) -> None:
     (tmp_path / "my_submission.yaml").write_text(SUITE)
@@ -25,7 +25,7 @@ def test_the_page_leads_to_a_row_in_the_table(tmp_path: Path) -> None:
     for block in COMMANDS:
         ended = subprocess.run(
             ["sh", "-e", "-c", block], cwd=tmp_path, env={**os.environ, "PATH": paths}, capture_output=True, text=True,
-            timeout=300, check=False,
+            timeout=PROCESS_S, check=False,
         )  # fmt: skip
         assert ended.returncode == 0, f"{block}\n{ended.stdout}\n{ended.stderr}"
     leaderboard = json.loads((tmp_path / "results" / "ranked" / "leaderboard.json").read_text())

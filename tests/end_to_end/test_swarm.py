@@ -73,7 +73,7 @@ def test_what_is_sent_is_in_the_input_log(flown):
 
 
 def test_one_agents_crash_does_not_end_the_others(tmp_path):
-    ended = fly(SWARM, tmp_path, *starting(2, AGENTS / "crashing.py"), "--set", "agents[2].answer_within_s=3")
+    ended = fly(SWARM, tmp_path, *starting(2, AGENTS / "crashing.py"), "--set", "agents[2].answer_within_s=10")
     assert ended.result["valid"], ended.errors
     assert outcomes_of(ended) | {"beetle_3": "agent_failed"} == outcomes_of(ended)
     assert outcomes_of(ended)["beetle_1"] == "success"

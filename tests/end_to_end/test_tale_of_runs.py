@@ -30,7 +30,6 @@ def told(capsys):
     return call
 
 
-@pytest.mark.timeout(300)
 def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, capsys):
     av = pytest.importorskip("av", reason="extra film")
     highlevel = pytest.importorskip("rosbags.highlevel", reason="extra ros")

@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S
 from flights import COMMAND, TINY_ROOM, fly, start, wait_a_moment, with_agent
 
 from gslcosim.cli.main import main
@@ -166,7 +167,7 @@ def test_the_page_of_top_tells_of_the_end(tmp_path):
     while "sensing" not in (line := top.stdout.readline()):
         assert line or top.poll() is None
     assert told("stop")[0] == 0
-    rest, _ = top.communicate(timeout=30)
+    rest, _ = top.communicate(timeout=EVENT_S)
     assert "has ended." in rest
     assert top.returncode == 0
     flight.end()

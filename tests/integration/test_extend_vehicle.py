@@ -17,7 +17,7 @@ PAGE = (ROOT / "docs" / "extend" / "vehicle.md").read_text()
 EXAMPLE = ROOT / "docs" / "examples" / "vehicle_package"
 BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow]
 
 
 def run(command, **options):

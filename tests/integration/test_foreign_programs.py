@@ -27,7 +27,7 @@ def block(fault="right", tick=3, door="stdio", **more):
     command = [sys.executable, str(PROGRAM), fault, str(tick)]
     start = {"command": command, "door": door, "format": "json"}
     own = {"name": "model", "start": start, "reads": [{"port": "truth/samples"}], "writes": ["state"]}
-    return {**own, "sandbox": "none", "answer_within_s": 5.0, **more}
+    return {**own, "sandbox": "none", "answer_within_s": 25.0, **more}
 
 
 @pytest.fixture
@@ -112,7 +112,7 @@ def test_between_its_steps_it_is_not_asked(core_of):
     [
         ("exits", f"{ANSWER}but its process ended with exit code 7. The end of its log:\nthe model has blown up"),
         ("is_killed", f"{ANSWER}but its process was killed by SIGKILL."),
-        ("hangs", f"{ANSWER}nothing came within 0.5 s."),
+        ("hangs", f"{ANSWER}nothing came within 2 s."),
         ("closes", f"{ANSWER}it closed its output."),
         ("garbage", f"{ANSWER}expected one JSON object a line, was 11 bytes starting 'hello world'"),
         ("wrong_tick", "ParticipantOutputs: tick: expected 3, that of the inputs, was 2."),
@@ -127,7 +127,7 @@ def test_between_its_steps_it_is_not_asked(core_of):
 )
 def test_each_fault_is_one_sentence_that_says_what_was_expected(core_of, fault, told):
     with pytest.raises(SimulationFault) as caught:
-        flown(core_of(fault=fault, answer_within_s=0.5 if fault == "hangs" else 5.0))
+        flown(core_of(fault=fault, answer_within_s=2.0 if fault == "hangs" else 25.0))
     # A second answer may be seen before the next inputs are sent, or be taken for the answer to them.
     other = "expected no answer before the inputs of tick 4, something came before it was asked."
     assert told in str(caught.value) or (fault == "twice" and str(caught.value) == other)

@@ -4,18 +4,14 @@ import queue
 import threading
 
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.bus.access import AgentUser
 from gslcosim.bus.port import Join
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.errors import SimulationFault
 
-# Routes between real sessions are there after a moment, which on a busy machine can be longer than it is waited for; of
-# messages that are sent right after refused ones the first may be lost, in about one try of six.
-pytestmark = pytest.mark.flaky(reruns=6)
-
 NAMESPACE = "gsl/test"
-PATIENCE_S = 10
 
 
 @pytest.fixture
@@ -68,7 +64,7 @@ def test_the_services_hear_each_other(net):
             break
         except queue.Empty:
             continue
-    assert ours.get(timeout=PATIENCE_S)[0] == "truth/bodies"
+    assert ours.get(timeout=EVENT_S)[0] == "truth/bodies"
 
 
 def test_an_agent_is_confined_to_its_own_keys(net):
@@ -82,7 +78,7 @@ def test_an_agent_is_confined_to_its_own_keys(net):
     a.declare_alive("alive/world")
     a.declare_alive("agents/b/alive")
     a.declare_alive("agents/a/alive")
-    assert tokens.get(timeout=PATIENCE_S) == "agents/a/alive"
+    assert tokens.get(timeout=EVENT_S) == "agents/a/alive"
     settle(router, service, a, b)
     forbidden = ["truth/bodies", "command/a", "agents/b/command", "agents/b/observation", "agents/a/observation"]
     for key in [*forbidden, "ctl/stop", "bundle/world", "agents/a/command"]:
@@ -90,8 +86,8 @@ def test_an_agent_is_confined_to_its_own_keys(net):
     for key in ["truth/bodies", "command/a", "ctl/start", "bundle/world", "agents/a/observation"]:
         service.publish(key, b"from service")
     service.publish("agents/b/observation", b"from service")
-    assert at_b.get(timeout=PATIENCE_S) == ("agents/b/observation", b"from service")
-    heard = [at_router.get(timeout=PATIENCE_S) for _ in range(7)]
+    assert at_b.get(timeout=EVENT_S) == ("agents/b/observation", b"from service")
+    heard = [at_router.get(timeout=EVENT_S) for _ in range(7)]
     assert [key for key, payload in heard if payload == b"from a"] == ["agents/a/command"]
     answers = queue.Queue()
     router.ask("rpc/world/resend", b"", lambda key, payload: answers.put(payload))
@@ -111,15 +107,15 @@ def test_a_process_of_several_agents_reaches_the_keys_of_each_and_no_others(net)
     router.watch_alive("agents/*/alive", lambda key, is_alive: tokens.put((key, is_alive)))
     for name in ("a", "c", "d"):
         process.declare_alive(f"agents/{name}/alive")
-    assert {tokens.get(timeout=PATIENCE_S) for _ in range(2)} == {("agents/c/alive", True), ("agents/d/alive", True)}
+    assert {tokens.get(timeout=EVENT_S) for _ in range(2)} == {("agents/c/alive", True), ("agents/d/alive", True)}
     process.withdraw_alive("agents/d/alive")
-    assert tokens.get(timeout=PATIENCE_S) == ("agents/d/alive", False)
+    assert tokens.get(timeout=EVENT_S) == ("agents/d/alive", False)
     settle(router, service, process)
     for name in ("a", "c", "d"):
         process.publish(f"agents/{name}/command", b"from c")
         service.publish(f"agents/{name}/observation", b"from service")
-    assert [at_router.get(timeout=PATIENCE_S)[0] for _ in range(2)] == ["agents/c/command", "agents/d/command"]
-    heard = [at_process.get(timeout=PATIENCE_S) for _ in range(5)]
+    assert [at_router.get(timeout=EVENT_S)[0] for _ in range(2)] == ["agents/c/command", "agents/d/command"]
+    heard = [at_process.get(timeout=EVENT_S) for _ in range(5)]
     told = [key for key, payload in heard if payload == b"from service"]
     assert told == ["agents/c/observation", "agents/d/observation"]
     settle(router, service)
@@ -148,11 +144,11 @@ def test_the_end_of_a_member_is_seen(net):
     lost = threading.Event()
     other.on_disconnect(lost.set)
     member.declare_alive("alive/fields")
-    assert states.get(timeout=PATIENCE_S) == ("alive/fields", True)
+    assert states.get(timeout=EVENT_S) == ("alive/fields", True)
     member.close()
-    assert states.get(timeout=PATIENCE_S) == ("alive/fields", False)
+    assert states.get(timeout=EVENT_S) == ("alive/fields", False)
     router.close()
-    assert lost.wait(PATIENCE_S)
+    assert lost.wait(EVENT_S)
 
 
 def test_all_answers_to_one_question_come(net):

@@ -5,6 +5,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.bus.access import SERVICE_USER, AgentUser
 from gslcosim.bus.port import Join, Mesh
@@ -13,13 +14,9 @@ from gslcosim.bus.zenoh_mesh import is_possible
 from gslcosim.errors import SimulationFault
 from gslcosim.scratch import ScratchFolder
 
-pytestmark = [
-    pytest.mark.skipif(not is_possible(), reason="files without a name are Linux's"),
-    pytest.mark.flaky(reruns=3),
-]
+pytestmark = pytest.mark.skipif(not is_possible(), reason="files without a name are Linux's")
 
 NAMESPACE = "gsl/test"
-PATIENCE_S = 10
 BUNDLES_FOR_B = "bundle/*/$*.b.$*"
 
 
@@ -70,13 +67,13 @@ def test_each_message_comes_once_from_peers_and_from_the_router(net):
     mailbox = b.mailbox(BUNDLES_FOR_B)
     there, at_router = seen(a, "alive/b"), seen(net.router, "alive/b")
     b.declare_alive("alive/b")
-    assert there.wait(PATIENCE_S)
-    assert at_router.wait(PATIENCE_S)
+    assert there.wait(EVENT_S)
+    assert at_router.wait(EVENT_S)
     a.publish("bundle/a/.b.c.", b"peer", urgent=True)
     net.router.publish("bundle/r/.b.", b"router", urgent=True)
     net.router.publish("bundle/r/.c.bb.", b"of others", urgent=True)
     net.router.publish("bundle/r/.b.", b"last", urgent=True)
-    came = [mailbox.get(PATIENCE_S) for _ in range(3)]
+    came = [mailbox.get(EVENT_S) for _ in range(3)]
     assert sorted(came) == [("bundle/a/.b.c.", b"peer"), ("bundle/r/.b.", b"last"), ("bundle/r/.b.", b"router")]
     assert mailbox.get_nowait() is None
 
@@ -87,7 +84,7 @@ def test_services_that_start_in_any_order_find_each_other(net):
     there = seen(late, "alive/a")
     early = net.join("a")
     early.declare_alive("alive/a")
-    assert there.wait(PATIENCE_S)
+    assert there.wait(EVENT_S)
 
 
 def test_an_agent_is_not_let_in(net):
@@ -111,11 +108,11 @@ def test_who_waits_is_woken_by_what_other_threads_put(net):
     """Without a message on the channel, and where it has said that it waits before or after."""
     mailbox = net.join("b").mailbox(BUNDLES_FOR_B)
     mailbox.put("first", b"1")
-    assert mailbox.get(PATIENCE_S) == ("first", b"1")
+    assert mailbox.get(EVENT_S) == ("first", b"1")
     for n in range(50):
         thread = threading.Thread(target=mailbox.put, args=("next", bytes([n])))
         thread.start()
-        assert mailbox.get(PATIENCE_S) == ("next", bytes([n]))
+        assert mailbox.get(EVENT_S) == ("next", bytes([n]))
         thread.join()
 
 

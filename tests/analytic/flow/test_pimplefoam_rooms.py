@@ -96,7 +96,6 @@ def pimplefoam_m_s(name):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", ROOMS)
 def test_the_wind_after_5_s_agrees(name):
     room = ROOMS[name]

@@ -20,6 +20,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from deadlines import PROCESS_S
 
 from gslcosim import _kernel_cache
 from gslcosim.scenario.bundled import bundled_agents
@@ -27,7 +28,6 @@ from gslcosim.scenario.bundled import bundled_agents
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.end_to_end,
-    pytest.mark.timeout(400),
     pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="needs Ray: pip install 'gslcosim[ray]'"),
 ]
 
@@ -108,7 +108,7 @@ class Node:
         assert started.poll() is None, text()
 
     def wait_for(self, is_so: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 90
+        deadline = time.monotonic() + PROCESS_S
         while not is_so():
             assert time.monotonic() < deadline, [log.read_text() for log in self.folder.glob("*.log")]
             time.sleep(0.05)
@@ -216,7 +216,7 @@ def flown_here(nodes: tuple[Node, Node], suite: Path, folder: Path) -> Path:
 
 def flown(flight: "subprocess.Popen[str]") -> list[Any]:
     """Wait for a flight; return what it printed, which is one line: Ray is quiet."""
-    text, _ = flight.communicate(timeout=200)
+    text, _ = flight.communicate(timeout=PROCESS_S)
     assert flight.returncode == 0, text
     return json.loads(text)
 
@@ -292,7 +292,7 @@ def test_a_node_with_other_software_is_refused(nodes: tuple[Node, Node], suite: 
     other = replace(there, hides=f"{there.hides} && mount --bind {changed} {original}")
     other.start_ray(f"--address={ADDRESS}", ray="other")
     flight = here.fly(suite, folder / "refused", ADDRESS)
-    text, _ = flight.communicate(timeout=200)
+    text, _ = flight.communicate(timeout=PROCESS_S)
     assert flight.returncode == 1
     assert text.startswith(f"UsageError: --ray {ADDRESS}: expected on node {there.address} the same software as here")
     assert "Install there what is installed here" in text
@@ -302,7 +302,7 @@ def test_an_address_without_a_cluster_is_told(nodes: tuple[Node, Node], suite: P
     """One sentence, and no page of Ray's."""
     here, _ = nodes
     flight = here.fly(suite, folder / "nowhere", "10.214.9.1:6399")
-    text, _ = flight.communicate(timeout=200)
+    text, _ = flight.communicate(timeout=PROCESS_S)
     assert flight.returncode == 1
     assert text.startswith("UsageError: --ray 10.214.9.1:6399: expected auto, local, or the host:port of a Ray cluster")
     assert "nobody listens there" in text

@@ -15,7 +15,6 @@ from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
 
 # The first one may have to compile the kernels, on a busy machine.
-pytestmark = pytest.mark.timeout(400)
 
 FIGURES = ("distance_to_source_m", "path_length_m", "n_commands", "time_s")
 PUFFS = ("agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none")

@@ -10,8 +10,6 @@ from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
 
-pytestmark = pytest.mark.timeout(400)
-
 PLUME = "gas.model=gaussian_plume"
 HALL = (
     PLUME,

@@ -15,7 +15,6 @@ BUDGET = {"ROUNDS": "2", "ENVS": "8", "CASES": "4"}
 
 @pytest.mark.slow
 @pytest.mark.tour
-@pytest.mark.timeout(300)  # the first who flies a batch waits for its kernels to be compiled
 def test_every_cell_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     for name, value in BUDGET.items():

@@ -230,7 +230,6 @@ def test_recurrent_ppo_draws_hard_cases_more_often_and_goes_on_to_the_same_bits(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_a_family_with_obstacles_has_winds_and_tapes_made_once_with_progress(tmp_path):
     """The bundled family with winds of 2 s, so that they are made soon."""
     bundled = bundled_families()["cluttered_halls"]

@@ -23,7 +23,6 @@ def study(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_it_prints_every_agent_in_the_places_that_are_asked_for(study, monkeypatch, capsys):
     monkeypatch.setattr(
         sys,

@@ -4,6 +4,7 @@ import queue
 import threading
 
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.agent_kit import Agent, Command
 from gslcosim.agent_kit.connection import fly
@@ -40,7 +41,7 @@ def test_an_agent_without_observe_reads_questions_only(agent_type, seen):
     ours.watch_alive("agents/*/alive", lambda _, is_alive: is_alive and is_there.set())
     thread = threading.Thread(target=fly, args=(agent_type, hub.open(), [AGENT]), daemon=True)
     thread.start()
-    assert is_there.wait(10)
+    assert is_there.wait(EVENT_S)
     world = ScriptedWorld(7)
     ours.publish(keys.briefing(AGENT), codec.encode(briefing_for(7)))
     for tick in range(4):
@@ -48,7 +49,7 @@ def test_an_agent_without_observe_reads_questions_only(agent_type, seen):
         ours.publish(keys.observation(AGENT), payload)
         if tick % 3 == 0:
             ours.publish(keys.question(AGENT), payload)
-    assert [answers.get(timeout=10).tick for _ in range(2)] == [0, 3]
+    assert [answers.get(timeout=EVENT_S).tick for _ in range(2)] == [0, 3]
     ours.publish(keys.ending(AGENT), codec.encode(Ending(tick=3, reason="done")))
     thread.join(10)
     assert not thread.is_alive()

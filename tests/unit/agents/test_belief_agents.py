@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from briefings import briefing, observation, open_map
+from deadlines import PROCESS_S
 from ribbon_world import Ribbon, fly
 
 from gslcosim.search.grids import CellGrid
@@ -168,5 +169,7 @@ def test_nothing_is_compiled_in_flight(agent_type):
     """In a process of its own: what other tests have compiled would hide it."""
     name = Path(importlib.import_module(agent_type.__module__).__file__).parent.name
     program = SPY.format(folder=str(Path(__file__).parent), name=name, kind=agent_type.__name__)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=110)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=PROCESS_S
+    )
     assert done.returncode == 0, done.stderr

@@ -4,6 +4,7 @@ import os
 
 import msgpack
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending
@@ -40,19 +41,19 @@ def sides(request):
 
 def test_a_message_goes_out_with_its_name_and_the_answer_comes_back_as_msgpack(sides):
     frame_format, other = sides
-    other.exchange.send("Ending", ENDING, within_s=1.0)
+    other.exchange.send("Ending", ENDING, within_s=EVENT_S)
     frame = other.input.read(1000)
     frame = frame[4:] if frame_format == "msgpack" else frame
     assert fields_of_frame(frame_format, frame) == {"message": "Ending", "tick": 3, "reason": "over"}
     other.output.write(frame_of_fields(frame_format, {"tick": 3, "kind": "hold"}))
-    assert msgpack.unpackb(other.exchange.receive(Command, within_s=1.0)) == {"tick": 3, "kind": "hold"}
+    assert msgpack.unpackb(other.exchange.receive(Command, within_s=EVENT_S)) == {"tick": 3, "kind": "hold"}
     assert not other.exchange.has_more
 
 
 def test_what_comes_too_much_is_seen(sides):
     frame_format, other = sides
     other.output.write(2 * frame_of_fields(frame_format, {"tick": 3}))
-    other.exchange.receive(Command, within_s=1.0)
+    other.exchange.receive(Command, within_s=EVENT_S)
     assert other.exchange.has_more
 
 
@@ -67,14 +68,14 @@ def test_an_ended_stream_is_told_with_what_was_cut_off(sides):
     other.output.write(frame_of_fields(frame_format, {"tick": 3})[:-2])
     other.output.close()
     with pytest.raises(StreamEndedError, match="the stream ended"):
-        other.exchange.receive(Command, within_s=1.0)
+        other.exchange.receive(Command, within_s=EVENT_S)
 
 
 def test_a_frame_that_is_none_is_refused(sides):
     frame_format, other = sides
     other.output.write(b"\xff\xff\xff\xff" if frame_format == "msgpack" else b"[1]\n")
     with pytest.raises(ContractError, match="expected"):
-        other.exchange.receive(Command, within_s=1.0)
+        other.exchange.receive(Command, within_s=EVENT_S)
 
 
 def test_who_does_not_read_is_not_waited_for(sides):
@@ -88,4 +89,4 @@ def test_who_has_closed_its_input_is_noticed(sides):
     _, other = sides
     other.input.close()
     with pytest.raises(StreamEndedError, match="does not read"):
-        other.exchange.send("Ending", ENDING, within_s=1.0)
+        other.exchange.send("Ending", ENDING, within_s=EVENT_S)

@@ -7,6 +7,7 @@ import threading
 
 import msgpack
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending
@@ -15,7 +16,6 @@ from gslcosim.gateway.framing import frame_of_fields
 from gslcosim.gateway.link import MAX_UNHANDLED, Link
 from gslcosim.gateway.streams import PipeStream, SocketStream
 
-LIMIT_S = 10
 HOLD = {"tick": 1, "kind": "hold"}
 
 
@@ -64,7 +64,7 @@ def test_messages_go_out_and_commands_come_in(linked, frame_format):
     expected = frame_of_fields(frame_format, {"message": "Ending", "tick": 3, "reason": "success"})
     assert agent.input.read(len(expected)) == expected
     agent.output.write(frame_of_fields(frame_format, HOLD))
-    kind, payload = events.get(timeout=LIMIT_S)
+    kind, payload = events.get(timeout=EVENT_S)
     assert kind == "command"
     assert codec.decode(Command, payload) == Command(**HOLD)
 
@@ -98,7 +98,7 @@ def test_an_agent_that_never_reads_is_given_up(linked, monkeypatch):
     payload = codec.encode(Ending(tick=1, reason="x" * 10_000))
     for _ in range(200):
         link.tell("Ending", payload)
-    kind, text = events.get(timeout=LIMIT_S)
+    kind, text = events.get(timeout=EVENT_S)
     assert (kind, text) == ("closed", b"expected an agent that reads what it is sent, 1000000 bytes are unread.")
     assert not link._backlog
 
@@ -111,10 +111,10 @@ def test_no_more_events_wait_than_allowed(linked):
     writing = threading.Thread(target=lambda: agent.output.write(frame * n_frames), daemon=True)
     writing.start()
     for _ in range(n_frames):
-        assert events.get(timeout=LIMIT_S)[0] == "command"
+        assert events.get(timeout=EVENT_S)[0] == "command"
         assert events.qsize() < MAX_UNHANDLED
         link.handled()
-    writing.join(LIMIT_S)
+    writing.join(EVENT_S)
     assert not writing.is_alive()
 
 
@@ -132,26 +132,26 @@ def test_after_the_end_whatever_is_said_is_thrown_away(linked):
 def test_a_bad_frame_is_told_and_the_next_one_read(linked):
     _, events, agent = linked("json")
     agent.output.write(b"hello\n" + frame_of_fields("json", HOLD))
-    assert events.get(timeout=LIMIT_S)[0] == "refused"
-    assert events.get(timeout=LIMIT_S)[0] == "command"
+    assert events.get(timeout=EVENT_S)[0] == "refused"
+    assert events.get(timeout=EVENT_S)[0] == "command"
 
 
 def test_a_hundred_megabytes_are_refused_and_not_kept(linked):
     _, events, agent = linked()
     n_bytes = 100_000_000
     agent.output.write(n_bytes.to_bytes(4, "big"))
-    assert events.get(timeout=LIMIT_S) == ("refused", b"expected at most 1048576 bytes, was 100000000.")
+    assert events.get(timeout=EVENT_S) == ("refused", b"expected at most 1048576 bytes, was 100000000.")
     left = n_bytes
     while left:
         left -= agent.output.write(bytes(min(left, 2**20)))
     agent.output.write(frame_of_fields("msgpack", HOLD))
-    assert events.get(timeout=LIMIT_S)[0] == "command"
+    assert events.get(timeout=EVENT_S)[0] == "command"
 
 
 def test_nonsense_for_a_length_ends_the_link(linked):
     _, events, agent = linked()
     agent.output.write(b"Starting up\n")
-    kind, text = events.get(timeout=LIMIT_S)
+    kind, text = events.get(timeout=EVENT_S)
     assert kind == "closed"
     assert b"'Star'" in text
     assert agent.input.read() == b""
@@ -165,8 +165,8 @@ def test_the_end_of_the_agents_stream_is_told_after_all_it_said(linked, last, to
     agent.output.close()
     if agent.socket:
         agent.socket.shutdown(socket.SHUT_WR)
-    assert events.get(timeout=LIMIT_S)[0] == "command"
-    kind, text = events.get(timeout=LIMIT_S)
+    assert events.get(timeout=EVENT_S)[0] == "command"
+    kind, text = events.get(timeout=EVENT_S)
     assert kind == "ended"
     assert text.startswith(told)
 
@@ -179,4 +179,4 @@ def test_an_agent_that_has_closed_its_input_is_still_heard(linked):
     for _ in range(3):
         link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
     agent.output.write(frame_of_fields("msgpack", HOLD))
-    assert events.get(timeout=LIMIT_S)[0] == "command"
+    assert events.get(timeout=EVENT_S)[0] == "command"

@@ -5,13 +5,12 @@ import queue
 import socket
 
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.errors import SimulationFault
 from gslcosim.gateway import listener as listener_module
 from gslcosim.gateway.framing import frame_of_fields
 from gslcosim.gateway.listener import Listener
-
-LIMIT_S = 10
 
 
 @pytest.fixture(params=["tcp", "unix"])
@@ -53,7 +52,7 @@ def told(listener):
 
 
 def let_in(told):
-    kind, stream, hello = told.get(timeout=LIMIT_S)
+    kind, stream, hello = told.get(timeout=EVENT_S)
     assert kind == "in"
     return stream, hello
 
@@ -85,7 +84,7 @@ def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, told, 
 def test_anybody_else_is_sent_away_and_the_agent_may_still_come(listener, told, connections, first):
     stranger = connections(listener)
     stranger.sendall(first)
-    kind, text = told.get(timeout=LIMIT_S)
+    kind, text = told.get(timeout=EVENT_S)
     assert kind == "out"
     assert text.startswith("a connection was refused: expected ")
     connections(listener).sendall(frame_of_fields("json", {"token": listener.token}))
@@ -99,7 +98,7 @@ def test_strangers_who_say_nothing_do_not_keep_the_agent_out(listener, told, con
     for _ in range(2 * listener_module.MAX_WAITING):
         connections(listener)
     connections(listener).sendall(frame_of_fields("json", {"token": listener.token}))
-    while (event := told.get(timeout=LIMIT_S))[0] == "out":
+    while (event := told.get(timeout=EVENT_S))[0] == "out":
         pass
     event[1].close_input()
     event[1].close_output()
@@ -110,7 +109,7 @@ def test_nobody_follows_the_agent(listener, told, connections):
     first, second = connections(listener), connections(listener)
     first.sendall(hello)
     stream, _ = let_in(told)
-    second.settimeout(LIMIT_S)
+    second.settimeout(EVENT_S)
     # It may be turned away before it has said a word.
     with contextlib.suppress(ConnectionError):
         second.sendall(hello)

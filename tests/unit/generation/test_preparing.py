@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deadlines import PROCESS_S
 
 from gslcosim.environment.model import Cell
 from gslcosim.environment.store import load_environment
@@ -133,7 +134,7 @@ def test_processes_that_prepare_the_same_environment_at_once_all_get_it(tmp_path
     text = json.dumps(plain_values(scenario()))
     command = [sys.executable, "-c", PREPARE, text, str(tmp_path / "cache")]
     processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    folders = {process.communicate(timeout=60)[0] for process in processes}
+    folders = {process.communicate(timeout=PROCESS_S)[0] for process in processes}
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert len(folders) == 1
     load_environment(Path(folders.pop()), check_hash=True)

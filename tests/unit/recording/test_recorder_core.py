@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from deadlines import PROCESS_S
 from read_back import column
 from rerun.chunk import RrdReader
 from scripted_flight import CLOUD_EVERY_TICKS, NOSE_AND_VANE, ON_BOARD, WAYPOINT_EVERY_TICKS, ScriptedFlight
@@ -70,7 +71,7 @@ def test_rows_are_the_same_however_many_ticks_are_taken_apart_together(record, t
     together = record(**asked).rename(tmp_path / "together.rrd")
     monkeypatch.setattr(run_recording, "TAKEN_TICKS", n_taken)
     apart = record(**asked)
-    compared = run_rerun(["rrd", "compare", "--unordered", together, apart], timeout_s=60.0)
+    compared = run_rerun(["rrd", "compare", "--unordered", together, apart], timeout_s=PROCESS_S)
     assert compared.returncode == 0, compared.stderr
 
 
@@ -216,8 +217,8 @@ def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):
 def test_equal_runs_give_equal_content_and_others_do_not(record):
     first, second = record(run_id="first"), record(run_id="second")
     other = record(run_id="other", n_ticks=41)
-    assert run_rerun(["rrd", "compare", "--unordered", first, second], timeout_s=60).returncode == 0
-    assert run_rerun(["rrd", "compare", "--unordered", first, other], timeout_s=60).returncode != 0
+    assert run_rerun(["rrd", "compare", "--unordered", first, second], timeout_s=PROCESS_S).returncode == 0
+    assert run_rerun(["rrd", "compare", "--unordered", first, other], timeout_s=PROCESS_S).returncode != 0
 
 
 def test_the_recording_is_known_by_the_runs_id(record):

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S, PROCESS_S
 
 from gslcosim.bus.port import Join
 from gslcosim.errors import SimulationFault
@@ -17,7 +18,6 @@ from gslcosim.scenario import load_scenario
 
 pytestmark = [
     pytest.mark.skipif(not ForkServer.is_possible(), reason="forks are safe on Linux only"),
-    pytest.mark.timeout(120),
 ]
 JOIN = Join(name="world", endpoint="unixsock-stream/nowhere", namespace="gsl/none", user="service", password="none")
 
@@ -39,7 +39,7 @@ def exists(pid):
 def test_a_fork_tells_how_it_ended_and_its_log_why(server, tmp_path):
     """Without a run directory in its join data a service refuses, as one that was started does."""
     process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
-    assert process.wait(60) == 3
+    assert process.wait(EVENT_S) == 3
     assert process.poll() == 3
     assert "expected run_dir in the join data" in (tmp_path / "world.log").read_text()
 
@@ -47,31 +47,31 @@ def test_a_fork_tells_how_it_ended_and_its_log_why(server, tmp_path):
 def test_several_forks_are_told_apart(server, tmp_path):
     names = ("fields", "sensing", "weather")
     processes = {name: server.fork(name, [name], join=JOIN, log=tmp_path / f"{name}.log") for name in names}
-    assert {name: process.wait(60) for name, process in processes.items()} == dict.fromkeys(names, 3)
+    assert {name: process.wait(EVENT_S) for name, process in processes.items()} == dict.fromkeys(names, 3)
     assert len({process.pid for process in processes.values()}) == 3
     assert all("expected" in (tmp_path / f"{name}.log").read_text() for name in names)
 
 
 def test_the_server_has_one_thread(server, tmp_path):
     """A fork has the thread that forks and no other; whatever a lost one held would be held for ever."""
-    server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+    server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
     assert len(list(Path(f"/proc/{server.pid}/task").iterdir())) == 1
 
 
 def test_a_fork_compiles_the_kernels_of_a_scenario(server):
     """While the supervisor makes the environment; what it loads is in the cache afterwards, and it ends by itself."""
     loaded = load_scenario("tiny_room")
-    assert server.rehearse(loaded.scenario, loaded.directory).wait(110) == 0
+    assert server.rehearse(loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
 
 
 def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
     with ForkServer() as server:
         process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
-        process.wait(60)
+        process.wait(EVENT_S)
         waiting = server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log")
         os.kill(server.pid, signal.SIGKILL)
-        assert waiting.wait(60) in (3, -signal.SIGKILL)
-        server.wait_until_gone(60)
+        assert waiting.wait(EVENT_S) in (3, -signal.SIGKILL)
+        server.wait_until_gone(EVENT_S)
         assert server.has_failed
         with pytest.raises(SimulationFault, match="fork server: expected it to run, it was killed by SIGKILL"):
             server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
@@ -83,7 +83,7 @@ def test_a_stopped_server_tells_the_ends_of_its_forks_when_it_is_woken(server, t
     process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
     assert process.pid == 0
     server.wake()
-    assert process.wait(60) == 3
+    assert process.wait(EVENT_S) == 3
     assert process.pid > 0
 
 
@@ -91,7 +91,7 @@ def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
     """The end of its forks is not told; they end with the server, which is ended next."""
     with ForkServer() as server, Children(lambda name, code, how: None) as children:
         process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
-        process.wait(60)
+        process.wait(EVENT_S)
         os.kill(server.pid, signal.SIGSTOP)
         children.adopt("fields", server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log"))
     assert not exists(server.pid)
@@ -104,12 +104,12 @@ def children_of(pid):
 
 def test_who_imports_what_a_recorder_needs_becomes_the_recorder_once(tmp_path):
     with ForkServer() as server:
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
         (apprentice,) = children_of(server.pid)
         pids = []
         for _ in range(2):
             process = server.fork("recorder", ["recorder"], join=JOIN, log=tmp_path / "recorder.log")
-            assert process.wait(60) == 3
+            assert process.wait(EVENT_S) == 3
             pids.append(process.pid)
     assert pids[0] == apprentice
     assert pids[1] != apprentice
@@ -118,23 +118,23 @@ def test_who_imports_what_a_recorder_needs_becomes_the_recorder_once(tmp_path):
 
 def test_a_recorder_is_forked_where_who_should_become_it_was_killed(tmp_path):
     with ForkServer() as server:
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
         (apprentice,) = children_of(server.pid)
         end = os.pidfd_open(apprentice)
         os.kill(apprentice, signal.SIGKILL)
-        assert select.select([end], [], [], 60)[0]
+        assert select.select([end], [], [], EVENT_S)[0]
         os.close(end)
         process = server.fork("recorder", ["recorder"], join=JOIN, log=tmp_path / "recorder.log")
-        assert process.wait(60) == 3
+        assert process.wait(EVENT_S) == 3
     assert process.pid != apprentice
 
 
 def test_a_run_without_a_process_for_its_recorder_keeps_none_ready(tmp_path):
     with ForkServer() as server:
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
         (apprentice,) = children_of(server.pid)
         server.need_no_more()
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(60)
+        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
         assert not exists(apprentice)
 
 

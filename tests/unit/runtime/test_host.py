@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+from deadlines import EVENT_S
 from toy_cores import ToyAgent, ToyFields, toy_cores, toy_dataflow
 
 from gslcosim.bus.in_memory import InMemoryHub
@@ -36,7 +37,7 @@ def fly(hub, cores, groups=None):
     ours.publish(control.START, b"")
     byes, faults = {}, []
     while len(byes) < len(cores) and not faults:
-        key, payload = events.get(timeout=30)
+        key, payload = events.get(timeout=EVENT_S)
         if key == control.FAULT:
             faults.append(control.FaultNote.from_bytes(payload))
         else:
@@ -46,7 +47,7 @@ def fly(hub, cores, groups=None):
                 ours.publish(control.STOP, control.TickNote(tick=bye.last_tick).to_bytes())
     ours.publish(control.CLOSE, b"")
     for thread in threads:
-        thread.join(timeout=10)
+        thread.join(timeout=EVENT_S)
         assert not thread.is_alive()
     trails = {port: Trail.from_fields(fields) for bye in byes.values() for port, fields in bye.trails.items()}
     digest = RunDigest(FINAL_TICK, {}, {port: trail.until(FINAL_TICK) for port, trail in trails.items()})

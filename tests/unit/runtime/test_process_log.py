@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.errors import RunFolderError
 from gslcosim.runtime.process_log import ProcessLog
@@ -13,8 +14,8 @@ def written(log_path, program, **limits):
     log = ProcessLog(log_path, **limits)
     with log:
         process = subprocess.Popen([sys.executable, "-c", program], stdout=log.fileno(), stderr=subprocess.STDOUT)
-    code = process.wait(30)
-    log.wait(30)
+    code = process.wait(EVENT_S)
+    log.wait(EVENT_S)
     return code, log_path.read_text()
 
 
@@ -50,9 +51,9 @@ def test_a_descendant_that_holds_the_output_is_not_waited_for(tmp_path):
         process = subprocess.Popen(
             [sys.executable, "-c", leaving], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log.fileno()
         )
-    assert process.wait(30) == 0
+    assert process.wait(EVENT_S) == 0
     log.wait(0.1)
     process.stdin.close()
     assert process.stdout.read() == b"lived on\n"
     process.stdout.close()
-    log.wait(30)
+    log.wait(EVENT_S)

@@ -57,7 +57,6 @@ def test_sensing_is_rehearsed_with_all_that_it_reads_and_starts_afresh(scenario,
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)  # where nothing is cached everything is compiled
 def test_nothing_is_compiled_in_flight():
     """Planning and keeping apart included; in a process in which no other test has used a kernel before."""
     flight = Path(__file__).parent / "rehearsed_flight.py"

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from deadlines import EVENT_S
 
 from gslcosim.runtime.pauses import PAUSE_S, Pauses
 from gslcosim.runtime.stops import LOOK_EVERY_S, STOP_LIMIT_S, ProcessWatch, Stops, can_see_stops, is_stopped, stop_text
@@ -17,7 +18,7 @@ linux = pytest.mark.skipif(not can_see_stops(), reason="only Linux tells which p
 SLEEPING = [sys.executable, "-c", "import signal; signal.pause()"]
 
 
-def wait_until(is_true, limit_s=30):
+def wait_until(is_true, limit_s=EVENT_S):
     deadline = time.monotonic() + limit_s
     while not is_true():
         assert time.monotonic() < deadline, f"not within {limit_s} s"
@@ -112,8 +113,8 @@ def test_the_watch_tells_once_and_kills(sleeping):
 
     os.kill(sleeping.pid, signal.SIGSTOP)
     with ProcessWatch(lambda: {"world": sleeping.pid, "not begun": 0}, on_stopped):
-        assert has_told.wait(STOP_LIMIT_S + 10)
-        assert sleeping.wait(10) == -signal.SIGKILL
+        assert has_told.wait(STOP_LIMIT_S + EVENT_S)
+        assert sleeping.wait(EVENT_S) == -signal.SIGKILL
     assert told == ["world"]
     assert "stopped by a signal" in stop_text()
 
@@ -129,8 +130,8 @@ def test_what_a_launcher_has_started_is_killed_with_it():
         child = int(children.read_text())
         os.kill(child, signal.SIGSTOP)
         with ProcessWatch(lambda: {"beetle": launcher.pid}, lambda _: has_told.set()):
-            assert has_told.wait(STOP_LIMIT_S + 10)
-            launcher.wait(10)
+            assert has_told.wait(STOP_LIMIT_S + EVENT_S)
+            launcher.wait(EVENT_S)
     wait_until(lambda: not is_running(child))
 
 

@@ -186,7 +186,6 @@ def test_smoke_plans() -> None:
 
 # The larger suites, with one repetition of two entries: their rooms, places and names are right.
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", [name for name in SUITES if name != "smoke"])
 def test_one_repetition_of_a_suite_plans_and_drops_nothing(name: str) -> None:
     plan = planned_once(name)
@@ -195,7 +194,6 @@ def test_one_repetition_of_a_suite_plans_and_drops_nothing(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", ["gsl_bench_2023", "methods", "swarms", "declare", "generalisation"])
 def test_a_whole_suite_plans_with_as_many_trials_as_the_readme_says(name: str) -> None:
     plan = planned_whole(name)
@@ -206,7 +204,6 @@ def test_a_whole_suite_plans_with_as_many_trials_as_the_readme_says(name: str) -
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_the_moved_starts_of_gsl_bench_are_those_that_the_readme_has() -> None:
     for name in ("gsl_bench_2023", "gsl_bench_fair", "gsl_bench_3d"):
         moved = {(each.case, round(abs(each.from_m[1] - each.to_m[1]), 6)) for each in planned_once(name).moved}
