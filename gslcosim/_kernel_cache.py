@@ -1,10 +1,35 @@
-"""Where compiled numba kernels are kept: outside the checkout, and never stale."""
+"""Cache of compiled numba kernels: outside the checkout, never stale, and loaded only where a process of ours wrote it.
 
+Numba's index and data files are pickles, which run code when they are loaded. Each has a signature behind it, whose key
+lies in gslcosim's cache, which no agent in a sandbox can read or write. A file that is not ours, that others may write
+to, or whose signature is wrong counts as absent: its kernel is compiled again.
+"""
+
+import contextlib
 import hashlib
+import importlib.abc
+import importlib.machinery
 import os
+import stat
+import sys
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 PACKAGE_DIR = Path(__file__).resolve().parent
+NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
+# Set for agents in a sandbox, which have a cache of their own that is thrown away, and no key.
+UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
+_CACHING = "numba.core.caching"
+# Versions that lay out files otherwise share none.
+_LAYOUT = b"signed/1"
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_SIGNATURE_BYTES = 32
+_KEY_BYTES = 32
+_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 
 
 def cache_root() -> Path:
@@ -19,16 +44,203 @@ def cache_root() -> Path:
 
 
 def use_kernel_cache() -> None:
-    """Point numba at a cache folder that changes whenever a shared kernel does.
+    """Point numba at a cache folder that changes whenever a shared kernel does, and let it load only signed files.
 
     Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would
     keep the old callee. Kernels that other modules call therefore live in files named
     `*_kernels.py`, and a hash of all of those is part of the folder's name.
     """
-    if "NUMBA_CACHE_DIR" in os.environ:
+    if NUMBA_VARIABLE not in os.environ:
+        os.environ[NUMBA_VARIABLE] = str(_own_folder(cache_root() / "numba" / _kernels_hash()))
+    if UNCHECKED_VARIABLE in os.environ:
         return
-    digest = hashlib.blake2b(digest_size=8)
+    if (loaded := sys.modules.get(_CACHING)) is not None:
+        _sign_files(loaded)
+    elif not any(isinstance(finder, _CachingFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _CachingFinder())
+
+
+def is_trusted(status: os.stat_result) -> bool:
+    """Return whether a file or folder belongs to who may change our code anyway, and nobody else may write to it."""
+    if not hasattr(os, "geteuid"):
+        return True
+    owners = (os.geteuid(), 0, PACKAGE_DIR.stat().st_uid)
+    return status.st_uid in owners and not status.st_mode & _WRITABLE_BY_OTHERS
+
+
+def key_path() -> Path:
+    """Return the file with the key of the signatures."""
+    return cache_root() / "kernels.key"
+
+
+def _kernels_hash() -> str:
+    digest = hashlib.blake2b(_LAYOUT, digest_size=8)
     for path in sorted(PACKAGE_DIR.rglob("*_kernels.py")):
         digest.update(path.relative_to(PACKAGE_DIR).as_posix().encode())
         digest.update(path.read_bytes())
-    os.environ["NUMBA_CACHE_DIR"] = str(cache_root() / "numba" / digest.hexdigest())
+    return digest.hexdigest()
+
+
+# A folder that somebody else has made first, as one of a user whose home root uses, is left to them.
+def _own_folder(folder: Path) -> Path:
+    try:
+        status = folder.lstat()
+    except OSError:
+        return folder
+    if stat.S_ISDIR(status.st_mode) and is_trusted(status):
+        return folder
+    if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid():
+        folder.chmod(stat.S_IMODE(status.st_mode) & ~_WRITABLE_BY_OTHERS)
+        return folder
+    return folder.with_name(f"{folder.name}-{os.geteuid()}")
+
+
+class _CachingFinder(importlib.abc.MetaPathFinder):
+    # Numba takes a third of a second to import, which most commands do not need, so its class is replaced as it comes.
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != _CACHING:
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _CachingLoader(spec.loader)
+        return spec
+
+
+class _CachingLoader(importlib.abc.Loader):
+    def __init__(self, loader: importlib.abc.Loader) -> None:
+        self._loader = loader
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType | None:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        self._loader.exec_module(module)
+        _sign_files(module)
+
+
+def _sign_files(caching: Any) -> None:
+    if not hasattr(caching.IndexDataCacheFile, "is_signed"):
+        caching.IndexDataCacheFile = _signed_class(caching.IndexDataCacheFile)
+
+
+def _signed_class(plain: type[Any]) -> type[Any]:
+    import pickle
+
+    class SignedCacheFile(plain):
+        """Numba's index and data files with a signature behind each, which numba's own class ignores."""
+
+        is_signed = True
+
+        def _load_index(self) -> dict[Any, str]:
+            body = _read_signed(self._index_path)
+            version = pickle.dumps(self._version, protocol=-1)
+            if body is None or not body.startswith(version):
+                return {}
+            stamp, overloads = pickle.loads(body[len(version) :])
+            return overloads if stamp == self._source_stamp else {}
+
+        def _save_index(self, overloads: dict[Any, str]) -> None:
+            version = pickle.dumps(self._version, protocol=-1)
+            _write_signed(self._index_path, version + self._dump((self._source_stamp, overloads)))
+
+        def _load_data(self, name: str) -> Any:
+            body = _read_signed(self._data_path(name))
+            if body is None:
+                # Numba compiles again what has gone.
+                raise FileNotFoundError(self._data_path(name))
+            return pickle.loads(body)
+
+        def _save_data(self, name: str, data: Any) -> None:
+            _write_signed(self._data_path(name), self._dump(data))
+
+    return SignedCacheFile
+
+
+def _read_signed(path: str) -> bytes | None:
+    import hmac
+
+    key, data = _key(key_path()), _read_trusted(path)
+    if key is None or data is None:
+        return None
+    body, signature = data[:-_SIGNATURE_BYTES], data[-_SIGNATURE_BYTES:]
+    return body if hmac.compare_digest(signature, _signature(key, path, body)) else None
+
+
+# Without a key nobody could load it again.
+def _write_signed(path: str, body: bytes) -> None:
+    if (key := _key(key_path())) is not None:
+        _replace(path, body + _signature(key, path, body), 0o644)
+
+
+# With the file's name, so that none can be put in place of another.
+def _signature(key: bytes, path: str, body: bytes) -> bytes:
+    place = Path(path)
+    hasher = hashlib.blake2b(f"{place.parent.name}/{place.name}\0".encode(), key=key, digest_size=_SIGNATURE_BYTES)
+    hasher.update(body)
+    return hasher.digest()
+
+
+# None where there is none and none can be made: then each process compiles its kernels.
+@cache
+def _key(path: Path) -> bytes | None:
+    if (kept := _kept_key(path)) is not None:
+        return kept
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink() or path.exists():
+            # A key that others have written, or may know, signs nothing.
+            _replace(str(path), os.urandom(_KEY_BYTES), 0o600)
+        else:
+            _link_new(path, os.urandom(_KEY_BYTES))
+    return _kept_key(path)
+
+
+def _kept_key(path: Path) -> bytes | None:
+    key = _read_trusted(str(path))
+    return key if key is not None and len(key) == _KEY_BYTES else None
+
+
+def _read_trusted(path: str) -> bytes | None:
+    try:
+        descriptor = os.open(path, _READ)
+    except OSError:
+        return None
+    with os.fdopen(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        return file.read() if stat.S_ISREG(status.st_mode) and is_trusted(status) else None
+
+
+def _replace(path: str, data: bytes, mode: int) -> None:
+    beside = _written_beside(path, data, mode)
+    try:
+        beside.replace(path)
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+# Of several processes that begin at once one makes the key, and all read that.
+def _link_new(path: Path, data: bytes) -> None:
+    beside = _written_beside(str(path), data, 0o600)
+    try:
+        path.hardlink_to(beside)
+    except FileExistsError:
+        return
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _written_beside(path: str, data: bytes, mode: int) -> Path:
+    beside = Path(f"{path}.tmp.{os.urandom(8).hex()}")
+    descriptor = os.open(beside, _CREATE, mode)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise
+    return beside

@@ -13,6 +13,7 @@ from gslcosim.generation import prepare_environment
 from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.machine import fault_text
 from gslcosim.recording.machine_notes import MachineLog
+from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.foreign.program_hashes import program_hashes
@@ -99,6 +100,12 @@ def fly(
     else:
         ahead = None if processes == "one" else fork_server
         environment_dir = _prepared_environment(loaded, report, ahead)
+    compile_agent_kernels(
+        scenario,
+        loaded.directory,
+        is_one_process=processes == "one",
+        notify=lambda name: _telling(report)(f"compiling kernels of {name}", 0.0),
+    )
 
     def fly_it(setup: Setup, report: Report) -> Outcome:
         setup = replace(setup, past=repetition and repetition.past)

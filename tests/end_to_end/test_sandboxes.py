@@ -17,11 +17,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import yaml
 from flights import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 
 from gslcosim._kernel_cache import cache_root
 from gslcosim.runtime.sandbox import choosing
 from gslcosim.runtime.sandbox.choosing import why_there_is_no
+from gslcosim.scenario.bundled import bundled_agents
 
 REQUIRED, PIPED = "agents[0].sandbox=required", "agents[0].start.door=stdio"
 SANDBOXES = ("bubblewrap", "landlock")
@@ -90,7 +92,9 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
             "tnemugra": SECRET_ARGUMENT[::-1],
             **ports,
         }
-        start_by = {"command": [sys.executable, str(work / "attacker.py"), json.dumps(told)]}
+        # A word that names a bundled agent once made the cache of kernels writable.
+        words = [str(bundled_agents()["dung_beetle"])]
+        start_by = {"command": [sys.executable, str(work / "attacker.py"), json.dumps(told), *words]}
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
         ended = fly(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         was_victim_signalled = victim.poll() is not None
@@ -320,6 +324,48 @@ def test_a_command_that_names_a_file_of_a_run_is_refused(tmp_path):
     assert "agents.beetle.start: expected a command that names no file of a run" in ended.errors
     allowed = fly_here(TINY_ROOM, tmp_path / "runs", *words, "--set", f"agents[0].may_read=[{run}]")
     assert allowed.exit_code == 1
+
+
+@pytest.mark.parametrize("folder", ["the cache", "kernels", "this Python", "gslcosim", "the runs", "all", "a link"])
+def test_a_folder_with_code_or_runs_is_not_for_writing(tmp_path, folder):
+    """Whoever could write there would be run by the next service, or write the result."""
+    (tmp_path / "link").symlink_to(cache_root())
+    place = {
+        "the cache": cache_root(),
+        "kernels": os.environ["NUMBA_CACHE_DIR"],
+        "this Python": sys.prefix,
+        "gslcosim": ROOT / "gslcosim" / "runtime",
+        "the runs": tmp_path / "runs",
+        "all": "/",
+        "a link": tmp_path / "link",
+    }[folder]
+    ended = fly_here(TINY_ROOM, tmp_path / "runs", "--set", PIPED, "--set", f"agents[0].may_write=[{place}]")
+    assert ended.exit_code == 3
+    assert "agents.beetle.may_write: expected a folder from which no other process reads code" in ended.errors
+
+
+def test_agents_may_share_a_folder_within_that_of_their_programs_but_not_write_that(tmp_path):
+    (tmp_path / "mine" / "notes").mkdir(parents=True)
+    for name in ("a.py", "b.py"):
+        (tmp_path / "mine" / name).write_text("raise SystemExit(3)\n")
+    values = yaml.safe_load(TINY_ROOM.read_text())
+    agent = values["agents"][0]
+    starts_m = ([4.5, 1.5, 0.2], [4.5, 3.5, 0.2])
+    values["agents"] = [
+        {
+            **agent,
+            "name": name,
+            "start": {"command": [sys.executable, f"mine/{name}.py"], "door": "stdio"},
+            "vehicle": {**agent["vehicle"], "start_m": start_m},
+        }
+        for name, start_m in zip("ab", starts_m, strict=True)
+    ]
+    (tmp_path / "room.yaml").write_text(yaml.safe_dump(values))
+    refused = fly_here(tmp_path / "room.yaml", tmp_path / "r", "--set", "agents[0].may_write=[mine]")
+    assert (refused.exit_code, "agents.a.may_write: expected a folder" in refused.errors) == (3, True)
+    allowed = fly_here(tmp_path / "room.yaml", tmp_path / "r", "--set", "agents[0].may_write=[mine/notes]")
+    assert allowed.exit_code == 1
+    assert "ended with exit code 3" in str(allowed.result["faults"])
 
 
 def test_an_agent_in_this_process_is_in_none_and_the_result_says_so(tmp_path):

@@ -17,6 +17,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import GslCosimError
 from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
+from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.flight import fly
 from gslcosim.runtime.in_process import fly_in_process
 from gslcosim.runtime.joining import Network
@@ -68,6 +69,7 @@ def fly_trial(trial: Trial, environment_dir: Path, rooms: Rooms) -> Flown:
     scenario = trial.resolved
     later_rooms = prepare_later_rooms(scenario, scenario_dir=trial.directory)
     environment = with_later_rooms(rooms.load(environment_dir), later_rooms)
+    compile_agent_kernels(scenario, trial.directory, is_one_process=True)
     watch = Watch(scenario)
     with _scratch_run_dir() as run_dir:
         setup = Setup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)

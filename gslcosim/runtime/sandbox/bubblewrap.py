@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from gslcosim.runtime.sandbox.cells import NUMBA_VARIABLE, SYSTEM, AgentCell
+from gslcosim._kernel_cache import NUMBA_VARIABLE
+from gslcosim.runtime.sandbox.cells import SYSTEM, AgentCell
 from gslcosim.runtime.sandbox.launcher import PIPES_AT
 
 PROBE_LIMIT_S = 5.0
@@ -78,7 +79,7 @@ def bubblewrap_command(
 
 def variables_in_bubblewrap(cell: AgentCell) -> dict[str, str]:
     """Return what changes in the environment of a process in its cell."""
-    kernels = {NUMBA_VARIABLE: str(KERNELS)} if cell.kernels is not None and cell.kernels not in cell.writes else {}
+    kernels = {NUMBA_VARIABLE: str(KERNELS)} if cell.kernels is not None else {}
     return {"HOME": str(HOME), "TMPDIR": "/tmp", **kernels}
 
 

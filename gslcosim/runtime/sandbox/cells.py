@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import gslcosim
-from gslcosim._kernel_cache import cache_root
+from gslcosim._kernel_cache import NUMBA_VARIABLE, cache_root
 from gslcosim.runtime.over_bus.warm_place import warm_folder
 from gslcosim.runtime.watching.window import windows_folder
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 
 # Read-only for every agent, where they exist.
 SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/etc", "/opt", "/nix", "/sys/devices/system")
-NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 # A folder of an agent is searched for scenarios and runs so far, and no farther.
 MAX_DEPTH, MAX_ENTRIES, MAX_SCENARIO_BYTES = 4, 5000, 1 << 20
 _NOT_SEARCHED = {".git", ".venv", "venv", "node_modules", "__pycache__", "site-packages", "target"}
@@ -97,10 +96,10 @@ def python_folders() -> list[Path]:
     return [folder for folder in dict.fromkeys(folders) if folder.is_dir() and not is_system(folder)]
 
 
-def is_bundled(command: Sequence[str]) -> bool:
-    """Return whether a command line starts one of the agents that come with gslcosim."""
-    programs = {str(path) for path in bundled_agents().values()}
-    return command[0] == sys.executable and any(word in programs for word in command[1:])
+def code_folders() -> list[Path]:
+    """Return the folders from which processes of every run read code, which no agent may change."""
+    kernels = [Path(os.environ[NUMBA_VARIABLE])] if NUMBA_VARIABLE in os.environ else []
+    return [*python_folders(), cache_root(), *kernels, *(Path(folder) for folder in SYSTEM if folder != "/opt")]
 
 
 def truth_within(folders: Iterable[Path]) -> list[Path]:

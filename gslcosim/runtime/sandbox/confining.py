@@ -1,16 +1,18 @@
 """From an agent or participant of a scenario to how its process is confined."""
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from gslcosim._kernel_cache import NUMBA_VARIABLE
 from gslcosim.errors import UsageError
+from gslcosim.runtime.agents.starting import resolved_command, start_command
 from gslcosim.runtime.sandbox.cells import (
-    NUMBA_VARIABLE,
     SYSTEM,
     AgentCell,
     always_hidden,
-    is_bundled,
+    code_folders,
     lies_in_truth,
     own_folders,
     python_folders,
@@ -43,7 +45,8 @@ def confinement_of(
         tcp_port: The port of its door.
 
     Raises:
-        UsageError: the sandbox that the scenario demands does not work here, or the command names the truth.
+        UsageError: the sandbox that the scenario demands does not work here, the command names the truth, or it may
+            write where others read code or where the run is.
     """
     kind = sandbox_kind(agent)
     if kind == "none":
@@ -54,7 +57,7 @@ def confinement_of(
     granted = [(directory / Path(path).expanduser()).absolute() for path in agent.may_read]
     if told := next((folder for folder in own if folder not in granted and lies_in_truth(folder)), None):
         raise UsageError(
-            f"agents.{agent.name}.start: expected a command that names no file of a run, of results or of an "
+            f"{agent.place}.start: expected a command that names no file of a run, of results or of an "
             f"environment, which an agent in a sandbox does not see, was one in {told}. Move the program elsewhere, or "
             "name the folder in may_read."
         )
@@ -65,10 +68,7 @@ def confinement_of(
     is_python = Path(command[0]).name.startswith("python") and NUMBA_VARIABLE in os.environ
     kernels = Path(os.environ[NUMBA_VARIABLE]) if is_python else None
     writes = [(directory / Path(path).expanduser()).absolute() for path in agent.may_write]
-    if kernels is not None and is_bundled(command):
-        # Ours may add to what is compiled; others could put there what services would run.
-        kernels.mkdir(parents=True, exist_ok=True)
-        writes.append(kernels)
+    _check_writes(agent, writes, setup, directory)
     readable = [*own, *granted, *of_python, *map(Path, SYSTEM)]
     cell = AgentCell(
         directory=directory.absolute(),
@@ -81,6 +81,32 @@ def confinement_of(
         scratch=scratch,
     )
     return Confinement(kind=kind, cell=cell, limits=agent.limits)
+
+
+# Where code or runs are nothing may be written, nor around it; agents may share a folder within that of their programs.
+def _check_writes(agent: Confined, writes: Sequence[Path], setup: Setup, directory: Path) -> None:
+    closed = [*code_folders(), *always_hidden(), *_places_of(setup)]
+    programs = _programs_of_others(agent, setup, directory)
+    for given, folder in zip(agent.may_write, writes, strict=True):
+        for place in dict.fromkeys((folder, folder.resolve())):
+            within = (each for each in (*closed, *programs) if each.is_relative_to(place))
+            around = (each for each in closed if place.is_relative_to(each))
+            if (other := next(itertools.chain(within, around), None)) is not None:
+                raise UsageError(
+                    f"{agent.place}.may_write: expected a folder from which no other process reads code and which "
+                    f"holds nothing of runs, was {given!r}, which is part of {other} or has it within. Name a folder "
+                    "of its own."
+                )
+
+
+def _programs_of_others(agent: Confined, setup: Setup, directory: Path) -> list[Path]:
+    scenario = setup.scenario
+    commands = [start_command(each, directory) for each in scenario.agents if each.name != agent.name]
+    commands += [
+        resolved_command(each.start.command, directory) for each in scenario.participants if each.name != agent.name
+    ]
+    own = [folder for command in commands if command is not None for folder in own_folders(command, directory)]
+    return [*own, *(folder.resolve() for folder in own)]
 
 
 def _places_of(setup: Setup) -> list[Path]:

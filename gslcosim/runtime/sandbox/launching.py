@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gslcosim._kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
 from gslcosim.runtime.sandbox import seccomp
 from gslcosim.runtime.sandbox.bubblewrap import bubblewrap_command, variables_in_bubblewrap
-from gslcosim.runtime.sandbox.cells import NUMBA_VARIABLE, AgentCell, readable_pieces
+from gslcosim.runtime.sandbox.cells import AgentCell, readable_pieces
 from gslcosim.runtime.sandbox.launcher import PIPES_AT
 from gslcosim.scenario.models.confinement import AgentLimitsSpec
 
@@ -105,6 +106,8 @@ class Launch:
         variables = {NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
         if cell is None:
             return variables
+        # It has links to what is compiled, and not the key by which that is checked.
+        variables[UNCHECKED_VARIABLE] = "1"
         if kind == "bubblewrap":
             return variables | variables_in_bubblewrap(cell)
         return variables | _variables_in_landlock(cell)
@@ -192,9 +195,10 @@ def _variables_in_landlock(cell: AgentCell) -> dict[str, str]:
     return {**variables, NUMBA_VARIABLE: str(own)} if own.is_dir() else variables
 
 
-# Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles itself.
+# Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles into a
+# folder of its own, which is thrown away.
 def _linked_kernels(cell: AgentCell) -> Path | None:
-    if cell.kernels is None or cell.kernels in cell.writes:
+    if cell.kernels is None:
         return None
     own = cell.scratch / _KERNELS
     own.mkdir(exist_ok=True)

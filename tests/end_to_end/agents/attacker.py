@@ -179,6 +179,27 @@ def change_what_others_execute():
     return ""
 
 
+def plant_code_in_compiled_kernels():
+    for index in Path(TOLD["kernels"]).rglob("*.nbi"):
+        with contextlib.suppress(OSError):
+            # Its first bytes are what they are.
+            with index.open("r+b") as file:
+                first = file.read(1)
+                file.seek(0)
+                file.write(first)
+            return str(index)
+        with contextlib.suppress(OSError):
+            beside = index.with_suffix(".planted")
+            beside.touch()
+            beside.unlink()
+            return str(beside)
+    return ""
+
+
+def read_key_of_compiled_kernels():
+    return _text_of(Path(TOLD["cache"]) / "kernels.key")
+
+
 def change_rights():
     with contextlib.suppress(OSError):
         OUTSIDE.joinpath("victim.txt").chmod(0o600)
@@ -359,7 +380,8 @@ ATTACKS = [
     read_cache_of_environments, read_environment_of_others, read_command_lines_of_others, read_memory_of_others,
     write_memory_of_others, trace_others, end_others, limit_others, connect_by_tcp, send_by_udp,
     connect_to_abstract_socket, connect_to_unix_socket_of_others, join_as_a_service, write_outside,
-    change_its_own_program, change_what_others_execute, change_rights, remove_files_of_others,
+    change_its_own_program, change_what_others_execute, plant_code_in_compiled_kernels,
+    read_key_of_compiled_kernels, change_rights, remove_files_of_others,
     put_a_link_in_place_of_its_log, reopen_inherited_files, fill_shared_memory, take_away_what_hides,
     copy_memory_of_others, read_descriptors_of_others, take_descriptors_of_others, signal_groups_of_others,
     slow_down_others, write_to_terminals_of_others, read_keys_of_the_user, watch_others_by_perf,

@@ -1,0 +1,145 @@
+"""Numba's files are pickles: only those that a process of ours has signed are loaded."""
+
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from gslcosim._kernel_cache import key_path, use_kernel_cache
+
+PROGRAM = """
+import gslcosim, numba
+
+@numba.njit(cache=True)
+def twice(x):
+    return 2 * x
+
+@numba.njit(cache=True)
+def once(x):
+    return x
+
+assert (twice(1), once(1)) == (2, 1)
+print(sum(sum(d.stats.cache_hits.values()) for d in (twice, once)))
+"""
+
+
+class Planted:
+    """A pickle that makes a file when it is loaded."""
+
+    def __init__(self, mark):
+        self.mark = mark
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.mark),)
+
+
+@pytest.fixture
+def cached(tmp_path):
+    """Run the program with a cache of its own, and return how many kernels it has loaded."""
+    (tmp_path / "program.py").write_text(PROGRAM)
+    variables = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA", "GSLCOSIM"))}
+
+    def run():
+        return int(
+            subprocess.run(
+                [sys.executable, str(tmp_path / "program.py")],
+                env=variables | {"GSLCOSIM_CACHE": str(tmp_path / "cache")},
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout
+        )
+
+    assert run() == 0
+    return run
+
+
+def files_in(folder, ending):
+    """Return the files of numba below a folder, by the function's name."""
+    return {path.name.partition("-")[0]: path for path in folder.rglob(f"*.{ending}")}
+
+
+def test_what_one_process_has_compiled_the_next_one_loads(cached):
+    assert cached() == 2
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_a_planted_file_is_not_loaded_and_its_kernel_is_compiled_again(cached, tmp_path, ending):
+    """Nor is one that carries the signature of what stood there before."""
+    path = files_in(tmp_path / "cache", ending)["program.twice"]
+    mark = tmp_path / "loaded"
+    for signature in (b"", path.read_bytes()[-32:]):
+        path.write_bytes(pickle.dumps(Planted(mark)) + signature)
+        cached()
+        assert not mark.exists()
+        assert cached() == 2
+    pickle.loads(pickle.dumps(Planted(mark)))
+    assert mark.exists()
+
+
+def test_a_signed_file_in_place_of_another_counts_as_absent(cached, tmp_path):
+    indexes = files_in(tmp_path / "cache", "nbi")
+    shutil.copy(indexes["program.twice"], indexes["program.once"])
+    assert cached() == 1
+
+
+@pytest.mark.parametrize("mode", [0o664, 0o646])
+def test_a_file_that_others_may_write_counts_as_absent(cached, tmp_path, mode):
+    files_in(tmp_path / "cache", "nbi")["program.twice"].chmod(mode)
+    assert cached() == 1
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_a_file_of_another_user_counts_as_absent(cached, tmp_path):
+    os.chown(files_in(tmp_path / "cache", "nbc")["program.twice"], 65534, 65534)
+    assert cached() == 1
+
+
+def test_a_link_in_place_of_a_file_counts_as_absent(cached, tmp_path):
+    path = files_in(tmp_path / "cache", "nbi")["program.twice"]
+    path.rename(tmp_path / "kept")
+    path.symlink_to(tmp_path / "kept")
+    assert cached() == 1
+
+
+def test_a_key_that_others_may_have_written_is_made_anew(cached, tmp_path):
+    key = tmp_path / "cache" / "kernels.key"
+    before = key.read_bytes()
+    key.chmod(0o666)
+    assert cached() == 0
+    assert key.read_bytes() != before
+    assert key.stat().st_mode & 0o777 == 0o600
+    assert cached() == 2
+
+
+def test_a_folder_of_kernels_that_others_may_write_is_closed(cached, tmp_path, monkeypatch):
+    (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())
+    folder.chmod(0o777)
+    monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    use_kernel_cache()
+    assert folder.stat().st_mode & 0o777 == 0o755
+    assert key_path() == tmp_path / "cache" / "kernels.key"
+    if os.geteuid() == 0:
+        os.chown(folder, 65534, 65534)
+        monkeypatch.delenv("NUMBA_CACHE_DIR")
+        use_kernel_cache()
+        assert os.environ["NUMBA_CACHE_DIR"] == f"{folder}-0"
+
+
+def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_path):
+    """A sandbox links them, and hides the key."""
+    (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())
+    variables = os.environ | {
+        "NUMBA_CACHE_DIR": str(folder),
+        "GSLCOSIM_UNCHECKED_KERNELS": "1",
+        "GSLCOSIM_CACHE": str(tmp_path / "nothing"),
+    }
+    ran = subprocess.run(
+        [sys.executable, str(tmp_path / "program.py")], env=variables, capture_output=True, text=True, check=True
+    )
+    assert ran.stdout == "2\n"
+    assert not (tmp_path / "nothing").exists()
