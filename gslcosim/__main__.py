@@ -1,7 +1,22 @@
-"""`python -m gslcosim`: the same as the command `gslcosim`."""
+"""The command `gslcosim`, and `python -m gslcosim`: what asks it to end is an orderly interruption from the start."""
 
 import sys
 
-from gslcosim.cli.main import main
+from gslcosim.runtime.interruption import raise_on_signals
 
-sys.exit(main())
+
+def main() -> int:
+    """Run one command and return its exit code."""
+    try:
+        raise_on_signals()
+        # Imported after signals are handled, since it takes a while.
+        from gslcosim.cli.main import main as run_command
+
+        return run_command()
+    except KeyboardInterrupt:
+        sys.stderr.write("Interrupted.\n")
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -49,6 +49,7 @@ from gslcosim.cli.terminal import (
 )
 from gslcosim.errors import ExitCode, GslCosimError, MachineError
 from gslcosim.machine import check_address_space, unforeseen
+from gslcosim.runtime.interruption import is_asked_to_end
 
 # New objects between two collections; Python's own number is 700.
 _COLLECT_EVERY = 50_000
@@ -153,6 +154,10 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         write_note(str(error))
         return error.exit_code
     except Exception as error:
+        if is_asked_to_end():
+            # A library has made another error of it.
+            write_note("Interrupted.")
+            return ExitCode.INTERRUPTED
         refused = unforeseen(error)
         if refused is not None:
             write_note(str(refused))

@@ -117,6 +117,11 @@ def _made_by_processes(orders: Sequence[Order], jobs: int, report: Progress) -> 
             for n, future in enumerate(as_completed(futures), start=1):
                 yield futures[future], _outcome_of(future, orders[futures[future]])
                 report(f"{n} of {len(orders)} made", n / len(orders))
+        except KeyboardInterrupt:
+            # SIGTERM has reached this process alone, and nobody waits for what the others make.
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 

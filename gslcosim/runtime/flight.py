@@ -18,6 +18,7 @@ from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.foreign.program_hashes import program_hashes
 from gslcosim.runtime.grouping import Group, groups_of
+from gslcosim.runtime.interruption import is_asked_to_end
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import ForkServer
@@ -237,7 +238,12 @@ def _flown(
 def _or_fault(fly_it: Callable[[], Outcome]) -> Outcome:
     try:
         return fly_it()
+    except KeyboardInterrupt:
+        # Before or after the part that ends in order by itself.
+        return Outcome(is_interrupted=True)
     except Exception as error:
+        if is_asked_to_end():
+            return Outcome(is_interrupted=True)
         text = fault_text(error, traceback.format_exc())
         return Outcome(fault=ServiceFault(participant="supervisor", tick=0, text=text))
 
@@ -273,12 +279,13 @@ def _add_fault(outcome: Outcome, text: str) -> None:
 def _repair(run_dir: RunDir, outcome: Outcome) -> None:
     if outcome.is_valid or not run_dir.recording.exists():
         return
+    if run_dir.recording.stat().st_size == 0:
+        run_dir.recording.unlink()
+        return
     from gslcosim.recording.repair import repair_recording
 
     try:
         repair_recording(run_dir.recording)
     except (RecordingError, OSError) as error:
         # The recorder had not come as far as its first bytes; that must not hide what ended the run.
-        note = f"The recording was not made whole: {fault_text(error, '')}"
-        if outcome.fault is not None:
-            outcome.fault = replace(outcome.fault, text=f"{outcome.fault.text}\n{note}")
+        _add_fault(outcome, f"The recording was not made whole: {fault_text(error, '')}")

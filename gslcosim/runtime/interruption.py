@@ -1,18 +1,45 @@
-"""Ctrl-C and SIGTERM as a flag that the runtime looks at, so that a run ends in order."""
+"""Requests to end (Ctrl-C, SIGTERM, a closed terminal) as a flag or as KeyboardInterrupt, so that runs end in order."""
 
+import os
 import signal
 import threading
 from collections.abc import Callable
 from types import FrameType
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_HANGUP = getattr(signal, "SIGHUP", None)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, *(() if _HANGUP is None else (_HANGUP,)))
+_asked_to_end = threading.Event()
+
+
+def raise_on_signals() -> None:
+    """Let each signal that asks this process to end raise KeyboardInterrupt, as Ctrl-C does; forks have the usual ones.
+
+    A signal that whoever has started this process wants ignored, as `nohup` does with SIGHUP, stays ignored. Outside
+    the main thread nothing is changed.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in SIGNALS:
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+            signal.signal(number, _raise)
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=_use_defaults)
+
+
+def is_asked_to_end() -> bool:
+    """Return whether `raise_on_signals` has raised: imports and callbacks of libraries may have turned that into
+    another error, or into nothing.
+    """
+    return _asked_to_end.is_set()
 
 
 class Interruption:
-    """Within this context SIGINT and SIGTERM set a flag and call `on_set`; a second signal acts as usual.
+    """Within this context a signal that asks to end sets a flag and calls `on_set`; a second one acts as usual.
 
-    Outside the main thread Python cannot catch signals; then nothing is changed.
+    A terminal is closed once, but shells and the system tell it twice: SIGHUP is ignored once it has been seen, and
+    from the start where whoever has started this process wants it ignored, as `nohup` does. Outside the main thread
+    Python cannot catch signals; then nothing is changed.
     """
 
     def __init__(self, on_set: Callable[[], None] = lambda: None) -> None:
@@ -22,7 +49,11 @@ class Interruption:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._catch) for number in SIGNALS}
+            numbers = [n for n in SIGNALS if n != _HANGUP or signal.getsignal(n) != signal.SIG_IGN]
+            self._before = {number: signal.signal(number, self._catch) for number in numbers}
+        if is_asked_to_end():
+            self._is_set = True
+            self._on_set()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -33,8 +64,11 @@ class Interruption:
         return self._is_set
 
     def _catch(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
+        del frame
         self._is_set = True
+        if number == _HANGUP:
+            self._before.pop(number, None)
+            signal.signal(number, signal.SIG_IGN)
         self._restore()
         self._on_set()
 
@@ -42,3 +76,18 @@ class Interruption:
         for number, handler in self._before.items():
             signal.signal(number, handler)
         self._before.clear()
+
+
+def _raise(number: int, frame: FrameType | None) -> NoReturn:
+    del frame
+    _asked_to_end.set()
+    if number == _HANGUP:
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+# A fork is ended by whoever has forked it, at once.
+def _use_defaults() -> None:
+    for number in SIGNALS:
+        if signal.getsignal(number) is _raise:
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
