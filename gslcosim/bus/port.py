@@ -2,14 +2,15 @@
 
 import json
 import os
+import stat
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Annotated, Protocol
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from gslcosim.errors import UsageError
 
@@ -17,6 +18,20 @@ JOIN_VARIABLE = "GSLCOSIM_JOIN"
 JOIN_FILE_WAIT_S = 120.0
 # Linux names the open files of a process here.
 INHERITED_FILES = Path("/proc/self/fd")
+
+# A join file comes from another host: what is in it ends in the configuration of the bus, in lines of accounts, and on
+# the terminal.
+MAX_JOIN_FILE_BYTES = 1 << 20
+MemberName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
+Endpoint = Annotated[
+    str,
+    StringConstraints(
+        pattern=r"^((tcp|tls)/[A-Za-z0-9_.:%\[\]-]{1,300}(\?[A-Za-z0-9=;_-]{0,100})?|unixsock-stream/[^#?\x00-\x1f]{1,4096})$"
+    ),
+]
+Namespace = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,200}(/[A-Za-z0-9_.-]{1,200}){0,9}$")]
+Secret = Annotated[str, StringConstraints(pattern=r"^[ -~]{1,200}$")]
+PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
 
 Handler = Callable[[str, bytes], None]
 Answerer = Callable[[bytes], list[bytes]]
@@ -41,8 +56,8 @@ class Mesh(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    listen: str
-    connect: tuple[str, ...]
+    listen: Endpoint
+    connect: Annotated[tuple[Endpoint, ...], Field(max_length=1000)]
 
 
 class Join(BaseModel):
@@ -60,21 +75,21 @@ class Join(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    name: str
-    endpoint: str
-    namespace: str
-    user: str
-    password: str
-    run_dir: str | None = None
-    tls_root_ca: str | None = None
-    agents: tuple[str, ...] | None = None
+    name: MemberName
+    endpoint: Endpoint
+    namespace: Namespace
+    user: MemberName
+    password: Secret
+    run_dir: Annotated[str, StringConstraints(pattern=r"^[^\x00]{1,4096}$")] | None = None
+    tls_root_ca: PemText | None = None
+    agents: Annotated[tuple[MemberName, ...], Field(max_length=1000)] | None = None
     is_watched: bool = False
-    lease_s: float | None = None
-    window_ticks: int | None = None
+    lease_s: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    window_ticks: Annotated[int, Field(ge=1, le=1 << 20)] | None = None
     mesh: Mesh | None = None
     needs_tls_client: bool = False
-    tls_client_certificate: str | None = None
-    tls_client_key: str | None = None
+    tls_client_certificate: PemText | None = None
+    tls_client_key: PemText | None = None
 
     @classmethod
     def from_environment(cls) -> "Join":
@@ -109,8 +124,16 @@ class Join(BaseModel):
         """
         try:
             return cls.model_validate(json.loads(text))
-        except (json.JSONDecodeError, ValidationError) as error:
-            raise UsageError(f"{place}: expected JSON as `gslcosim up` writes it; {error}") from error
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"{place}: expected JSON as `gslcosim up` writes it; {problem_text(error)}") from error
+
+
+def problem_text(error: Exception) -> str:
+    """Return what is wrong with join data, without what secrets it holds."""
+    if not isinstance(error, ValidationError):
+        return str(error)[:300]
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    return f"{'.'.join(str(part)[:80] for part in first['loc'])}: {first['msg'][:300]}"
 
 
 def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) -> str:
@@ -122,7 +145,7 @@ def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) 
         wait_s: For how long [s].
 
     Raises:
-        UsageError: there is none within that time.
+        UsageError: there is none within that time, or it is no regular file of a sensible size.
     """
     deadline = time.monotonic() + wait_s
     while not path.exists():
@@ -130,12 +153,28 @@ def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) 
             within = f" within {wait_s:g} s" if wait_s else ""
             raise UsageError(f"{place}: expected a file{within}, found none.\nFile: {path}")
         time.sleep(0.05)
-    text = path.read_text()
+    text = _read_regular(path, place)
     if path.parent == INHERITED_FILES:
         # What is not open any more cannot be read by who looks at this process.
         with suppress(OSError):
             os.close(int(path.name))
     return text
+
+
+# A pipe would be waited for, and a device would never end.
+def _read_regular(path: Path, place: str) -> str:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with os.fdopen(descriptor, encoding="utf-8") as file:
+            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+                text = file.read(MAX_JOIN_FILE_BYTES + 1)
+                if len(text) <= MAX_JOIN_FILE_BYTES:
+                    return text
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{place}: expected a file that can be read, could not ({error}).\nFile: {path}") from error
+    raise UsageError(
+        f"{place}: expected a regular file of at most {MAX_JOIN_FILE_BYTES} bytes, was another.\nFile: {path}"
+    )
 
 
 class Mailbox(Protocol):

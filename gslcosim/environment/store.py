@@ -22,7 +22,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import yaml
@@ -38,8 +38,11 @@ from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
 
 FORMAT = "gslcosim/environment/1"
-HEADER_FILE, OCCUPANCY_FILE, WIND_FILE = "environment.yaml", "occupancy.npy", "wind.npy"
-SCENE_FILE, PICTURE_FILE, MESHES_FILE = "scene.xml", "top_view.png", "visual.glb"
+HEADER_FILE: Final = "environment.yaml"
+OCCUPANCY_FILE: Final = "occupancy.npy"
+WIND_FILE: Final = "wind.npy"
+MESHES_FILE: Final = "visual.glb"
+SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
 
 # The C parser is ten times quicker; PyYAML has it in all its wheels, but not in every build from source.

@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from gslcosim.errors import UsageError
 from gslcosim.machine import machine_error
@@ -17,6 +17,13 @@ from gslcosim.safe_files import replace_file
 SCHEMA = "gslcosim/digest/1"
 LINK_BYTES = 8
 _EMPTY_LINK = bytes(LINK_BYTES)
+
+
+class TrailFields(TypedDict):
+    """A `Trail` as msgpack and JSON can carry it: the links as Base64."""
+
+    ticks: list[int]
+    links: str
 
 
 @dataclass
@@ -45,12 +52,12 @@ class Trail:
         at = range(0, len(self.links), LINK_BYTES)
         return bytes(self.links[at[index] : at[index] + LINK_BYTES]) if at else _EMPTY_LINK
 
-    def as_fields(self) -> dict[str, Any]:
-        """Return the chain as msgpack and JSON can carry it."""
+    def as_fields(self) -> TrailFields:
+        """Return the chain as fields of messages and files."""
         return {"ticks": self.ticks.tolist(), "links": base64.b64encode(self.links).decode()}
 
     @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> "Trail":
+    def from_fields(cls, fields: TrailFields) -> "Trail":
         """Return the chain from `as_fields`."""
         return cls(array("q", fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
 

@@ -132,7 +132,9 @@ class Network:
         """The endpoint that processes on other hosts use: the first of `listen`, with this host's name for `any`."""
         if not self.listen:
             return None
-        return self.listen[0].replace("0.0.0.0", socket.gethostname()).replace("[::]", socket.gethostname())
+        # What follows a # is about this host alone.
+        first = self.listen[0].partition("#")[0]
+        return first.replace("0.0.0.0", socket.gethostname()).replace("[::]", socket.gethostname())
 
     def write_join(self, kind: str, join: Join, run_path: Path) -> Path:
         """Write the join data of a process that somebody else starts and that joins the bus; return the file."""

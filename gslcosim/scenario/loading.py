@@ -23,7 +23,15 @@ from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
 
-__all__ = ["Check", "LoadedScenario", "dump_resolved", "find_scenario", "load_scenario", "resolve_values"]
+__all__ = [
+    "Check",
+    "LoadedScenario",
+    "dump_resolved",
+    "find_scenario",
+    "load_scenario",
+    "read_resolved",
+    "resolve_values",
+]
 
 Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
 
@@ -102,6 +110,23 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
     problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
     if scenario is None or problems:
         raise InvalidScenarioError(locate(problems, tree.marks), name=source)
+    return scenario
+
+
+def read_resolved(text: str, *, source: str) -> Scenario:
+    """Return the scenario in a text as `dump_resolved` writes it, on whatever host; no file that it names is looked at.
+
+    Args:
+        text: The YAML.
+        source: Where its problems are said to stand.
+
+    Raises:
+        ScenarioError: it is no scenario.
+    """
+    tree = read_yaml(text, source=source)
+    scenario, problems = _validate(tree.values)
+    if scenario is None or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=source)
     return scenario
 
 

@@ -42,6 +42,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tls-certificate", type=Path, metavar="FILE", help="PEM certificate of this host")
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="PEM private key of the certificate")
+    parser.add_argument(
+        "--trusted", action="store_true", help="start the programs that the run's scenario names for its own models"
+    )
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -62,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.hosts.taking_part import serve_from_here
 
     names = arguments.what or [joined.name]
-    part = serve_from_here(joined.join, names, runs_dir=arguments.runs_dir, say=say)
+    part = serve_from_here(joined.join, names, runs_dir=arguments.runs_dir, say=say, is_trusted=arguments.trusted)
     if arguments.json:
         recording = part.recording and str(part.recording)
         write_json({**asdict(part), "run_dir": str(part.run_dir), "recording": recording})

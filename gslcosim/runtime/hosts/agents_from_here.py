@@ -63,10 +63,10 @@ def fly_agent_from_here(joined: JoinFile, command: Sequence[str], *, say: Say) -
     """
     variables = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
     keep: tuple[int, ...] = ()
-    if joined.join is None:
-        variables |= {GATEWAY_VARIABLE: joined.fields["gateway"], TOKEN_VARIABLE: joined.fields["token"]}
-        variables |= {"GSLCOSIM_AGENT": ",".join(joined.fields.get("agents", [joined.name]))}
-    else:
+    if (gateway := joined.gateway) is not None:
+        variables |= {GATEWAY_VARIABLE: gateway.gateway, TOKEN_VARIABLE: gateway.token}
+        variables |= {"GSLCOSIM_AGENT": ",".join(gateway.agents or [gateway.name])}
+    elif joined.join is not None:
         text = joined.join.model_dump_json(exclude_none=True)
         inherited = file_of(text) if INHERITED_FILES.is_dir() else None
         keep = () if inherited is None else (inherited,)

@@ -1,23 +1,38 @@
 """Getting what a host needs of a run that is flown on another: its offer, and its room where it is not here."""
 
+import contextlib
 import queue
 import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 
 from gslcosim._kernel_cache import cache_root
 from gslcosim.bus.port import Bus
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import EnvironmentDataError, RunTimeoutError, SimulationFault
-from gslcosim.runtime.hosts.offering import OFFER_KEY, PIECE_BYTES, PIECE_KEY, OfferedRoom, PieceRequest, RunOffer
+from gslcosim.errors import ContractError, EnvironmentDataError, MachineError, RunTimeoutError, SimulationFault
+from gslcosim.runtime.hosts.offering import (
+    MAX_SCENARIO_CHARACTERS,
+    OFFER_KEY,
+    PIECE_BYTES,
+    PIECE_KEY,
+    ROOM_FILES,
+    OfferedRoom,
+    PieceRequest,
+    RoomFile,
+    RunOffer,
+)
 
 ANSWER_WITHIN_S = 15.0
 # What has not come by then is asked for again, as often as `ANSWER_WITHIN_S` allows.
 ASK_AGAIN_AFTER_S = 5.0
 # Pieces that are on their way at once: enough for a link of 200 ms, and little for one that is slow.
 PIECES_AT_ONCE = 16
+MAX_OFFER_BYTES = 5 * MAX_SCENARIO_CHARACTERS
+# Answers that nobody has asked for are not kept.
+_MAX_WAITING = 64
 
 Say = Callable[[str], None]
 
@@ -27,15 +42,28 @@ def fetch_offer(bus: Bus) -> RunOffer:
 
     Raises:
         RunTimeoutError: it does not answer.
+        SimulationFault: it tells what no run is.
     """
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     deadline_s = time.monotonic() + ANSWER_WITHIN_S
     while time.monotonic() < deadline_s:
         bus.ask(OFFER_KEY, b"", lambda _, payload: answers.put(payload))
         try:
-            return RunOffer.from_bytes(answers.get(timeout=ASK_AGAIN_AFTER_S))
+            payload = answers.get(timeout=ASK_AGAIN_AFTER_S)
         except queue.Empty:
             continue
+        if len(payload) > MAX_OFFER_BYTES:
+            raise SimulationFault(
+                f"the run's offer: expected at most {MAX_OFFER_BYTES} bytes, was {len(payload)}. Join runs of hosts "
+                "that you trust."
+            )
+        try:
+            return RunOffer.from_bytes(payload)
+        except ContractError as error:
+            raise SimulationFault(
+                f"the run's offer: {error} Install the same gslcosim on both hosts, and join runs of hosts that you "
+                "trust."
+            ) from error
     raise RunTimeoutError(
         f"expected the run's supervisor to tell of it within {ANSWER_WITHIN_S:g} s, it did not. It must have been "
         "started with --elsewhere."
@@ -47,12 +75,19 @@ def room_here(offer: OfferedRoom) -> Path | None:
     here = cache_root() / "environments"
     named = Path(offer.environment_dir)
     for folder in (named, here / named.name, here / offer.environment_hash):
+        if any(_is_special(folder / name) for name in ROOM_FILES):
+            continue
         try:
             if load_environment(folder).content_hash == offer.environment_hash:
                 return folder
         except EnvironmentDataError:
             continue
     return None
+
+
+# To open a pipe would wait for ever; the run's host names the folder.
+def _is_special(path: Path) -> bool:
+    return path.exists() and not path.is_file()
 
 
 def fetch_room(bus: Bus, offer: OfferedRoom, say: Say) -> Path:
@@ -65,11 +100,17 @@ def fetch_room(bus: Bus, offer: OfferedRoom, say: Say) -> Path:
 
     Raises:
         RunTimeoutError: a piece does not come.
+        MachineError: there is no space on the disk for it.
         SimulationFault: what has come is not the room that was offered.
     """
     folder = cache_root() / "environments" / offer.environment_hash
     folder.parent.mkdir(parents=True, exist_ok=True)
     total = sum(offer.room_files.values())
+    if (free := shutil.disk_usage(folder.parent).free) < total:
+        raise MachineError(
+            f"the room of the run: expected {total / 1e6:.1f} MB on the disk of the cache, was {free / 1e6:.1f} MB. "
+            f"Free the disk, or set GSLCOSIM_CACHE.\nFolder: {folder.parent}"
+        )
     said_at_s, n_bytes = time.monotonic(), 0
     say(f"fetching the room, {total / 1e6:.1f} MB")
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".fetched.", ignore_cleanup_errors=True) as beside:
@@ -100,34 +141,38 @@ def fetch_room(bus: Bus, offer: OfferedRoom, say: Say) -> Path:
 
 
 # In any order, several on their way at once; what does not come is asked for again.
-def _pieces(bus: Bus, room: int, file: str, size: int) -> Iterator[tuple[int, bytes]]:
+def _pieces(bus: Bus, room: int, file: RoomFile, size: int) -> Iterator[tuple[int, bytes]]:
     came: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
 
     def ask(offset: int) -> None:
         bus.ask(
             PIECE_KEY,
             PieceRequest(room=room, file=file, offset=offset).to_bytes(),
-            lambda _, payload: came.put((offset, payload)),
+            lambda _, payload: came.put((offset, payload)) if is_wanted(payload) else None,
         )
 
-    to_ask = list(range(0, size, PIECE_BYTES))[::-1]
+    def is_wanted(payload: bytes) -> bool:
+        return len(payload) <= PIECE_BYTES and came.qsize() < _MAX_WAITING
+
+    to_ask = iter(range(0, size, PIECE_BYTES))
+    n_left = -(-size // PIECE_BYTES)
     awaited: set[int] = set()
     patient_until_s = time.monotonic() + ANSWER_WITHIN_S
-    while to_ask or awaited:
-        while to_ask and len(awaited) < PIECES_AT_ONCE:
-            awaited.add(to_ask[-1])
-            ask(to_ask.pop())
-        try:
+    while n_left:
+        for offset in islice(to_ask, PIECES_AT_ONCE - len(awaited)):
+            awaited.add(offset)
+            ask(offset)
+        with contextlib.suppress(queue.Empty):
             offset, piece = came.get(timeout=ASK_AGAIN_AFTER_S)
-        except queue.Empty:
-            if time.monotonic() > patient_until_s:
-                raise RunTimeoutError(
-                    f"{file} of the room: expected a piece within {ANSWER_WITHIN_S:g} s, none came."
-                ) from None
+            if offset in awaited and len(piece) == min(PIECE_BYTES, size - offset):
+                awaited.discard(offset)
+                n_left -= 1
+                patient_until_s = time.monotonic() + ANSWER_WITHIN_S
+                yield offset, piece
+                continue
+        # Nothing has come, or what is no piece of this file.
+        if time.monotonic() > patient_until_s:
+            raise RunTimeoutError(f"{file} of the room: expected a piece within {ANSWER_WITHIN_S:g} s, none came.")
+        if came.empty():
             for offset in awaited:
                 ask(offset)
-            continue
-        if offset in awaited and len(piece) == min(PIECE_BYTES, size - offset):
-            awaited.discard(offset)
-            patient_until_s = time.monotonic() + ANSWER_WITHIN_S
-            yield offset, piece

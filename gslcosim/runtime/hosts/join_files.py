@@ -3,19 +3,38 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, Literal, cast
 
-from gslcosim.bus.port import Certificate, Join, read_join_file
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from gslcosim.bus.port import Certificate, Join, MemberName, Secret, problem_text, read_join_file
 from gslcosim.errors import UsageError
+
+
+class GatewayJoin(BaseModel):
+    """How an agent behind the gateway connects: the address, the token that it sends first, and its frames.
+
+    `agents` names the agents that its process flies where they are several.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    name: MemberName
+    gateway: Annotated[
+        str, StringConstraints(pattern=r"^(tcp:[A-Za-z0-9_.:%\[\]-]{1,300}:[0-9]{1,5}|unix:/[^\x00-\x1f]{1,4096})$")
+    ]
+    token: Secret
+    format: Literal["msgpack", "json"] = "msgpack"
+    agents: Annotated[tuple[MemberName, ...], Field(min_length=1, max_length=1000)] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class JoinFile:
-    """What a join file holds: how to join the bus, or how an agent behind the gateway connects."""
+    """What a join file holds: how to join the bus, or how an agent behind the gateway connects; one of the two."""
 
     path: Path
     join: Join | None
-    fields: dict[str, Any]
+    gateway: GatewayJoin | None
 
     @classmethod
     def read(
@@ -36,17 +55,21 @@ class JoinFile:
         place = f"join file {path}"
         try:
             fields: Any = json.loads(text)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             fields = None
         if not isinstance(fields, dict):
             raise UsageError(f"{place}: expected JSON as `gslcosim up` writes it, was something else.")
         known = cast("dict[str, Any]", fields)
         if "gateway" in known:
-            return cls(path=path, join=None, fields=known)
-        join = Join.from_text(text, place=place)
+            try:
+                return cls(path=path, join=None, gateway=GatewayJoin.model_validate(known))
+            except ValidationError as error:
+                raise UsageError(f"{place}: expected JSON as `gslcosim up` writes it; {problem_text(error)}") from error
+        # What only a process has that the run's own host starts.
+        join = Join.from_text(text, place=place).model_copy(update={"mesh": None, "is_watched": False})
         if endpoint is not None:
             join = join.model_copy(update={"endpoint": endpoint})
-        return cls(path=path, join=_with_certificate(join, client), fields=known)
+        return cls(path=path, join=_with_certificate(join, client), gateway=None)
 
     @property
     def is_of_agent(self) -> bool:
@@ -56,7 +79,8 @@ class JoinFile:
     @property
     def name(self) -> str:
         """The participant that it was written for."""
-        return str(self.fields.get("name", self.path.stem))
+        data = self.join or self.gateway
+        return self.path.stem if data is None else data.name
 
 
 def _with_certificate(join: Join, client: Certificate | None) -> Join:

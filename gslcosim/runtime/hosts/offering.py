@@ -1,8 +1,12 @@
 """What the host that flies a run offers to others: its scenario, what it computes with, and its room, in pieces."""
 
+import posixpath
 import threading
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, StringConstraints
 
 from gslcosim.bus.port import Bus
 from gslcosim.environment.store import HEADER_FILE, MESHES_FILE, OCCUPANCY_FILE, WIND_FILE
@@ -14,7 +18,35 @@ from gslcosim.runtime.setup import Setup
 OFFER_KEY = "rpc/run/offer"
 PIECE_KEY = "rpc/run/piece"
 PIECE_BYTES = 1 << 18
-ROOM_FILES = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
+# As `RoomFile` has them.
+ROOM_FILES: tuple["RoomFile", ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
+
+
+# Larger files of rooms than these [bytes] do not exist; the header is text.
+MAX_ROOM_BYTES, MAX_HEADER_BYTES = 1 << 37, 1 << 26
+MAX_SCENARIO_CHARACTERS = 1 << 24
+_MAX_ROOMS = 10_000
+
+
+def _check_folder(text: str) -> str:
+    if "\0" in text or not text.startswith("/") or posixpath.normpath(text) != text:
+        raise ValueError("an absolute path without . and ..")
+    return text
+
+
+def _check_sizes(files: dict[str, int]) -> dict[str, int]:
+    if not {HEADER_FILE, OCCUPANCY_FILE, WIND_FILE} <= files.keys() or files[HEADER_FILE] > MAX_HEADER_BYTES:
+        raise ValueError(f"the files of a room, and at most {MAX_HEADER_BYTES} bytes of {HEADER_FILE}")
+    return files
+
+
+# A part of a path of this host: it cannot lead out of the folder that it is put into, and is no hidden file.
+RunId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,199}$")]
+ContentHash = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16,128}$")]
+FolderPath = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_check_folder)]
+RoomFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "visual.glb"]
+RoomNumber = Annotated[int, Field(ge=0, le=_MAX_ROOMS)]
+Offset = Annotated[int, Field(ge=0, le=MAX_ROOM_BYTES)]
 
 
 class OfferedRoom(control.Control):
@@ -23,10 +55,10 @@ class OfferedRoom(control.Control):
     `room` is its number among the rooms of the run: 0 is that of the start.
     """
 
-    room: int = 0
-    environment_dir: str
-    environment_hash: str
-    room_files: dict[str, int]
+    room: RoomNumber = 0
+    environment_dir: FolderPath
+    environment_hash: ContentHash
+    room_files: Annotated[dict[RoomFile, Offset], AfterValidator(_check_sizes)]
 
 
 class RunOffer(OfferedRoom):
@@ -37,21 +69,21 @@ class RunOffer(OfferedRoom):
     `present` those of them that have come. `paced_from_tick` is as in `Setup`.
     """
 
-    run_id: str
-    scenario: str
-    later_rooms: tuple[OfferedRoom, ...] = ()
-    expected: list[str]
-    present: list[str]
+    run_id: RunId
+    scenario: Annotated[str, StringConstraints(max_length=MAX_SCENARIO_CHARACTERS)]
+    later_rooms: Annotated[tuple[OfferedRoom, ...], Field(max_length=_MAX_ROOMS)] = ()
+    expected: Annotated[list[control.ParticipantName], Field(max_length=1000)]
+    present: Annotated[list[control.ParticipantName], Field(max_length=1000)]
     software: Software
-    paced_from_tick: int | None = None
+    paced_from_tick: control.Tick | None = None
 
 
 class PieceRequest(control.Control):
     """Ask for a piece of a file of a room."""
 
-    room: int = 0
-    file: str
-    offset: int
+    room: RoomNumber = 0
+    file: RoomFile
+    offset: Offset
 
 
 class Offering:
@@ -110,7 +142,7 @@ class Offering:
             request: PieceRequest = PieceRequest.from_bytes(question)
         except ContractError:
             return []
-        if not 0 <= request.room < len(self._rooms) or request.offset < 0:
+        if request.room >= len(self._rooms):
             return []
         room = self._rooms[request.room]
         if request.file not in room.room_files:
@@ -120,5 +152,5 @@ class Offering:
             return [file.read(PIECE_BYTES)]
 
 
-def _files_in(folder: Path) -> dict[str, int]:
+def _files_in(folder: Path) -> "dict[RoomFile, int]":
     return {name: (folder / name).stat().st_size for name in ROOM_FILES if (folder / name).is_file()}

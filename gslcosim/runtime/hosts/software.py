@@ -3,13 +3,16 @@
 import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 import gslcosim
 from gslcosim._code_identity import COMPUTING_PACKAGES, deciding_code_hash
 from gslcosim.contract.schema import contract_hash
 
+# Printed here, and written by another host.
+_Word = Annotated[str, StringConstraints(pattern=r"^[ -~]{0,200}$")]
 _PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh")
 
 
@@ -22,12 +25,12 @@ class Software(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    version: str
-    contract: str
-    code: str
-    python: str
-    packages: dict[str, str]
-    processor: str
+    version: _Word
+    contract: _Word
+    code: _Word
+    python: _Word
+    packages: Annotated[dict[_Word, _Word], Field(max_length=200)]
+    processor: _Word
 
     @classmethod
     @cache

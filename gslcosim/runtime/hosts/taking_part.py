@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.bus.port import Join
+from gslcosim.bus.port import Bus, Join
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract.participant import Core
 from gslcosim.environment.situations import situations_of
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import UsageError
+from gslcosim.errors import ScenarioError, SimulationFault, UsageError
 from gslcosim.generation.later_rooms import with_later_rooms
 from gslcosim.runtime.assembly import build_core, dataflow_of
 from gslcosim.runtime.hosts.fetching import Say, fetch_offer, fetch_room, room_here
@@ -24,6 +24,8 @@ from gslcosim.runtime.over_bus.host import Host
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import Setup
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.loading import read_resolved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +41,9 @@ class PartTaken:
     recording: Path | None
 
 
-def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Say) -> PartTaken:
+def serve_from_here(
+    join: Join, names: Sequence[str], *, runs_dir: Path, say: Say, is_trusted: bool = False
+) -> PartTaken:
     """Take part in a run as some of its services, in this one process, and return when the run is over.
 
     Args:
@@ -47,9 +51,11 @@ def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Sa
         names: The services.
         runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
         say: Is told how it goes.
+        is_trusted: Whether programs that the run's scenario names are started here, for its own models.
 
     Raises:
-        UsageError: the run does not expect these services, or this host has another software or lacks files.
+        UsageError: the run does not expect these services, wants a program started, or this host has another software,
+            lacks files, or has another run of that name.
         RunTimeoutError: the run's host does not answer, or the link to it was lost.
         SimulationFault: it cannot be joined.
     """
@@ -66,7 +72,7 @@ def serve_from_here(join: Join, names: Sequence[str], *, runs_dir: Path, say: Sa
                 f"this processor is a {here.processor}, that of the run's host a {offer.software.processor}: "
                 "the last bits of results, and with them the digest, may differ"
             )
-        setup = _setup_of(join, offer, bus, runs_dir, say)
+        setup = set_up(join, offer, names, bus, runs_dir=runs_dir, say=say, is_trusted=is_trusted)
         at_fault = names[0]
         try:
             cores: list[Core] = []
@@ -110,17 +116,65 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: Software) -> None:
         raise UsageError(f"this host: {refusal} Install the same on both.")
 
 
-def _setup_of(join: Join, offer: RunOffer, bus: ZenohBus, runs_dir: Path, say: Say) -> Setup:
+def _read_scenario(offer: RunOffer) -> Scenario:
+    try:
+        return read_resolved(offer.scenario, source=f"{offer.run_id}: scenario")
+    except ScenarioError as error:
+        raise SimulationFault(
+            f"the run's offer: expected a scenario as resolved, was another text.\n{error}"
+        ) from error
+
+
+# Also where a model of the run's own has the name of one of our services.
+def _check_no_program(scenario: Scenario, names: Sequence[str]) -> None:
+    for own in scenario.participants:
+        if own.name in names:
+            raise UsageError(
+                f"participants.{own.name}: expected --trusted, because the run's host says which program is started "
+                f"here: {' '.join(own.start.command)}"
+            )
+
+
+def set_up(
+    join: Join, offer: RunOffer, names: Sequence[str], bus: Bus, *, runs_dir: Path, say: Say, is_trusted: bool
+) -> Setup:
+    """Return what the services of this host are built from: the folder of the run and its rooms, which are fetched.
+
+    Nothing is written but in the folder of runs and in the cache, whatever the run's host offers.
+
+    Args:
+        join: How the run is joined.
+        offer: What its host offers.
+        names: The services.
+        bus: The connection to the run.
+        runs_dir: As in `serve_from_here`.
+        say: As there.
+        is_trusted: As there.
+
+    Raises:
+        UsageError: as there.
+        RunTimeoutError: a piece of a room does not come.
+        SimulationFault: what is offered, or comes, is no run.
+    """
+    scenario = _read_scenario(offer)
+    if not is_trusted:
+        _check_no_program(scenario, names)
+    situations = situations_of(scenario)[1:]
+    if len(situations) != len(offer.later_rooms):
+        raise SimulationFault(
+            f"the run's offer: expected {len(situations)} later rooms, as its scenario has, was "
+            f"{len(offer.later_rooms)}."
+        )
     room, *later = (room_here(each) or fetch_room(bus, each, say) for each in (offer, *offer.later_rooms))
     shared = Path(join.run_dir) if join.run_dir is not None else None
     if shared is not None and _is_run(shared, offer):
         run_dir = RunDir(shared)
     else:
         run_dir = RunDir(runs_dir / offer.run_id)
+        _check_is_new(run_dir, offer)
         (run_dir.path / "logs").mkdir(parents=True, exist_ok=True)
         run_dir.replace(run_dir.scenario.name, offer.scenario)
-    scenario = run_dir.load_scenario()
-    later_rooms = dict(zip(situations_of(scenario)[1:], later, strict=True))
+    later_rooms = dict(zip(situations, later, strict=True))
     return Setup(
         run_dir=run_dir,
         scenario=scenario,
@@ -132,10 +186,27 @@ def _setup_of(join: Join, offer: RunOffer, bus: ZenohBus, runs_dir: Path, say: S
     )
 
 
+# Several services may join one after another; what another run has left is not written over.
+def _check_is_new(run_dir: RunDir, offer: RunOffer) -> None:
+    path = run_dir.path
+    if not os.path.lexists(path):
+        return
+    is_folder = path.is_dir() and not path.is_symlink()
+    # Half made by another `gslcosim join`, it holds no scenario yet.
+    is_half = is_folder and all(entry.name == "logs" or entry.name.startswith(".") for entry in path.iterdir())
+    if not is_half and not (is_folder and _is_run(path, offer)):
+        raise UsageError(
+            f"--runs-dir: expected no other {offer.run_id} there, found one. Move it away, or choose another folder."
+            f"\nFolder: {path}"
+        )
+
+
 # Where hosts share a disk, as containers do: the same run at the same place.
 def _is_run(path: Path, offer: RunOffer) -> bool:
     try:
-        return path.name == offer.run_id and (path / "scenario.yaml").read_text() == offer.scenario
+        run_dir = RunDir(path)
+        is_open = path.name == offer.run_id and run_dir.scenario.is_file() and not (path / "result.json").exists()
+        return is_open and run_dir.scenario.read_text() == offer.scenario
     except OSError:
         return False
 

@@ -1,10 +1,11 @@
 """What the runtime's own processes tell each other: never part of a run's results."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from typing_extensions import TypedDict
 
 from gslcosim.contract import keys
 from gslcosim.contract.schema import contract_hash
@@ -20,6 +21,21 @@ BUNDLES = "bundle/"
 _msgpack: Any = msgpack
 
 LARGE_BYTES = 4096
+
+# These messages cross hosts: no number, name or text of another host is taken as it comes.
+MAX_MESSAGE_BYTES = 1 << 30
+MAX_TICK = 1 << 53
+MAX_TEXT = 1 << 20
+Tick = Annotated[int, Field(ge=-1, le=MAX_TICK)]
+ParticipantName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
+PortName = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}(/[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}){0,9}$")
+]
+ShortText = Annotated[str, StringConstraints(max_length=300)]
+Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
+Amount = Annotated[int, Field(ge=0, le=1 << 62)]
+_MAX_ITEMS = 100_000
+_Base64 = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?$")]
 
 
 def alive(name: str) -> str:
@@ -139,56 +155,70 @@ class Control(BaseModel):
         Raises:
             ContractError: it is not this message.
         """
+        if len(payload) > MAX_MESSAGE_BYTES:
+            raise ContractError(
+                f"{cls.__name__}: expected at most {MAX_MESSAGE_BYTES} bytes, was {len(payload)}. Another host sends "
+                "what gslcosim does not."
+            )
         try:
             return cls.model_validate(_msgpack.unpackb(payload))
-        except (ValueError, TypeError, ValidationError, msgpack.UnpackException) as error:
+        except ValidationError as error:
+            raise ContractError(f"{cls.__name__}: {_first_problem(error)}") from error
+        except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
             raise ContractError(f"{cls.__name__}: expected a control message, was {payload[:32]!r}.") from error
+
+
+# In one sentence, with no more of the value than fits in it.
+def _first_problem(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_context=False)[0]
+    place = ".".join(str(part)[:80] for part in first["loc"]) or "message"
+    return f"{place}: expected something else ({first['msg'][:300]}), was {str(first['input'])[:80]!r}."
 
 
 class TickNote(Control):
     """A tick: the last one finished (progress), or the last one that counts (stop)."""
 
-    tick: int
+    tick: Tick
 
 
 class ReaderNote(Control):
     """The last tick that a participant has finished, with its name."""
 
-    name: str
-    tick: int
+    name: ParticipantName
+    tick: Tick
 
 
 class WaitingNote(Control):
     """What a participant needs for its next tick and does not have: (port, tick) pairs, or credit of readers."""
 
-    tick: int
-    missing: list[tuple[str, int]] = []
-    lacking_credit: list[str] = []
+    tick: Tick
+    missing: list[tuple[PortName, Tick]] = Field(default=[], max_length=_MAX_ITEMS)
+    lacking_credit: list[ParticipantName] = Field(default=[], max_length=_MAX_ITEMS)
 
 
 class FaultNote(Control):
     """A participant's own failure."""
 
-    participant: str
-    tick: int
-    text: str
+    participant: ParticipantName
+    tick: Tick
+    text: Text
 
 
 class ResendRequest(Control):
     """Ask for the message of a port at a tick."""
 
-    port: str
-    tick: int
+    port: PortName
+    tick: Tick
 
 
 class Description(Control):
     """What a participant is: its name, version, and the hash of the contract it speaks."""
 
-    name: str
-    version: str
-    contract_hash: str
-    pid: int
-    host: str
+    name: ParticipantName
+    version: ShortText
+    contract_hash: ShortText
+    pid: Amount
+    host: ShortText
 
     @property
     def difference(self) -> str:
@@ -204,22 +234,29 @@ class Description(Control):
 class Inspection(Control):
     """How a participant goes, and what its process has taken; see `ParticipantStatus`."""
 
-    name: str
-    tick: int
+    name: ParticipantName
+    tick: Tick
     is_finished: bool
-    waits_for: list[str]
-    queued_ticks: int
-    pid: int
-    cpu_s: float
-    memory_bytes: int | None
-    n_resends: int
+    waits_for: list[ShortText] = Field(max_length=_MAX_ITEMS)
+    queued_ticks: Amount
+    pid: Amount
+    cpu_s: float = Field(ge=0, allow_inf_nan=False)
+    memory_bytes: Amount | None
+    n_resends: Amount
+
+
+class TrailFields(TypedDict):
+    """The hash chain of a port; see `gslcosim.runtime.digest.Trail`."""
+
+    ticks: list[Tick]
+    links: _Base64
 
 
 class Bye(Control):
     """A participant is done: its last tick, the hash chains of its ports, where its time went, what it has to tell."""
 
-    name: str
-    last_tick: int
-    trails: dict[str, dict[str, Any]]
-    timing: dict[str, int]
+    name: ParticipantName
+    last_tick: Tick
+    trails: dict[PortName, TrailFields]
+    timing: dict[ShortText, int]
     account: dict[str, Any] = {}
