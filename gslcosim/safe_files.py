@@ -1,4 +1,4 @@
-"""Files that are written where others can write too: no link is followed, and none is ever seen half written."""
+"""Files where others can write too: written past no link and never seen half written; read where they are files."""
 
 import contextlib
 import errno
@@ -52,6 +52,22 @@ def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int
         os.close(fd)
         raise
     return fd
+
+
+def read_regular_file(path: Path, *, max_bytes: int) -> bytes:
+    """Return the content of a file; what is no file, such as a pipe or a device, is never waited for.
+
+    Raises:
+        OSError: it cannot be read, is no file, or is larger than `max_bytes`.
+    """
+    fd = os.open(path, os.O_RDONLY | _AT_ONCE | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(fd, "rb") as file:
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            raise OSError(errno.EINVAL, "something that is no file", str(path))
+        content = file.read(max_bytes + 1)
+    if len(content) > max_bytes:
+        raise OSError(errno.EFBIG, f"more than {max_bytes} bytes", str(path))
+    return content
 
 
 def append_to(root: Path, name: str, data: bytes) -> None:

@@ -6,12 +6,48 @@ from typing import Any, cast
 import yaml
 
 TAG = "tag:yaml.org,2002:"
+MAX_LEVELS = 64
+"""How deep lists and blocks may lie in each other in any file; ours lie seven deep."""
+
+MAX_NODES = 200_000
+"""How many values and keys a file may have."""
+
+MAX_DIGITS = 1000
+"""How many characters a number may have; Python's own limit knows decimal ones only."""
+
+
+class DeepYamlError(yaml.MarkedYAMLError):
+    """A YAML text is nested deeper than `MAX_LEVELS`."""
+
+
+class LongYamlError(yaml.MarkedYAMLError):
+    """A YAML text has more values and keys than `MAX_NODES`."""
 
 
 class CoreLoader(yaml.SafeLoader):
     """Composes nodes with YAML 1.2's core schema in place of PyYAML's YAML 1.1."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+    _n_levels = 0
+    _n_nodes = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Return the next node, as PyYAML does, which would go on to Python's limit of recursion.
+
+        Raises:
+            DeepYamlError: it lies deeper than `MAX_LEVELS`.
+            LongYamlError: more than `MAX_NODES` have come before it.
+        """
+        self._n_levels += 1
+        self._n_nodes += 1
+        mark = cast("Any", self).peek_event().start_mark
+        if self._n_levels > MAX_LEVELS:
+            raise DeepYamlError(None, None, f"lists and blocks more than {MAX_LEVELS} deep", mark)
+        if self._n_nodes > MAX_NODES:
+            raise LongYamlError(None, None, f"more than {MAX_NODES} values and keys", mark)
+        node = cast("Any", super()).compose_node(parent, index)
+        self._n_levels -= 1
+        return node
 
 
 def _resolve(kind: str, pattern: str, first_characters: list[str]) -> None:
@@ -26,3 +62,33 @@ _resolve(
     r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
     list("-+0123456789."),
 )
+
+
+def whole_number_from_text(text: str) -> int | str:
+    """Return the number that a scalar tagged `int` is; the text itself where it is none, or has thousands of digits."""
+    base = {"0o": 8, "0x": 16}.get(text[:2].lower(), 10)
+    try:
+        return int(text, base) if len(text) <= MAX_DIGITS else text
+    except ValueError:  # `!!int x`
+        return text
+
+
+def real_number_from_text(text: str) -> float | str:
+    """Return the number that a scalar tagged `float` is; the text itself where it is none."""
+    try:
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    except ValueError:  # `!!float x`
+        return text
+
+
+def _construct_int(loader: CoreLoader, node: yaml.ScalarNode) -> int | str:
+    return whole_number_from_text(str(cast("Any", loader).construct_scalar(node)))
+
+
+def _construct_float(loader: CoreLoader, node: yaml.ScalarNode) -> float | str:
+    return real_number_from_text(str(cast("Any", loader).construct_scalar(node)))
+
+
+# PyYAML's own know YAML 1.1 only, and end `08` and numbers of thousands of digits with a ValueError.
+cast("Any", CoreLoader).add_constructor(TAG + "int", _construct_int)
+cast("Any", CoreLoader).add_constructor(TAG + "float", _construct_float)

@@ -227,7 +227,7 @@ def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
         sensors = blocks_in(agent, "sensors")
         taken = {f"{sensor.get('name')}_ppm" for _, sensor in sensors if has_estimates(str(sensor.get("model")))}
         for j, sensor in sensors:
-            if sensor.get("name") in taken:
+            if str(sensor.get("name")) in taken:
                 yield Problem(
                     path=f"agents[{i}].sensors[{j}].name",
                     expected="a name that no estimate of a MOX sensor has",

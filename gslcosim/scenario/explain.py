@@ -28,6 +28,9 @@ from gslcosim.scenario.units import ending_of, number_in_unit_of, read_quantity,
 
 MISSING = "missing"
 _UNKNOWN_KEY = "an unknown key"
+# Nobody reads more, and finding what each of them was meant to be takes its time.
+_MAX_PROBLEMS = 100
+_MAX_SHOWN = 60
 
 
 def problems_of(error: ValidationError, *, root: type[BaseModel] = Scenario) -> list[Problem]:
@@ -38,7 +41,10 @@ def problems_of(error: ValidationError, *, root: type[BaseModel] = Scenario) -> 
         root: The model that was validated.
     """
     problems: dict[str, Problem] = {}
-    for details in error.errors(include_url=False):
+    if (n_more := error.error_count() - _MAX_PROBLEMS) > 0:
+        found = f"{n_more} more than those that are told"
+        problems[""] = Problem(path="", expected="fewer problems", found=found, remedy="Correct these first.")
+    for details in error.errors(include_url=False)[:_MAX_PROBLEMS]:
         problem = _problem_of(details, root)
         if problem is not None:
             problems.setdefault(problem.path, problem)
@@ -135,10 +141,12 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return repr(value)
     text = f"'{value}'" if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
 def _value_remedy(slot: Slot, value: Any) -> str:
+    if isinstance(value, str) and len(value) > _MAX_SHOWN:
+        return ""
     kind = slot.annotation
     if words := words_of(kind):
         return did_you_mean(value, words) if isinstance(value, str) else ""

@@ -10,6 +10,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from gslcosim.errors import ScenarioError
+from gslcosim.machine import reason_of
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.cross_checks import problems_between_parts
 from gslcosim.scenario.dumping import dump_resolved, with_absolute_gas
@@ -18,6 +20,7 @@ from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.places import values_of_places
 from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, Problem, ProblemLike, locate
+from gslcosim.scenario.programs import unusable_paths
 from gslcosim.scenario.random_places import Placer, put_random_places, without_consequences
 from gslcosim.scenario.schema_walk import slot_at
 from gslcosim.scenario.suggestions import did_you_mean
@@ -37,6 +40,8 @@ Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
 
 _ENDINGS = (".yaml", ".yml")
 _MOST_TREES = 8
+MAX_BYTES = 2_000_000
+"""How large a scenario file may be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +90,7 @@ def load_scenario(
     text = _read_text(path)
     tree = apply_overrides(_read_tree(text, _shown_path(source, path)), overrides, seed=seed, source=set_in)
     directory = path.parent.resolve()
+    _check_paths(tree)
     unplaced = put_random_places(tree.block, directory, placer) if tree.block is not None else []
     scenario, problems = _check(tree, directory, known=unplaced)
     problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
@@ -106,6 +112,7 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
         ScenarioError: it has problems: all of them in one error.
     """
     tree = YamlTree(values, Marks(Place(source=source)))
+    _check_paths(tree)
     scenario, problems = _check(tree, directory, known=())
     problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
     if scenario is None or problems:
@@ -163,19 +170,25 @@ def _read_tree(text: str, source: str) -> YamlTree:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ScenarioError(
             f"{path}: expected UTF-8 text, was something else from byte {error.start} on. Save the file as UTF-8."
         ) from error
     except OSError as error:
         raise ScenarioError(
-            f"{path}: expected a file that can be read, was one that cannot ({error.strerror})."
+            f"{path}: expected a file that can be read, was one that cannot ({reason_of(error)})."
         ) from error
 
 
 def _shown_path(source: str | Path, path: Path) -> str:
     return str(source) if Path(source).is_file() else str(path)
+
+
+# They come first: no check that looks for files needs to think of them.
+def _check_paths(tree: YamlTree) -> None:
+    if problems := list(unusable_paths(tree.block)):
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
 
 
 def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[Scenario | None, list[ProblemLike]]:

@@ -6,6 +6,8 @@ from typing import Protocol
 
 from gslcosim.errors import ScenarioError
 
+_MAX_SHOWN = 400
+
 
 class ProblemLike(Protocol):
     """What a check reports: the place in the scenario, what it expected and found, and what to do."""
@@ -62,9 +64,9 @@ class LocatedProblem:
 
     def __str__(self) -> str:
         problem = self.problem
-        where = f"{self.place}: {problem.path}" if problem.path else f"{self.place}"
-        remedy = f" {problem.remedy}" if problem.remedy else ""
-        return _in_one_line(f"{where}: expected {problem.expected}, was {problem.found}.{remedy}")
+        where = f"{self.place}: {_shortened(problem.path)}" if problem.path else f"{self.place}"
+        remedy = f" {_shortened(problem.remedy)}" if problem.remedy else ""
+        return _in_one_line(f"{where}: expected {problem.expected}, was {_shortened(problem.found)}.{remedy}")
 
     def as_fields(self) -> dict[str, str | int | None]:
         """Return everything but the column, as JSON can carry it."""
@@ -123,6 +125,11 @@ def parent_of(path: str) -> str:
     if path.endswith("]"):
         return path[: path.rindex("[")]
     return path.rpartition(".")[0]
+
+
+# Keys and texts of a file may be of any length.
+def _shortened(text: str) -> str:
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
 def _in_one_line(text: str) -> str:

@@ -3,7 +3,9 @@
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import cast
 
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.problems import Problem, child_path
@@ -12,6 +14,10 @@ from gslcosim.scenario.suggestions import did_you_mean
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
 """Endings by which the second word of a command is known as a file."""
 
+# Keys of a scenario whose texts are files or folders, alone or in a list.
+_PATH_KEYS = ("python", "command", "files", "file", "folder", "path", "gsl_bench", "gaden", "may_read", "may_write")
+# Linux's limits, with room for the folder that comes before.
+_MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
 # The first bytes of a program of Linux, and those that say for which kind of processor; some take another kind too.
 _ELF, _MACHINE_AT = b"\x7fELF", slice(18, 20)
 _ALSO = {b"\x3e\x00": b"\x03\x00", b"\xb7\x00": b"\x28\x00"}
@@ -20,6 +26,53 @@ _TAKEN_ON = Path("/proc/sys/fs/binfmt_misc")
 _EXECUTABLE_BITS = 0o111
 # Linux reads no more of it.
 _MAX_FIRST_LINE_BYTES = 256
+
+
+def unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
+    """Yield the problem of each text of a scenario's plain values that stands for a path and can be none.
+
+    Whoever looks for such a file gets an error from the system in place of a no.
+
+    Args:
+        values: The scenario, or a part of it.
+        path: The place of the part.
+    """
+    if isinstance(values, list):
+        for i, value in enumerate(cast("list[object]", values)):
+            yield from unusable_paths(value, child_path(path, i))
+    if not isinstance(values, dict):
+        return
+    for key, value in cast("dict[str, object]", values).items():
+        place = child_path(path, key)
+        if key not in _PATH_KEYS:
+            # What an agent's parameters mean is the agent's.
+            if key != "parameters":
+                yield from unusable_paths(value, place)
+            continue
+        listed = cast("list[object]", value) if isinstance(value, list) else []
+        texts: list[tuple[str, object]] = [
+            (place, cast("object", value)),
+            *((child_path(place, i), item) for i, item in enumerate(listed)),
+        ]
+        for at, text in texts:
+            is_argument = key == "command" and not at.endswith("[0]")
+            if isinstance(text, str) and (found := _why_no_path(text, is_argument=is_argument)):
+                yield Problem(path=at, expected="a path that a file can have", found=found)
+
+
+def _why_no_path(text: str, *, is_argument: bool) -> str:
+    if "\0" in text:
+        return "one with the character U+0000"
+    if is_argument and not text.endswith(SCRIPT_ENDINGS):
+        return ""
+    longest = max(len(part.encode(errors="replace")) for part in text.split("/"))
+    if longest > _MAX_NAME_BYTES or len(text) > _MAX_PATH_LENGTH:
+        return f"one of {len(text)} characters"
+    try:
+        Path(text).expanduser()
+    except RuntimeError:
+        return f"'{text[:_MAX_NAME_BYTES]}', the home of a user that there is not"
+    return ""
 
 
 def problem_of_python(name_or_file: str, *, directory: Path, path: str) -> Problem | None:

@@ -8,11 +8,14 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from gslcosim.errors import ScenarioError
+from gslcosim.machine import reason_of
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
 from gslcosim.scenario.yaml_tree import read_yaml
 
 S = TypeVar("S", bound=BaseModel)
+MAX_BYTES = 2_000_000
 
 
 def read_spec_file(
@@ -31,9 +34,12 @@ def read_spec_file(
         ScenarioError: it cannot be read, or has problems: all of them in one error.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read.") from error
+        reason = reason_of(error) if isinstance(error, OSError) else "no UTF-8"
+        raise ScenarioError(
+            f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read ({reason})."
+        ) from error
     tree = read_yaml(text, source=shown_path)
     if tree.block is None:
         problem = Problem(path="", expected=f"a block of keys with {keys}", found=shown(tree.values))

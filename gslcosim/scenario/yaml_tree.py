@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import yaml
 
+from gslcosim import yaml_core
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -17,7 +18,14 @@ from gslcosim.scenario.problems import (
     child_path,
     locate,
 )
-from gslcosim.yaml_core import TAG, CoreLoader
+from gslcosim.yaml_core import (
+    TAG,
+    CoreLoader,
+    DeepYamlError,
+    LongYamlError,
+    real_number_from_text,
+    whole_number_from_text,
+)
 
 # Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
 MAX_VALUES = 100_000
@@ -63,12 +71,15 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
             return YamlTree(None, Marks(root))
         reader = _NodeReader(source)
         values = reader.read(node, root_path)
+    except DeepYamlError as error:
+        expected = f"lists and blocks at most {MAX_LEVELS} deep"
+        problem = Problem(path="", expected=expected, found=f"a nest of more than {yaml_core.MAX_LEVELS} levels")
+        raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
+    except LongYamlError as error:
+        problem = Problem(path="", expected=f"at most {MAX_VALUES} values", found="more")
+        raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
     except yaml.YAMLError as error:
         raise _syntax_error(error, text, source) from error
-    except RecursionError as error:
-        expected = f"lists and blocks at most {MAX_LEVELS} deep"
-        problem = Problem(path="", expected=expected, found="a nest of hundreds of levels")
-        raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
     marks = Marks(root, reader.places)
     return YamlTree(values, marks, locate(reader.problems, marks))
 
@@ -137,30 +148,15 @@ class _NodeReader:
             case "bool":
                 return text.lower() == "true"
             case "int":
-                return _whole_number(text)
+                return whole_number_from_text(text)
             case _:
-                return _real_number(text)
+                return real_number_from_text(text)
 
     def _refuse(self, path: str, expected: str, found: str, remedy: str = "") -> None:
         self.problems.append(Problem(path=path, expected=expected, found=found, remedy=remedy))
 
     def _place(self, node: yaml.Node) -> Place:
         return Place(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
-
-
-def _whole_number(text: str) -> int | str:
-    base = {"0o": 8, "0x": 16}.get(text[:2].lower(), 10)
-    try:
-        return int(text, base)
-    except ValueError:  # Python refuses to read thousands of digits
-        return text
-
-
-def _real_number(text: str) -> float | str:
-    try:
-        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    except ValueError:  # `!!float x`
-        return text
 
 
 def _syntax_error(error: yaml.YAMLError, text: str, source: str) -> InvalidScenarioError:

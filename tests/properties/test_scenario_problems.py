@@ -5,8 +5,10 @@ import json
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gslcosim.cli.main import main
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario import LoadedScenario, load_scenario
+from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.problems import InvalidScenarioError
 from gslcosim.scenario.yaml_tree import read_yaml
 
@@ -27,8 +29,12 @@ SCALARS = st.one_of(
     st.text(max_size=8),
     st.sampled_from(["2 m", "", "a b", "../x"]),
 )
+# What paths, numbers and sets stumble over.
+TRAPS = st.sampled_from(
+    ["a\0b", "~nobody_here/x", "x" * 5000, "/dev/zero", "\x1b[2J", 10**30, "random", {"a": {}}, [[]], [{}], 1e300]
+)
 VALUES = st.recursive(
-    SCALARS,
+    SCALARS | TRAPS,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=6,
 )
@@ -49,6 +55,37 @@ def test_any_values_anywhere_give_a_scenario_or_problems(changes):
     if not isinstance(answer, LoadedScenario):
         lines = answer.splitlines()
         assert all(": expected " in line and ", was " in line for line in (lines[1:] or lines))
+
+
+def paths_in(value, at=()):
+    """Yield the keys and indices that lead to each value of a tree, its root first."""
+    yield at
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in inner:
+        yield from paths_in(item, (*at, key))
+
+
+def replaced(value, at, other):
+    """Return a tree with another value at a place."""
+    if not at:
+        return other
+    pairs = value.items() if isinstance(value, dict) else enumerate(value)
+    content = {key: replaced(item, at[1:], other) if key == at[0] else item for key, item in pairs}
+    return content if isinstance(value, dict) else list(content.values())
+
+
+@settings(max_examples=80)
+@given(data=st.data())
+def test_any_value_in_place_of_any_other_gives_a_scenario_or_problems(tmp_path_factory, data):
+    """As `gslcosim validate` asks, with the checks of the room and in files of all kinds."""
+    bundled = bundled_scenarios()
+    file = bundled[data.draw(st.sampled_from(sorted(bundled)))]
+    values = read_yaml(file.read_text(encoding="utf-8"), source=str(file)).values
+    for _ in range(data.draw(st.integers(1, 3))):
+        values = replaced(values, data.draw(st.sampled_from(list(paths_in(values)))), data.draw(VALUES))
+    path = tmp_path_factory.mktemp("replaced") / "replaced.yaml"
+    path.write_text(json.dumps(values))
+    assert main(["validate", str(path)]) in (0, 2)
 
 
 @settings(max_examples=200)

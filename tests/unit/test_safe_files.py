@@ -2,10 +2,11 @@
 
 import os
 import sys
+from pathlib import Path
 
 import pytest
 
-from gslcosim.safe_files import append_to, open_for_writing, replace_file
+from gslcosim.safe_files import append_to, open_for_writing, read_regular_file, replace_file
 
 needs_links = pytest.mark.skipif(sys.platform == "win32", reason="Windows follows links")
 
@@ -76,7 +77,19 @@ def test_a_pipe_in_a_files_place_does_not_stop_the_run(tmp_path):
         open_for_writing(tmp_path, "inputs.log", is_appended=True)
     reader = os.open(tmp_path / "inputs.log", os.O_RDONLY | os.O_NONBLOCK)
     try:
-        with pytest.raises(OSError, match="something that is no file"):
+        with pytest.raises(OSError, match=r"something that is no file"):
             append_to(tmp_path, "inputs.log", b"new")
     finally:
         os.close(reader)
+
+
+@needs_links
+def test_only_files_are_read_and_only_so_much(tmp_path):
+    (tmp_path / "file").write_bytes(b"12345")
+    assert read_regular_file(tmp_path / "file", max_bytes=5) == b"12345"
+    with pytest.raises(OSError, match="more than 4 bytes"):
+        read_regular_file(tmp_path / "file", max_bytes=4)
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path):
+        with pytest.raises(OSError, match=r"something that is no file|Is a directory"):
+            read_regular_file(path, max_bytes=5)

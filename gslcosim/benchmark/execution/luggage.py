@@ -188,7 +188,8 @@ def _program_files(start: StartSpec, directory: Path) -> set[Path]:
     if start.python is not None and not (directory / start.python).is_file():
         return set()
     words = (directory / word for word in (start.python, *(start.command or ())) if word)
-    named = {word for word in words if word.is_file()}
+    # Words longer than the name of any file are none.
+    named = {word for word in words if os.path.isfile(word)}  # noqa: PTH113
     found = named | set(files_of(EntrySpec(name="program", start=start), directory))
     return {path for path in found if not any(path.is_relative_to(each) for each in _OF_THE_SYSTEM)}
 

@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.extents import check_box, check_rectangle, check_velocity_of
 from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Count, Fraction, Name, NonNegative, Positive, Spec
+from gslcosim.scenario.models.spec import Count, Fraction, Name, NonNegative, Positive, RoomEdge, Spec
 
 DEFAULT_KIND = "warehouse_empty"
 
@@ -80,7 +80,7 @@ class RoomSpec(Spec):
     """
 
     kind: str = Field(description="which layout it is")
-    size_m: tuple[Positive, Positive, Positive] = Field(description="inner size along x, y and z")
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = Field(description="inner size along x, y and z")
     seed: Annotated[int, Field(ge=0)] = Field(default=1, description="decides all that is drawn at random in the room")
     wall_m: Positive = Field(default=0.2, description="thickness of the outer walls")
     inlet: OpeningSpec | None = Field(default=None, description="the inlet (absent: where the layout has it)")
@@ -115,7 +115,7 @@ class LayoutSpec(RoomSpec):
     """An empty warehouse, as in environments 1 and 2 of GSL-Bench."""
 
     kind: Literal["warehouse_empty"] = DEFAULT_KIND  # pyright: ignore[reportIncompatibleVariableOverride]
-    size_m: tuple[Positive, Positive, Positive] = (15.0, 15.0, 8.0)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (15.0, 15.0, 8.0)
 
 
 class RacksSpec(RoomSpec):
@@ -126,7 +126,7 @@ class RacksSpec(RoomSpec):
     default the wider opening and 2 m. Racks stand on each other as high as the room allows.
     """
 
-    size_m: tuple[Positive, Positive, Positive] = (15.0, 15.0, 8.0)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (15.0, 15.0, 8.0)
     filled_least_frac: Fraction = Field(default=0.2, description="share of the racks that are filled at least")
     rack_size_m: tuple[Positive, Positive, Positive] = Field(
         default=(1.0, 4.0, 3.0), description="size of a rack across, along and high"
@@ -166,7 +166,7 @@ class OfficeSpec(RoomSpec):
     """
 
     kind: Literal["office"] = "office"  # pyright: ignore
-    size_m: tuple[Positive, Positive, Positive] = (16.0, 12.0, 3.0)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (16.0, 12.0, 3.0)
     rooms_per_side: Annotated[int, Field(ge=1, le=20)] = Field(
         default=4, description="rooms on each side of the corridor"
     )
@@ -186,7 +186,7 @@ class HomeSpec(RoomSpec):
     """
 
     kind: Literal["home"] = "home"  # pyright: ignore
-    size_m: tuple[Positive, Positive, Positive] = (10.0, 8.0, 2.6)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (10.0, 8.0, 2.6)
     n_rooms: Annotated[int, Field(ge=1, le=30)] = Field(
         default=5, description="rooms, fewer where there is no place for another"
     )
@@ -204,7 +204,7 @@ class ClutteredRoomsSpec(RoomSpec):
     """
 
     kind: Literal["cluttered_rooms"] = "cluttered_rooms"  # pyright: ignore
-    size_m: tuple[Positive, Positive, Positive] = (10.0, 10.0, 3.0)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (10.0, 10.0, 3.0)
     n_rooms: tuple[Annotated[int, Field(ge=1, le=20)], Annotated[int, Field(ge=1, le=20)]] = Field(
         default=(3, 3), description="rooms along x and y"
     )
@@ -222,7 +222,7 @@ class PlantSpec(RoomSpec):
     """
 
     kind: Literal["plant"] = "plant"  # pyright: ignore
-    size_m: tuple[Positive, Positive, Positive] = (24.0, 18.0, 8.0)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (24.0, 18.0, 8.0)
     n_tanks: Count = Field(default=4, description="tanks")
     n_buildings: Count = Field(default=2, description="buildings")
     roughness_m: Positive = Field(default=0.03, description="roughness length of the ground")
@@ -235,7 +235,7 @@ class WindTunnelSpec(RoomSpec):
     """A channel open at both ends, with `n_blocks` blocks in a row across its floor's middle line."""
 
     kind: Literal["wind_tunnel"] = "wind_tunnel"  # pyright: ignore
-    size_m: tuple[Positive, Positive, Positive] = (8.0, 2.0, 2.0)
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (8.0, 2.0, 2.0)
     n_blocks: Count = Field(default=0, description="blocks in a row across the middle line")
     block_m: Positive = Field(default=0.4, description="edge of a block")
     gap_m: NonNegative = Field(default=1.2, description="gap between blocks")

@@ -21,8 +21,8 @@ A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 i
         (("gas", "sources", 0, "position_m"), "gas.sources[0].position_m", "a list of 3 numbers in metres"),
         (("gas", "sources", 3, "filaments_per_s"), "gas.sources[3].filaments_per_s", "a number greater than 0 per "
          "second"),
-        (("environment", "layout", "size_m"), "environment.layout.size_m", "a list of 3 numbers greater than 0 in "
-         "metres"),
+        (("environment", "layout", "size_m"), "environment.layout.size_m", "a list of 3 numbers greater than 0 to "
+         "10000 in metres"),
         (("environment", "layout", "inlet"), "environment.layout.inlet", "a block with the keys min_m and max_m"),
         (("environment", "path"), "environment.path", "a text"),
         (("agents", 0, "start", "command"), "agents[0].start.command", "a list of at least one text"),

@@ -1,10 +1,13 @@
 """Reading YAML with the place of each value."""
 
 import pytest
+import yaml
 
+from gslcosim import yaml_core
 from gslcosim.errors import ScenarioError
 from gslcosim.scenario import yaml_tree
 from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.yaml_core import CoreLoader
 
 
 def places(text):
@@ -53,7 +56,9 @@ def test_an_alias_stands_where_it_is_written_and_its_content_where_the_anchor_is
         ("a: [1\nb: 2", "f.yaml:2:2: expected YAML, was text that cannot be read (while parsing a flow sequence, "),
         ("a: b: c", "f.yaml:1:5: expected YAML, was text that cannot be read (mapping values are not allowed here)"),
         ("a: 'open", "f.yaml:1:9: expected YAML, was text that cannot be read (while scanning a quoted scalar"),
-        ("[" * 1100, "f.yaml:1: expected lists and blocks at most 32 deep, was a nest of hundreds of levels."),
+        ("[" * 100_000, "f.yaml:1: expected lists and blocks at most 32 deep, was a nest of more than 64 levels."),
+        ("a: " * 70, "f.yaml:1:5: expected YAML, was text that cannot be read (mapping values are not allowed here)"),
+        ("- " * 100, "f.yaml:1: expected lists and blocks at most 32 deep, was a nest of more than 64 levels."),
     ],
 )
 def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, told):
@@ -96,6 +101,22 @@ def test_a_short_file_cannot_unfold_to_billions_of_values(monkeypatch):
     bomb += "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 10))
     (problem,) = read_yaml(bomb, source="f.yaml").problems
     assert str(problem) == "f.yaml:1: expected at most 1000 values, was more. Are there aliases of aliases?"
+
+
+def test_a_long_file_is_not_read_to_its_end(monkeypatch):
+    monkeypatch.setattr(yaml_core, "MAX_NODES", 100)
+    assert len(read_yaml("[" + "1, " * 90 + "]", source="f.yaml").values) == 90
+    with pytest.raises(ScenarioError, match=r"^f\.yaml:1: expected at most 100000 values, was more\.$"):
+        read_yaml("[" + "1, " * 101 + "]", source="f.yaml")
+
+
+@pytest.mark.parametrize(
+    "text", ["0x" + "f" * 4000, "0o" + "7" * 4000, "9" * 5000, "!!int x"], ids=["hex", "octal", "decimal", "tag"]
+)
+def test_a_number_that_is_none_stays_text(text):
+    value = text.removeprefix("!!int ")
+    assert read_yaml(f"a: {text}", source="f.yaml").values == {"a": value}
+    assert yaml.load(f"a: {text}", Loader=CoreLoader) == {"a": value}
 
 
 def test_an_empty_text_has_no_values():

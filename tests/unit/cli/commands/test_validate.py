@@ -1,6 +1,7 @@
 """`gslcosim validate`"""
 
 import json
+import os
 
 import pytest
 
@@ -119,3 +120,43 @@ def test_vehicles_that_start_within_each_other_and_programs_are_told_together(ca
     lines = capsys.readouterr().err.splitlines()
     assert "--set: agents[1].vehicle.start_m: expected at least 0.14 m" in "\n".join(lines)
     assert "--set: agents[0].start.command[0]: expected a program on the PATH" in "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        pytest.param("name: nose", "name: {}", "agents[0].sensors[0].name: expected a name: a small letter, then small "
+                     "letters, digits and _, at most 40 in all, was {}.", id="block"),
+        pytest.param("seed: 1", f"seed: 0x{'f' * 4000}", "seed: expected a whole number from 0 to 2147483648, was "
+                     f"'0x{'f' * 54}....", id="digits"),
+        pytest.param("seed: 1", f"seed: {'[' * 100_000}", "expected lists and blocks at most 32 deep, was a nest of "
+                     "more than 64 levels.", id="brackets"),
+        pytest.param("seed: 1", f"seed: 1 #{'x' * 2_000_000}", "expected a file that can be read, was one that cannot "
+                     "(more than 2000000 bytes).", id="bytes"),
+    ],
+)  # fmt: skip
+def test_values_of_any_kind_and_size_are_told_in_one_sentence(tmp_path, capsys, old, new, told):
+    text = load_scenario("tiny_room").text
+    assert old in text
+    path = tmp_path / "a.yaml"
+    path.write_text(text.replace(old, new, 1))
+    assert main(["validate", str(path)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert len(output.err.splitlines()) == 1
+    assert output.err.endswith(f": {told}\n")
+
+
+def test_a_pipe_is_no_scenario(tmp_path, capsys):
+    os.mkfifo(tmp_path / "a.yaml")
+    assert main(["validate", str(tmp_path / "a.yaml")]) == 2
+    assert "expected a scenario file, found none" in capsys.readouterr().err
+
+
+def test_of_thousands_of_problems_the_first_are_told(tmp_path, capsys):
+    path = tmp_path / "a.yaml"
+    path.write_text("".join(f"k{i}: 1\n" for i in range(2000)))
+    assert main(["validate", str(path)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert 100 < len(lines) < 110
+    assert "expected fewer problems, was 190" in "".join(lines[:2])
