@@ -34,6 +34,7 @@ EVIL = f"{TITLE}{CLEAR}[red]evil[/red]\u202e"
 SHOWN = r"\x1b]0;owned\x07\x1b[2J[red]evil[/red]\u202e"
 # What writes elsewhere than `gslcosim.cli.terminal`, and only what is ours.
 WRITERS = {
+    "__main__.py",  # that a signal has ended it
     "cli/terminal.py",
     "cli/rendering_probe.py",  # JSON for the process that has started it
     "cockpit/keyboard.py",  # escapes each line itself
@@ -115,7 +116,9 @@ def test_the_cockpit_shows_what_agents_say(monkeypatch):
         monkeypatch.setattr(sys, "stdout", stream)
         with Keyboard() as keyboard:
             keyboard.show([f"radio  {EVIL}"])
-        drawn = os.read(master, 4096).decode()
+            drawn = ""
+            while not drawn.endswith("\x1b[J"):
+                drawn += os.read(master, 4096).decode()
     os.close(master)
     assert f"radio  {SHOWN}" in drawn
     assert TITLE not in drawn
