@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks golden docs contract setup bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check golden docs contract setup bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -89,6 +89,14 @@ soak-travel: .venv/ready-dev  # random runs replayed, gone on with at snapshots,
 
 attacks: .venv/ready-dev    # what agents that try to cheat reach in each sandbox
 	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py
+
+# ONLY=PATTERNS for a part of it; FROZEN=FILE in place of tests/freeze/frozen.json.
+FREEZE = $(BIN)/python tests/freeze/freeze.py $(1) $(if $(ONLY),--only $(ONLY)) $(if $(FROZEN),--frozen $(FROZEN))
+freeze: .venv/ready-dev     # write results that must not change, to the bit; an interrupted one goes on; review the diff
+	$(call FREEZE,write)
+
+freeze-check: .venv/ready-dev  # compute them and name what differs; a quarter of an hour
+	$(call FREEZE,check)
 
 golden: .venv/ready-dev     # rewrite the golden files; review the diff
 	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden
