@@ -6,6 +6,7 @@ to, or whose signature is wrong counts as absent: its kernel is compiled again.
 """
 
 import contextlib
+import errno
 import hashlib
 import importlib.abc
 import importlib.machinery
@@ -26,6 +27,7 @@ _CACHING = "numba.core.caching"
 # Versions that lay out files otherwise share none.
 _LAYOUT = b"signed/1"
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
 _SIGNATURE_BYTES = 32
 _KEY_BYTES = 32
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -125,6 +127,21 @@ class _CachingLoader(importlib.abc.Loader):
 def _sign_files(caching: Any) -> None:
     if not hasattr(caching.IndexDataCacheFile, "is_signed"):
         caching.IndexDataCacheFile = _signed_class(caching.IndexDataCacheFile)
+        chosen = _locator_class(caching.UserProvidedCacheLocator)
+        caching.CacheImpl._locator_classes = [chosen, *caching.CacheImpl._locator_classes]
+
+
+# Numba passes over a folder that it cannot write to, also where all kernels are there to be read, and writes beside the
+# sources, or gives up.
+def _locator_class(plain: type[Any]) -> type[Any]:
+    class ReadableCacheLocator(plain):
+        """Numba's locator of the folder that is set for its cache, whether it can be written or not."""
+
+        def ensure_cache_path(self) -> None:
+            with contextlib.suppress(OSError):
+                super().ensure_cache_path()
+
+    return ReadableCacheLocator
 
 
 def _signed_class(plain: type[Any]) -> type[Any]:
@@ -164,16 +181,27 @@ def _read_signed(path: str) -> bytes | None:
     import hmac
 
     key, data = _key(key_path()), _read_trusted(path)
-    if key is None or data is None:
+    if data is None:
         return None
     body, signature = data[:-_SIGNATURE_BYTES], data[-_SIGNATURE_BYTES:]
+    if key is None:
+        return body if _is_of_the_system(path) else None
     return body if hmac.compare_digest(signature, _signature(key, path, body)) else None
 
 
-# Without a key nobody could load it again.
+# In a cache that root has filled for others, whose key they cannot read.
+def _is_of_the_system(path: str) -> bool:
+    return hasattr(os, "geteuid") and os.geteuid() != 0 and os.lstat(path).st_uid == 0
+
+
+# Without a key nobody could load it again. Where nothing can be written, the kernel is compiled again next time.
 def _write_signed(path: str, body: bytes) -> None:
     if (key := _key(key_path())) is not None:
-        _replace(path, body + _signature(key, path, body), 0o644)
+        try:
+            _replace(path, body + _signature(key, path, body), 0o644)
+        except OSError as error:
+            if error.errno not in _CANNOT_BE_WRITTEN:
+                raise
 
 
 # With the file's name, so that none can be put in place of another.

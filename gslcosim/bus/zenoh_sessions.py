@@ -2,6 +2,7 @@
 # Zenoh's stubs leave many types open.
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownVariableType=false
 
+import errno
 import os
 import re
 import socket
@@ -10,7 +11,7 @@ from collections.abc import Callable
 import zenoh
 
 from gslcosim.errors import MachineError
-from gslcosim.machine import LACKING, machine_error
+from gslcosim.machine import LACKING, machine_error, no_process_error
 
 _EXPECTED = "a session that opens"
 # How pyo3 raises what Rust does not handle; no class to be imported.
@@ -32,12 +33,16 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
     except zenoh.ZError as error:
         found = re.search(r"\(os error (\d+)\)", str(error))
         number = int(found[1]) if found is not None else 0
+        if number == errno.EAGAIN:
+            raise no_process_error() from error
         if number in LACKING:
             raise machine_error(OSError(number, os.strerror(number)), "zenoh", _EXPECTED) from error
         raise
     except BaseException as error:
         if type(error).__name__ != _PANIC:
             raise
+        if f"(os error {errno.EAGAIN})" in str(error):
+            raise no_process_error() from error
         raise MachineError(
             f"zenoh: expected {_EXPECTED}, was {error}. Raise the limits on open files (ulimit -n) and on processes "
             "(ulimit -u), or close programs."

@@ -109,8 +109,8 @@ def serve_until_closed(recording: Path) -> None:
 
 
 def _opened(kind: "Kind") -> "LiveView":
+    from gslcosim.command_lines import ending_with_parent
     from gslcosim.recording.live_view import LiveView
-    from gslcosim.runtime.command_lines import ending_with_parent
 
     return LiveView(kind, lambda address: write_note(f"Watch it at {address}"), prefix=ending_with_parent())
 

@@ -48,7 +48,7 @@ from gslcosim.cli.terminal import (
     write_note,
 )
 from gslcosim.errors import ExitCode, GslCosimError, MachineError
-from gslcosim.machine import check_address_space, unforeseen
+from gslcosim.machine import check_address_space, check_working_directory, unforeseen
 from gslcosim.runtime.interruption import is_asked_to_end
 
 # New objects between two collections; Python's own number is 700.
@@ -140,6 +140,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         arguments = parse(parser, COMMANDS, words)
         if words[0] in _COMPUTING:
             check_address_space()
+            check_working_directory()
         return int((call or arguments.call)(arguments))
     except SystemExit:
         # The help or the version has been printed.

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
+from gslcosim.command_lines import exit_text
 from gslcosim.conformance.answers import shown_command
 from gslcosim.conformance.findings import Failure
 from gslcosim.conformance.flight import BELIEF_EVERY_TICKS, FLOOD_MESSAGES, Arrival, FlightLimits, Question, Transcript
 from gslcosim.contract.messages import Command
-from gslcosim.runtime.command_lines import exit_text
 
 # After one of these the rest of a check would only repeat it in other words.
 GROUNDS_FOR_STOPPING = frozenset(

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from gslcosim.command_lines import ending_with_parent
 from gslcosim.errors import RecordingError
 
 # Rerun's usage statistics are off wherever this is set, on every platform and without touching the user's settings.
@@ -31,6 +32,22 @@ def rerun_program() -> Path:
     return program
 
 
+def rerun_path(path: Path) -> str:
+    """Return a path as Rerun takes it.
+
+    Raises:
+        RecordingError: its bytes are no UTF-8.
+    """
+    try:
+        os.fsencode(path).decode()
+    except UnicodeDecodeError as error:
+        raise RecordingError(
+            "recording: expected a path in UTF-8, without which Rerun opens no file, was one in another encoding. "
+            f"Rename its folder, or choose another.\nFile: {path}"
+        ) from error
+    return str(path)
+
+
 def rerun_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return the environment variables for the program: ours, no usage statistics, and `extra`."""
     inherited = {name: value for name, value in os.environ.items() if name != _ANALYTICS_SWITCH}
@@ -41,9 +58,10 @@ def run_rerun(arguments: Sequence[str | Path], *, timeout_s: float) -> subproces
     """Run the program to its end and return what it wrote.
 
     Raises:
-        RecordingError: it cannot be started, or takes longer than `timeout_s`.
+        RecordingError: it cannot be started, cannot be given a path, or takes longer than `timeout_s`.
     """
-    call = [str(rerun_program()), *(str(argument) for argument in arguments)]
+    paths = [rerun_path(each) if isinstance(each, Path) else each for each in arguments]
+    call = [*ending_with_parent(), str(rerun_program()), *paths]
     try:
         return subprocess.run(
             call,

@@ -7,8 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from gslcosim.command_lines import ending_with_parent
 from gslcosim.errors import RecordingError
-from gslcosim.recording.rerun_cli import rerun_environment, rerun_program
+from gslcosim.recording.rerun_cli import rerun_environment, rerun_path, rerun_program
 from gslcosim.scratch import ScratchFolder
 
 # Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.
@@ -29,7 +30,7 @@ def open_viewer(path: Path) -> None:
     check_screen()
     # What it logs may come from the recording, and is no text for a terminal.
     viewer = subprocess.run(
-        [str(rerun_program()), *_LOCAL, str(path)],
+        [*ending_with_parent(), str(rerun_program()), *_LOCAL, rerun_path(path)],
         env=rerun_environment({"NO_COLOR": "1"}),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -76,7 +77,10 @@ def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1
 
 def _draw(path: Path, png: Path, size: str) -> str:
     # As standard input, because a file given by name is loaded piece by piece, after the picture.
-    call = [str(rerun_program()), "-", "--headless", *_LOCAL, "--screenshot-to", str(png), "--window-size", size]
+    call = [
+        *ending_with_parent(), str(rerun_program()), "-", "--headless", *_LOCAL,
+        "--screenshot-to", rerun_path(png), "--window-size", size,
+    ]  # fmt: skip
     for _ in range(N_TRIES):
         with path.open("rb") as recording, ScratchFolder() as scratch:
             # Below errors the viewer's notes would be part of the picture. Drivers want a runtime directory.

@@ -15,9 +15,9 @@ from types import MappingProxyType
 from typing import Protocol, cast
 
 from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE, Join
+from gslcosim.command_lines import ending_with_parent, exit_text
 from gslcosim.errors import UsageError
 from gslcosim.machine import LACKING, machine_error
-from gslcosim.runtime.command_lines import ending_with_parent, exit_text
 from gslcosim.runtime.process_log import ProcessLog
 from gslcosim.runtime.sandbox.launching import Confinement, Launch, file_of, is_launcher_possible
 

@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from some_methods import every_method
 
+from gslcosim.command_lines import python_command
 from gslcosim.conformance import FlightLimits, Wiring, check_agent
-from gslcosim.runtime.command_lines import python_command
 from gslcosim.scenario.bundled import bundled_agents
 
 LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit

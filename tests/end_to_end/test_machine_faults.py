@@ -123,6 +123,41 @@ def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, options):
     assert "Traceback" not in ended.errors
 
 
+@pytest.mark.parametrize("size", ["4k", "40k"])
+def test_a_temporary_directory_that_is_full_is_told_as_such(tmp_path, monkeypatch, size):
+    """A file of the cache was named, on a disk with room."""
+    with mounted(tmp_path / "full", f"size={size}") as folder:
+        monkeypatch.setenv("TMPDIR", str(folder))
+        ended = fly(TINY_ROOM, tmp_path / "runs")
+        monkeypatch.delenv("TMPDIR")
+    assert ended.exit_code == 3
+    assert "temporary directory: expected a folder that can be written, was no space left on device" in ended.errors
+    assert f"File: {folder}" in ended.errors
+
+
+def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
+    """As with accents in another locale; Rerun opens no recording there, which is told as such."""
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xe9"))
+    folder.mkdir()
+    scenario = folder / "scenario.yaml"
+    shutil.copy(TINY_ROOM, scenario)
+    ended = fly(scenario, folder / "runs", is_recorded=True)
+    assert ended.exit_code == 0, ended.errors
+    assert ended.run_dir is not None
+    call = [*COMMAND, "extract", str(ended.run_dir), "--to", "csv", "--out", str(tmp_path / "out")]
+    extracted = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)
+    assert extracted.returncode == 2
+    assert extracted.stderr.startswith("recording: expected a path in UTF-8")
+
+
+def test_a_working_directory_that_is_gone_is_told(tmp_path):
+    """Relative paths, such as that of the runs, were told in its place."""
+    call = ["sh", "-c", 'mkdir gone; cd gone; rmdir ../gone; "$@"', "sh", *COMMAND, "up", str(TINY_ROOM)]
+    ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False, cwd=tmp_path)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith("working directory: expected a folder, was removed since it was entered.")
+
+
 def test_without_a_temporary_directory_nothing_begins(tmp_path):
     ended = fly(TINY_ROOM, tmp_path, prefix=sized(0))
     assert ended.exit_code == 3

@@ -42,10 +42,10 @@ def cached(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     variables = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA", "GSLCOSIM"))}
 
-    def run():
+    def run(prefix=()):
         return int(
             subprocess.run(
-                [sys.executable, str(tmp_path / "program.py")],
+                [*prefix, sys.executable, str(tmp_path / "program.py")],
                 env=variables | {"GSLCOSIM_CACHE": str(tmp_path / "cache")},
                 capture_output=True,
                 text=True,
@@ -103,6 +103,38 @@ def test_a_link_in_place_of_a_file_counts_as_absent(cached, tmp_path):
     path.rename(tmp_path / "kept")
     path.symlink_to(tmp_path / "kept")
     assert cached() == 1
+
+
+@pytest.mark.skipif(os.geteuid() == 0 and shutil.which("setpriv") is None, reason="root may write everywhere")
+def test_kernels_are_read_from_a_cache_that_cannot_be_written(cached, tmp_path):
+    """Numba would compile them again, beside the sources; one that is not there is compiled, and the program runs."""
+    indexes = files_in(tmp_path / "cache", "nbi")
+    folder = indexes["program.once"].parent
+    without_rights = ("setpriv", "--inh-caps=-all", "--bounding-set=-all") if os.geteuid() == 0 else ()
+    try:
+        folder.chmod(0o555)
+        assert cached(prefix=without_rights) == 2
+        folder.chmod(0o755)
+        indexes["program.once"].unlink()
+        folder.chmod(0o555)
+        assert cached(prefix=without_rights) == 1
+        assert cached(prefix=without_rights) == 1
+    finally:
+        folder.chmod(0o755)
+    assert not list(tmp_path.glob("__pycache__/*.nb?"))
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="only root can become another user")
+def test_kernels_that_root_has_compiled_are_read_by_others(cached, tmp_path):
+    """The key of an image's cache is root's alone, who has also installed the code."""
+    as_other = ("setpriv", "--reuid", "65534", "--clear-groups", "--inh-caps=+dac_read_search")
+    as_other += ("--ambient-caps=+dac_read_search",)
+    (tmp_path / "cache" / "kernels.key").rename(tmp_path / "cache" / "of_root.key")
+    for folder in (tmp_path, *tmp_path.parents[:2]):
+        folder.chmod(folder.stat().st_mode | 0o055)
+    assert cached(prefix=as_other) == 2
+    os.chown(files_in(tmp_path / "cache", "nbi")["program.once"], 65533, 65533)
+    assert cached(prefix=as_other) == 1
 
 
 def test_a_key_that_others_may_have_written_is_made_anew(cached, tmp_path):

@@ -37,7 +37,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 # With one thread, also in libraries that read how many when they are loaded.
 def _begin_anew() -> None:
-    from gslcosim.runtime.command_lines import python_command
+    from gslcosim.command_lines import python_command
     from gslcosim.runtime.over_bus.forks import ONE_THREAD, ROOM_FOR_TITLES
 
     command = python_command("-m", "gslcosim", "serve", "--room-for-titles", ROOM_FOR_TITLES)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from gslcosim.command_lines import exit_text
 from gslcosim.conformance.findings import CheckReport, Failure, findings_of
 from gslcosim.conformance.flight import FlightLimits
 from gslcosim.conformance.orphans import Orphans
@@ -12,7 +13,6 @@ from gslcosim.conformance.participants.participant_rules import PARTICIPANT_RULE
 from gslcosim.conformance.participants.session import Kind, ParticipantSession, Played, SessionScript
 from gslcosim.conformance.wiring import Wiring
 from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.runtime.command_lines import exit_text
 
 SEED, OTHER_SEED = 20_230_117, 7
 # So that a program that draws by the clock's seconds does not look right.

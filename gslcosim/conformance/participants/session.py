@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from gslcosim.command_lines import exit_text
 from gslcosim.conformance.findings import Failure
 from gslcosim.conformance.flight import FlightLimits
 from gslcosim.conformance.participants.answering import Answering, failure_of_hello, failure_of_outputs
@@ -28,7 +29,6 @@ from gslcosim.gateway.exchange import AnswerLateError, FrameExchange, StreamEnde
 from gslcosim.gateway.listener import Listener
 from gslcosim.gateway.streams import PipeStream, Stream
 from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
-from gslcosim.runtime.command_lines import exit_text
 from gslcosim.runtime.foreign.program import PARTICIPANT_VARIABLE
 
 Kind = Literal["plain", "unknown fields", "missing inputs", "ending at once", "lost link"]

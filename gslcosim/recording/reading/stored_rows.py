@@ -15,6 +15,7 @@ from rerun.chunk import Chunk, RrdReader
 
 from gslcosim.errors import RecordingError
 from gslcosim.recording.repair import has_end
+from gslcosim.recording.rerun_cli import rerun_path
 from gslcosim.recording.run_file import APPLICATION_ID, TICK_TIMELINE
 
 
@@ -91,7 +92,7 @@ def _chunks(path: Path) -> list[Chunk]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            reader = RrdReader(path)
+            reader = RrdReader(rerun_path(path))
             stores = reader.recordings()
             if [store.application_id for store in stores] != [APPLICATION_ID]:
                 of = ", ".join(store.application_id for store in stores) or "nothing"

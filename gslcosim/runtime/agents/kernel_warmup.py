@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim._kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
+from gslcosim.command_lines import python_command
 from gslcosim.errors import GslCosimError
 from gslcosim.methods.card import MethodCard, card_beside
-from gslcosim.runtime.command_lines import python_command
 from gslcosim.runtime.sandbox.choosing import sandbox_kind
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios

@@ -7,8 +7,8 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from gslcosim.agent_kit import Agent
+from gslcosim.command_lines import python_command
 from gslcosim.errors import UsageError
-from gslcosim.runtime.command_lines import python_command
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE
+from gslcosim.command_lines import ending_with_parent, exit_text, python_command
 from gslcosim.errors import SimulationFault, UsageError
 from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.starting import find_python_agent
-from gslcosim.runtime.command_lines import ending_with_parent, exit_text, python_command
 from gslcosim.runtime.hosts.fetching import Say
 from gslcosim.runtime.hosts.join_files import JoinFile
 from gslcosim.runtime.interruption import Interruption

@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NoReturn, Self
 
+from gslcosim.command_lines import ending_with_parent, exit_text, python_command
 from gslcosim.errors import SimulationFault
-from gslcosim.runtime.command_lines import ending_with_parent, exit_text, python_command
 from gslcosim.runtime.process_title import set_process_title
 from gslcosim.scratch import no_temporary_directory
 

@@ -7,11 +7,11 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 
+from gslcosim.command_lines import python_command
 from gslcosim.errors import MachineError, SimulationFault
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
-from gslcosim.runtime.command_lines import python_command
 from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.hosts.offering import Offering
 from gslcosim.runtime.interruption import Interruption

@@ -17,6 +17,7 @@ from gslcosim.runtime.sandbox.bubblewrap import bubblewrap_command, variables_in
 from gslcosim.runtime.sandbox.cells import AgentCell, readable_pieces
 from gslcosim.runtime.sandbox.launcher import PIPES_AT
 from gslcosim.scenario.models.confinement import AgentLimitsSpec
+from gslcosim.scratch import no_temporary_directory
 
 # The packages around the launcher stay empty: what they import would cost as much as all the rest.
 _CODE = """
@@ -201,15 +202,22 @@ def _linked_kernels(cell: AgentCell) -> Path | None:
     if cell.kernels is None:
         return None
     own = cell.scratch / _KERNELS
+    try:
+        _link_kernels(cell, cell.kernels, own)
+    except OSError as error:
+        raise no_temporary_directory(error) from error
+    return own
+
+
+def _link_kernels(cell: AgentCell, kernels: Path, own: Path) -> None:
     own.mkdir(exist_ok=True)
     for code in (_OURS, *(folder for folder in _OURS.rglob("*") if folder.is_dir()), cell.directory, *cell.reads):
-        compiled = cell.kernels / kernels_folder(code)
+        compiled = kernels / kernels_folder(code)
         inside = own / compiled.name
         if compiled.is_dir() and not inside.exists():
             inside.mkdir()
             for path in compiled.iterdir():
                 (inside / path.name).symlink_to(path)
-    return own
 
 
 def kernels_folder(code: Path) -> str:
@@ -217,4 +225,6 @@ def kernels_folder(code: Path) -> str:
 
     The cache is shared by all installations of the same packages, each of which would have thousands of links to make.
     """
-    return f"{code.name}_{hashlib.sha1(str(code).encode(), usedforsecurity=False).hexdigest()}"
+    # Numba encodes paths as UTF-8, whatever the locale; one that is none has no kernels there.
+    name = str(code).encode(errors="surrogateescape")
+    return f"{code.name}_{hashlib.sha1(name, usedforsecurity=False).hexdigest()}"

@@ -18,9 +18,9 @@ from pathlib import Path
 from ring import NAMES, SHAPES, Participant, Place, places, ticks_per_s
 
 from gslcosim.bus.port import Bus, Join
+from gslcosim.command_lines import exit_text
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
-from gslcosim.runtime.command_lines import exit_text
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.over_bus import control

@@ -1,4 +1,4 @@
-"""Command lines of processes that a run starts, and in words how processes end; imports nothing that is slow."""
+"""Command lines of processes that end with this one, and in words how processes end; imports nothing that is slow."""
 
 import shutil
 import signal
