@@ -4,9 +4,11 @@ import contextlib
 import hashlib
 import io
 import json
+import signal
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import distribution
@@ -17,6 +19,8 @@ from typing import Any
 ENDED = (0, 1)
 # A flight that lasts longer hangs.
 LIMIT_S = 300
+# Signals that a command handles while it runs.
+HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Skipped(Exception):  # noqa: N818 - it is no error
@@ -55,14 +59,32 @@ def gslcosim(*words: str | Path, expected: tuple[int, ...] = (0,)) -> Ended:
         Skipped: it needs what this machine has not.
     """
     output, errors = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors), warnings.catch_warnings():
+    with (
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(errors),
+        warnings.catch_warnings(),
+        _as_process("gslcosim", *map(str, words)),
+    ):
         # JAX warns of forks in every process that has loaded it.
         warnings.simplefilter("ignore")
         try:
-            exit_code = _main()([str(word) for word in words])
+            exit_code = _main()()
         except SystemExit as end:
             exit_code = end.code if isinstance(end.code, int) else 1
     return _checked(words, Ended(exit_code or 0, output.getvalue(), errors.getvalue()), expected)
+
+
+@contextlib.contextmanager
+def _as_process(*words: str) -> Iterator[None]:
+    """Give the command the words that a process of its own would have, and undo what it does to signals."""
+    before, handlers = sys.argv, {each: signal.getsignal(each) for each in HANDLED}
+    sys.argv = list(words)
+    try:
+        yield
+    finally:
+        sys.argv = before
+        for each, handler in handlers.items():
+            signal.signal(each, handler)
 
 
 def gslcosim_apart(*words: str | Path, expected: tuple[int, ...] = (0,)) -> Ended:

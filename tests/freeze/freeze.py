@@ -32,6 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from commands import Skipped
 from jobs import ROOT, Entry, Job, all_jobs
 from machine import differing, machine_type
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 FROZEN = Path(__file__).resolve().parent / "frozen.json"
@@ -215,17 +216,22 @@ def compute_all(jobs: Sequence[Job], *, tell: Callable[[Done], None]) -> list[Do
     Raises:
         KeyboardInterrupt: after the jobs under way have ended.
     """
-    found = []
+    found: list[Done] = []
+    todo = [job.name for job in reversed(jobs)]
     context = multiprocessing.get_context("spawn")
     with futures.ProcessPoolExecutor(N_WORKERS, mp_context=context, initializer=_ignore_interrupts) as pool:
-        waiting = [pool.submit(compute, job.name) for job in jobs]
+        # No more than are computed at a time, so that nothing else is begun after Ctrl-C.
+        running: set[futures.Future[Done]] = set()
         try:
-            for future in futures.as_completed(waiting):
-                found.append(future.result())
-                tell(found[-1])
+            while todo or running:
+                while todo and len(running) < N_WORKERS:
+                    running.add(pool.submit(compute, todo.pop()))
+                done, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
+                for future in done:
+                    found.append(future.result())
+                    tell(found[-1])
         except KeyboardInterrupt:
-            print("Interrupted: the two jobs under way end first; the same command goes on.", file=sys.stderr)
-            pool.shutdown(cancel_futures=True)
+            print("Interrupted: the jobs under way end first; the same command goes on.", file=sys.stderr)
             raise
     return found
 
@@ -268,7 +274,7 @@ def run(jobs: list[Job], machine: dict[str, str], *, may_continue: bool) -> tupl
         print(f"Going on: {len(done)} of {len(jobs)} jobs were computed before.", file=sys.stderr)
     began_s = time.monotonic()
     columns = (TextColumn("{task.description:40}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, disable=not sys.stderr.isatty()) as bar:
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("freeze", total=len(jobs), completed=len(done))
         n_done = len(done)
 
@@ -278,6 +284,8 @@ def run(jobs: list[Job], machine: dict[str, str], *, may_continue: bool) -> tupl
             if partial:
                 partial.add(each)
             bar.update(task, advance=1, description=each.job)
+            if each.failed:
+                bar.print(f"FAILED {each.job}: {each.failed}")
             if bar.disable and n_done % 10 == 0:
                 print(f"{n_done} of {len(jobs)} jobs, {time.monotonic() - began_s:.0f} s", file=sys.stderr)
 
