@@ -28,6 +28,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 GOLDEN_DIR = Path(__file__).parent / "golden"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _state_folder(tmp_path_factory: pytest.TempPathFactory):
+    """What tests find out is not kept in the state of who runs them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GSLCOSIM_STATE", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture
 def golden() -> Callable[[str, str], None]:
     """Compare a text with the file of that name in tests/golden; `make golden` rewrites the files instead."""

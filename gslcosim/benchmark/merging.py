@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from gslcosim.benchmark.report.writing import write_report
 from gslcosim.benchmark.results import PAIR, Results
 from gslcosim.benchmark.store.columns import TRIALS
 from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.store.verification_marks import VerificationMark, find_mark, results_hash, save_mark
 from gslcosim.errors import UsageError
 from gslcosim.scratch import ScratchFolder
 
@@ -25,7 +27,7 @@ class Ranking:
     """A merged leaderboard: as `leaderboard.json` has it, and how each entry stands with verification.
 
     `submissions` gives the folder of each entry, `verified` how many of how many sampled flights came out the same, or
-    None where nobody has flown any again.
+    None where this user has flown none again.
     """
 
     leaderboard: dict[str, Any]
@@ -63,12 +65,12 @@ def merge(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: 
     names = _entry_names(submissions)
     if out is not None:
         _check_out(out)
-        return _written(submissions, names, out)
+        return _written(submissions, names, out, is_kept=True)
     with ScratchFolder("rank") as scratch:
-        return _written(submissions, names, scratch.path)
+        return _written(submissions, names, scratch.path, is_kept=False)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class _Submission:
     label: str
     results: Results
@@ -82,10 +84,20 @@ class _Submission:
         told = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
         return json.dumps([told.get("agent_hash"), told.get("parameters")], sort_keys=True)
 
+    # Never what the folder says of itself.
+    @cached_property
+    def mark(self) -> VerificationMark | None:
+        return find_mark(self.results.folder)
+
     @property
     def verified(self) -> tuple[int, int] | None:
-        told = self.manifest.get("verified")
-        return (told["same"], told["sample"]) if told else None
+        mark = self.mark
+        # Who leaves rows out may have left out the bad ones.
+        return (mark.same, mark.sample) if mark is not None and mark.sample and not mark.n_missing else None
+
+    @property
+    def is_verified(self) -> bool:
+        return self.verified is not None and self.verified[0] == self.verified[1]
 
 
 def _check_out(out: Path) -> None:
@@ -155,7 +167,9 @@ def _entry_names(submissions: Sequence[_Submission]) -> dict[tuple[str, str], st
     return names
 
 
-def _written(submissions: Sequence[_Submission], names: dict[tuple[str, str], str], out: Path) -> Ranking:
+def _written(
+    submissions: Sequence[_Submission], names: dict[tuple[str, str], str], out: Path, *, is_kept: bool
+) -> Ranking:
     folder = ResultsFolder(out)
     out.mkdir(parents=True, exist_ok=True)
     rows, homes = _merged_rows(submissions, names)
@@ -163,15 +177,18 @@ def _written(submissions: Sequence[_Submission], names: dict[tuple[str, str], st
     tracks = [submission.results.tracks() for submission in submissions]
     kept = {row["trial"] for row in rows}
     merged = pa.concat_tables(tracks)
-    is_kept, seen = [], set[tuple[str, str]]()
+    kept_tracks, seen = [], set[tuple[str, str]]()
     for trial, agent in zip(merged["trial"].to_pylist(), merged["agent"].to_pylist(), strict=True):
-        is_kept.append(trial in kept and (trial, agent) not in seen)
+        kept_tracks.append(trial in kept and (trial, agent) not in seen)
         seen.add((trial, agent))
-    pq.write_table(merged.filter(pa.array(is_kept, pa.bool_())), folder.tracks, compression="zstd")
+    pq.write_table(merged.filter(pa.array(kept_tracks, pa.bool_())), folder.tracks, compression="zstd")
     verified = {name: home.verified for name, home in homes.items()}
     folder.write_json(folder.manifest, _manifest(submissions, names, homes))
     folder.write_json(folder.maps, _maps(submissions))
-    write_report(out)
+    mark = VerificationMark(entries={name: home.is_verified for name, home in homes.items()})
+    if is_kept:
+        save_mark(results_hash(out), mark)
+    write_report(out, mark=mark)
     leaderboard = folder.read_json(out / LEADERBOARD)
     return Ranking(
         leaderboard=leaderboard,
@@ -204,8 +221,7 @@ def _manifest(
             name = names.get((submission.label, told["name"]))
             if name is not None:
                 home = homes[name]
-                verified = home.verified is not None and home.verified[0] == home.verified[1]
-                entries.setdefault(name, {**told, "name": name, "submission": home.label, "verified": verified})
+                entries.setdefault(name, {**told, "name": name, "submission": home.label})
     first = submissions[0].manifest
     kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
     demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)

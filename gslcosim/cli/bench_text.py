@@ -159,6 +159,7 @@ def verification_fields(verification: "Verification") -> dict[str, Any]:
     return {
         "sample": verification.n_sampled,
         "same": verification.n_sampled - len(verification.differences),
+        "missing": verification.n_missing,
         "sandboxes": dict(verification.sandboxes),
         "differences": [
             {"trial": d.trial, "case": d.case, "entry": d.entry, "columns": d.columns} for d in verification.differences
@@ -174,7 +175,12 @@ def verification_text(verification: "Verification") -> str:
     started = ", ".join(f"{count} {kind}" for kind, count in sorted(verification.sandboxes.items()))
     told = f"Sandbox of agents: {started or 'nothing was flown'}."
     if any(not is_sandboxed(kind) for kind in verification.sandboxes):
-        told += " Agents without one could read the truth; sandbox: required in the suite keeps them from it."
+        told += " Agents without one could read the truth; without --trusted all of them are in one."
+    if verification.n_missing:
+        told += (
+            f"\n{verification.n_missing} trials of the suite have no row, so that nobody can tell what came of them: "
+            "bench rank does not take these results for verified."
+        )
     if not different:
         return f"{n} of {n} flights came out the same: digests and all figures.\n{told}"
     lines = [f"{len(different)} of {n} flights came out differently:"]

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from deadlines import PROCESS_S
 
+from gslcosim.benchmark.store.verification_marks import find_mark
+
 PAGE = Path(__file__).parents[2] / "docs" / "benchmark" / "submit.md"
 COMMANDS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
 (SUITE,) = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
@@ -31,5 +33,7 @@ def test_the_page_leads_to_a_row_in_the_table(tmp_path: Path) -> None:
     leaderboard = json.loads((tmp_path / "results" / "ranked" / "leaderboard.json").read_text())
     entries = {row["entry"] for row in leaderboard["views"][0]["rows"]}
     assert entries == {"my_method", "dung_beetle", "oracle", "random_walker"}
-    verified = json.loads((tmp_path / "results" / "my_submission" / "manifest.json").read_text())["verified"]
-    assert verified["same"] == verified["sample"] == 5
+    mark = find_mark(tmp_path / "results" / "my_submission")
+    assert mark is not None
+    assert mark.same == mark.sample == 5
+    assert mark.n_missing == 0

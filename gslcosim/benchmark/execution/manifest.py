@@ -17,15 +17,12 @@ from gslcosim.benchmark.suite.models import LOWER_ANCHOR, UPPER_ANCHOR
 from gslcosim.benchmark.suite.planning import Plan
 
 
-def manifest_of(
-    plan: Plan, sessions: list[dict[str, Any]], *, before: dict[str, Any], recorded: Sequence[str]
-) -> dict[str, Any]:
+def manifest_of(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequence[str]) -> dict[str, Any]:
     """Return the content of `manifest.json`.
 
     Args:
         plan: What was to be flown.
         sessions: The wall times of each call that flew some of it.
-        before: The manifest that there was; a verification stays as long as the software does.
         recorded: The trials that have a recording.
     """
     suite = plan.loaded.suite
@@ -68,7 +65,6 @@ def manifest_of(
         "wall": _totals(sessions),
         "sessions": sessions,
         "recordings": {trial: f"recordings/{trial}" for trial in recorded},
-        "verified": before.get("verified") if before.get("software_hash") == plan.software_hash else None,
     }
 
 

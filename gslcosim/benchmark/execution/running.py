@@ -356,7 +356,7 @@ class Run:
         before = self._folder.read_json(self._folder.manifest)
         sessions = [*before.get("sessions", []), *([wall] if wall.get("n_trials") else [])]
         recorded = [path.name for path in sorted(self._folder.recordings.glob("*")) if path.name in self._entries]
-        manifest = manifest_of(self._plan, sessions, before=before, recorded=recorded)
+        manifest = manifest_of(self._plan, sessions, recorded=recorded)
         self._folder.write_json(self._folder.manifest, manifest)
 
 

@@ -1,10 +1,16 @@
-"""Suites that demand a sandbox for agents: told before anything is flown, and looked for in the rows."""
+"""Agents of suites in sandboxes: where a suite demands it, and where somebody else's trials are run again."""
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from gslcosim.benchmark.suite.planning import Plan
+from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.errors import UsageError
+from gslcosim.runtime.agents.starting import find_python_agent, resolved_command, start_command
+from gslcosim.runtime.sandbox.cells import is_system, own_folders, python_folders
 from gslcosim.runtime.sandbox.choosing import is_sandboxed, strongest_sandbox, why_there_is_no
 
 
@@ -15,11 +21,94 @@ def check_sandbox(plan: Plan) -> None:
         UsageError: there is none here.
     """
     if plan.loaded.demands_sandbox and strongest_sandbox() == "none":
-        reasons = "; ".join(why_there_is_no(kind) for kind in ("bubblewrap", "landlock"))
+        reasons = _reasons()
         raise UsageError(
             f"{plan.loaded.shown_path}: sandbox: expected a machine that has a sandbox for agents, was one without "
             f"({reasons}). Install bubblewrap, or fly the suite on another machine."
         )
+
+
+def check_confinable(trials: Sequence[Trial], folder: Path) -> None:
+    """Refuse to run trials of somebody else whose programs could not be confined, before any of them is started.
+
+    Args:
+        trials: The trials.
+        folder: The results that they are of; their programs lie in it, or come with gslcosim or the system.
+
+    Raises:
+        UsageError: this machine has no sandbox, or a program would see or change more than it needs.
+    """
+    trusting = "If you trust who made these results, give --trusted: then their programs do as they like."
+    if strongest_sandbox() == "none":
+        raise UsageError(
+            f"{folder}: expected a machine that has a sandbox for the programs of these results, was one without "
+            f"({_reasons()}). Install bubblewrap. {trusting}"
+        )
+    for entry, program in {(trial.entry, program) for trial in trials for program in _python_programs(trial)}:
+        if "__main__" not in program.read_text(encoding="utf-8", errors="replace"):
+            raise UsageError(
+                f"{folder}: {entry}: expected a Python agent that is also a program, which a sandbox can start, was "
+                f"one without the line: if __name__ == '__main__': run(MyAgent). {trusting}\nFile: {program}"
+            )
+    allowed = [folder.resolve(), *(place.resolve() for place in python_folders())]
+    seen: set[tuple[Any, ...]] = set()
+    for trial in trials:
+        for place, command, granted in _programs(trial):
+            if (key := (place, tuple(command), granted, trial.directory)) in seen:
+                continue
+            seen.add(key)
+            if granted:
+                raise UsageError(
+                    f"{folder}: {trial.entry}: {place}: expected a program that sees and changes its own folder alone, "
+                    f"was one that asks for {granted[0]} (may_read, may_write). {trusting}"
+                )
+            for seen_folder in own_folders(command, trial.directory):
+                if not any(seen_folder.resolve().is_relative_to(each) for each in allowed) and not is_system(
+                    seen_folder.resolve()
+                ):
+                    raise UsageError(
+                        f"{folder}: {trial.entry}: {place}.start: expected a command that names files of these results "
+                        f"or of the system, was one that names something in {seen_folder}. {trusting}"
+                    )
+
+
+def confine_trial(trial: Trial) -> Trial:
+    """Return a trial whose programs are processes in the strongest sandbox; what it comes to is the same.
+
+    Args:
+        trial: As planned; it keeps its id.
+    """
+    values = json.loads(trial.scenario_json)
+    for agent in values["agents"]:
+        start = agent["start"]
+        if start.get("process_of") is None and not start.get("attach"):
+            agent["sandbox"] = "required"
+        if start.get("python") is not None:
+            start["door"] = "stdio"
+    for participant in values.get("participants", []):
+        participant["sandbox"] = "required"
+    return replace(trial, scenario_json=json.dumps(values))
+
+
+def _python_programs(trial: Trial) -> Iterator[Path]:
+    for agent in trial.resolved.agents:
+        if agent.start.python is not None:
+            yield find_python_agent(agent.start.python, trial.directory)
+
+
+# Of each program of a trial: its place in the scenario, its command line, and the folders that it asks for.
+def _programs(trial: Trial) -> Iterator[tuple[str, list[str], tuple[str, ...]]]:
+    scenario = trial.resolved
+    for agent in scenario.agents:
+        command = start_command(agent, trial.directory)
+        if command is not None:
+            yield agent.place, command, (*agent.may_read, *agent.may_write)
+    for own in scenario.participants:
+        yield own.place, resolved_command(own.start.command, trial.directory), (*own.may_read, *own.may_write)
+
+
+def _reasons() -> str:
+    return "; ".join(why_there_is_no(kind) for kind in ("bubblewrap", "landlock"))
 
 
 def outside_a_sandbox(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

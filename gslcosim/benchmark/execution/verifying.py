@@ -1,5 +1,7 @@
 """Flights of a results folder flown again: one to look at it, or a sample to see whether they come out the same."""
 
+import json
+import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,14 +11,16 @@ from typing import Any
 
 from gslcosim.benchmark.execution.jobs import Job, Pool, each_ended
 from gslcosim.benchmark.execution.judging import Row
-from gslcosim.benchmark.execution.sandboxing import outside_a_sandbox
+from gslcosim.benchmark.execution.sandboxing import confine_trial, outside_a_sandbox
 from gslcosim.benchmark.store.columns import is_of_the_machine
 from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.store.verification_marks import VerificationMark, results_hash, save_mark
 from gslcosim.benchmark.suite.loading import load_suite
 from gslcosim.benchmark.suite.planning import Plan, plan_of
 from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.errors import UsageError
 from gslcosim.rng import stream
+from gslcosim.runtime.sandbox.choosing import IN_THIS_PROCESS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +35,13 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """What came of flying a sample again; `sandboxes` counts what its agents were started in this time."""
+    """What came of flying a sample again; `sandboxes` counts what its agents were started in this time.
+
+    `n_missing` trials of the suite have no row, so that nobody can tell what came of them.
+    """
 
     n_sampled: int
+    n_missing: int
     sandboxes: Mapping[str, int]
     differences: tuple[Difference, ...]
 
@@ -55,6 +63,7 @@ class Again:
         _check_sandboxes(self.plan, folder, self.rows)
         self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
         told = folder.read_json(folder.manifest)
+        self.n_missing = len(self.plan.trials) - len(self.trials)
         if len(self.trials) < len(self.rows):
             version = told.get("versions", {}).get("gslcosim", "?")
             same = told.get("software_hash") == self.plan.software_hash
@@ -63,6 +72,8 @@ class Again:
                 f"{folder.path}: expected flights that this version can repeat, {len(self.rows) - len(self.trials)} of "
                 f"{len(self.rows)} are others ({cause}). Install that version, or fly the suite again with bench run."
             )
+
+        _check_manifest(self.plan, folder, told)
 
     def trial(self, beginning: str) -> Trial:
         """Return the one trial whose id begins like this.
@@ -86,20 +97,32 @@ class Again:
 
 
 def verify(
-    again: Again, trials: Sequence[Trial], pool: Pool, report: Callable[[int, int], None] = lambda _done, _total: None
+    again: Again,
+    trials: Sequence[Trial],
+    pool: Pool,
+    report: Callable[[int, int], None] = lambda _done, _total: None,
+    *,
+    is_trusted: bool = False,
 ) -> Verification:
-    """Fly trials again, compare all columns but those of the clock, and note the result in the manifest.
+    """Fly trials again, compare all columns but those of the clock, and keep the result in this user's state.
 
     Args:
-        again: The folder.
+        again: The folder; nothing is written to it.
         trials: Which of its flights.
         pool: Who flies.
         report: Is told how many of how many are done.
+        is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
+
+    Raises:
+        UsageError: the folder was changed meanwhile.
+        MachineError: the result cannot be kept.
     """
+    contents = results_hash(again.folder.path)
     rooms = _rooms(trials, pool)
     differences: list[Difference] = []
     sandboxes: Counter[str] = Counter()
-    jobs = [Job(key=trial.id, kind="fly", trial=trial, environment_dir=rooms[trial.room]) for trial in trials]
+    flown = trials if is_trusted else [confine_trial(trial) for trial in trials]
+    jobs = [Job(key=trial.id, kind="fly", trial=trial, environment_dir=rooms[trial.room]) for trial in flown]
     for i, ended in enumerate(each_ended(pool, jobs)):
         report(i + 1, len(jobs))
         trial, before = ended.job.trial, again.rows[ended.job.trial.id]
@@ -108,35 +131,57 @@ def verify(
         else:
             now = ended.result.row
             sandboxes[now["sandbox"]] += 1
-            columns = {name: (before[name], now[name]) for name in _differing(now, before)}
+            columns = {name: (before[name], now.get(name)) for name in _differing(before, now)}
         if columns:
             differences.append(Difference(trial=trial.id, case=trial.case, entry=trial.entry, columns=columns))
-    manifest = again.folder.read_json(again.folder.manifest)
-    manifest["verified"] = {
-        "sample": len(trials),
-        "same": len(trials) - len(differences),
-        "at": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    again.folder.write_json(again.folder.manifest, manifest)
-    return Verification(n_sampled=len(trials), sandboxes=sandboxes, differences=tuple(differences))
+    if results_hash(again.folder.path) != contents:
+        raise UsageError(
+            f"{again.folder.path}: expected results that stay as they are while they are verified, they were changed. "
+            "Verify a copy that nobody writes to."
+        )
+    mark = VerificationMark(
+        sample=len(trials),
+        same=len(trials) - len(differences),
+        at=datetime.now(UTC).isoformat(timespec="seconds"),
+        n_missing=again.n_missing,
+    )
+    save_mark(contents, mark)
+    return Verification(
+        n_sampled=len(trials), n_missing=again.n_missing, sandboxes=sandboxes, differences=tuple(differences)
+    )
 
 
-def record(again: Again, trial: Trial, pool: Pool) -> tuple[Path, str | None]:
-    """Fly a trial again with a recording, unless there is one; return its run directory and its digest.
+def record(again: Again, trial: Trial, pool: Pool, *, is_trusted: bool = False) -> tuple[Path, str | None]:
+    """Fly a trial again with a recording; return its run directory and its digest.
+
+    Args:
+        again: The folder.
+        trial: Which of its flights.
+        pool: Who flies.
+        is_trusted: Whether its programs are started as the suite says, and a recording that is there is taken for its
+            own; otherwise they are in a sandbox, and what is there is replaced.
 
     Raises:
-        UsageError: it came to nothing again; the text has the end of its log.
+        UsageError: it came to nothing again; the text has the end of its log. Or recordings would lie elsewhere.
     """
-    place = again.folder.recordings / trial.id
-    if (place / "recording.rrd").is_file():
+    recordings = again.folder.recordings
+    place = recordings / trial.id
+    if recordings.is_symlink():
+        raise UsageError(
+            f"{recordings}: expected a folder of its own for recordings, was a link to another. Remove the link."
+        )
+    if is_trusted and (place / "recording.rrd").is_file():
         return place, again.rows[trial.id]["digest"]
     rooms = _rooms([trial], pool)
-    job = Job(
-        key="record", kind="record", trial=trial, environment_dir=rooms[trial.room], runs_dir=again.folder.recordings
-    )
+    trial = trial if is_trusted else confine_trial(trial)
+    job = Job(key="record", kind="record", trial=trial, environment_dir=rooms[trial.room], runs_dir=recordings)
     (ended,) = each_ended(pool, [job])
     if ended.failure is not None:
         raise UsageError(f"{trial.case}, {trial.entry}: {ended.failure} again: {ended.text}")
+    if place.is_symlink() or place.is_file():
+        place.unlink()
+    elif place.exists():
+        shutil.rmtree(place)
     ended.result.run_dir.rename(place)
     return place, ended.result.result["digest"]
 
@@ -162,6 +207,32 @@ def _rooms(trials: Sequence[Trial], pool: Pool) -> dict[str, Path]:
     return rooms
 
 
-# Those of the machine's clock apart.
-def _differing(a: Row, b: Row) -> list[str]:
-    return [name for name in a if not is_of_the_machine(name) and a[name] != b.get(name)]
+# What a manifest says decides with whom results are ranked, and under which name.
+def _check_manifest(plan: Plan, folder: ResultsFolder, told: Mapping[str, Any]) -> None:
+    hashes = {entry.spec.name: entry.agent_hash for entry in plan.entries}
+    parameters = {entry.spec.name: json.loads(entry.spec.model_dump_json())["parameters"] for entry in plan.entries}
+    found = {"suite_hash": told.get("suite_hash")}
+    expected: dict[str, Any] = {"suite_hash": plan.suite_hash}
+    for entry in told.get("entries", []):
+        name = entry.get("name")
+        found |= {f"agent_hash of {name}": entry.get("agent_hash"), f"parameters of {name}": entry.get("parameters")}
+        expected |= {f"agent_hash of {name}": hashes.get(name), f"parameters of {name}": parameters.get(name)}
+    wrong = next((key for key, value in expected.items() if found[key] != value), None)
+    if wrong is not None:
+        raise UsageError(
+            f"{folder.manifest}: expected {wrong} {expected[wrong]}, as suite.yaml beside it comes to, was "
+            f"{found[wrong]}. Fly the suite again with bench run."
+        )
+
+
+# Those of the machine's clock apart. An agent that fails as an object of the worker says so in other words than one
+# that fails as a process; that it did is in the digest.
+def _differing(before: Row, now: Row) -> list[str]:
+    in_other_words = (
+        {"agent_faults"} if (before["sandbox"] == IN_THIS_PROCESS) != (now["sandbox"] == IN_THIS_PROCESS) else set()
+    )
+    return [
+        name
+        for name in now
+        if not is_of_the_machine(name) and name not in in_other_words and now[name] != before.get(name)
+    ]

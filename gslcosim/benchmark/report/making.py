@@ -9,6 +9,7 @@ import numpy as np
 from gslcosim.benchmark.report.analysis import Analysis
 from gslcosim.benchmark.report.formats import duration
 from gslcosim.benchmark.report.reading import Material
+from gslcosim.benchmark.store.verification_marks import VerificationMark
 
 PARTS = ("preparing", "starting", "flying", "judging", "storing")
 
@@ -107,7 +108,7 @@ def _unverified(material: Material) -> str:
     if told:
         names = [entry.name for entry in told if not entry.is_verified]
         return f"Not verified by flying a sample again: {', '.join(names)}." if names else ""
-    if material.manifest.get("verified") is None:
+    if material.mark is None or not material.mark.sample:
         return "Not verified: no sample of these trials has been flown again."
     return ""
 
@@ -122,7 +123,7 @@ def _made(manifest: Mapping[str, Any], analysis: Analysis) -> list[tuple[str, st
         ("software", str(manifest.get("software_hash") or "")[:16]),
         ("seeds", f"{len(set(seeds.tolist()))} of runs, {len(set(rows['gas_seed'].tolist()))} of gas"),
         ("digests", f"{sum(map(bool, rows['digest'].tolist()))} of {len(rows)} trials have one (tables/trials.csv)"),
-        ("verified", "" if "merged_from" in manifest else _verified(manifest.get("verified"))),
+        ("verified", "" if "merged_from" in manifest else _verified(analysis.material.mark)),
         ("machine", ", ".join(str(p) for p in (machine.get("cpu"), _cores(machine), machine.get("platform")) if p)),
         ("reference loop", _seconds(machine.get("reference_loop_s"), " in plain Python, to compare machines by")),
         ("begun", str(wall.get("started_at") or "")),
@@ -152,11 +153,10 @@ def _wall(wall: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _verified(verified: Mapping[str, Any] | None) -> str:
-    if not verified:
+def _verified(mark: VerificationMark | None) -> str:
+    if mark is None or not mark.sample:
         return "no"
-    same, sample = verified.get("same"), verified.get("sample")
-    return f"{same} of {sample} trials flown again gave the same digest, {verified.get('at')}"
+    return f"{mark.same} of {mark.sample} trials flown again here gave the same digest, {mark.at}"
 
 
 def _split_s(analysis: Analysis) -> tuple[tuple[str, float], ...]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gslcosim.benchmark.store.columns import TRIALS
 from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.store.verification_marks import VerificationMark, find_mark
 from gslcosim.errors import UsageError
 from gslcosim.yaml_core import CoreLoader
 
@@ -33,8 +34,8 @@ class FlownEntry:
     Attributes:
         anchor: `lower` (the oracle), `upper` (the walker) or empty.
         submission: Of merged results, the folder that its flights are of; else empty.
-        is_verified: Of merged results, whether a sample of its flights came out the same; None where that is told of
-            all flights together.
+        is_verified: Of merged results, whether a sample of its flights came out the same here; None where that is told
+            of all flights together.
     """
 
     name: str
@@ -126,7 +127,7 @@ class TrialRows:
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """All that a report is made of."""
+    """All that a report is made of; `mark` is what this user has found out by running a sample again."""
 
     folder: Path
     name: str
@@ -136,6 +137,7 @@ class Material:
     rows: TrialRows
     maps: tuple[RoomMap, ...]
     tracks: pa.Table | None
+    mark: VerificationMark | None
 
     @property
     def n_planned(self) -> int | None:
@@ -153,8 +155,12 @@ class Material:
         return next((i for i, entry in enumerate(self.entries) if entry.anchor == which), None)
 
 
-def read_material(results_dir: Path) -> Material:
+def read_material(results_dir: Path, mark: VerificationMark | None = None) -> Material:
     """Read a folder of results.
+
+    Args:
+        results_dir: The folder.
+        mark: What was found out by running a sample again; absent: what this user's state has of it.
 
     Raises:
         UsageError: it is none, or a file of it is damaged.
@@ -163,7 +169,8 @@ def read_material(results_dir: Path) -> Material:
     folder.check()
     manifest = folder.read_json(folder.manifest)
     table = pa.Table.from_pylist(folder.rows(), schema=TRIALS)
-    entries = _entries(manifest, table)
+    mark = mark if mark is not None else find_mark(results_dir)
+    entries = _entries(manifest, table, mark)
     return Material(
         folder=results_dir,
         name=str(manifest.get("suite") or results_dir.resolve().name),
@@ -173,6 +180,7 @@ def read_material(results_dir: Path) -> Material:
         rows=_rows(table, entries),
         maps=_maps(folder.read_json(folder.maps), folder.maps),
         tracks=_tracks(folder.tracks),
+        mark=mark,
     )
 
 
@@ -196,15 +204,20 @@ def _tracks(path: Path) -> pa.Table | None:
         raise UsageError(f"{path}: expected a table of tracks, was a damaged file. Take it from a copy.") from error
 
 
-def _entries(manifest: Mapping[str, Any], table: pa.Table) -> tuple[FlownEntry, ...]:
+def _entries(manifest: Mapping[str, Any], table: pa.Table, mark: VerificationMark | None) -> tuple[FlownEntry, ...]:
     told = {str(entry.get("name")): entry for entry in manifest.get("entries") or ()}
     flown = dict.fromkeys(table.column("entry").to_pylist())
     anchors = {name: which for which, name in (manifest.get("anchors") or {}).items() if name}
     names = [*(name for name in told if name in flown), *(name for name in flown if name not in told)]
-    return tuple(_entry(name, told.get(name) or {}, anchors.get(name, "")) for name in names)
+    verified = mark.entries if mark is not None else {}
+    is_merged = "merged_from" in manifest
+    return tuple(
+        _entry(name, told.get(name) or {}, anchors.get(name, ""), verified.get(name, False) if is_merged else None)
+        for name in names
+    )
 
 
-def _entry(name: str, told: Mapping[str, Any], anchor: str) -> FlownEntry:
+def _entry(name: str, told: Mapping[str, Any], anchor: str, is_verified: bool | None) -> FlownEntry:  # noqa: FBT001 - as it is kept
     return FlownEntry(
         name=name,
         title=str(told.get("title") or name),
@@ -215,7 +228,7 @@ def _entry(name: str, told: Mapping[str, Any], anchor: str) -> FlownEntry:
         agent_hash=str(told.get("agent_hash") or ""),
         anchor=anchor,
         submission=str(told.get("submission") or ""),
-        is_verified=told.get("verified"),
+        is_verified=is_verified,
     )
 
 

@@ -223,7 +223,8 @@ def leaderboard_json(analysis: Analysis) -> str:
         "n_trials": len(material.rows),
         "n_planned": material.n_planned,
         "complete": material.n_planned in (None, len(material.rows)),
-        "verified": manifest.get("verified"),
+        "verified": material.mark.model_dump(include={"same", "sample", "at"})
+        if material.mark is not None and material.mark.sample else None,
         "views": [
             {"key": view.key, "kind": view.kind, "label": view.label,
              "rows": [_json_row(analysis, row) for row in view.standings]}

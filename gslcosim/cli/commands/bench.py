@@ -1,6 +1,7 @@
 """`gslcosim bench`: suites of flights, from the plan to the report."""
 
 import argparse
+import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +84,7 @@ def _add_report(action: Any) -> None:
     )
     _add_results(show)
     show.add_argument("--trial", required=True, metavar="ID", help="the trial's id, or the beginning of it")
+    _add_trusted(show)
     show.add_argument("--no-view", action="store_true", help="do not open the recording")
 
 
@@ -95,7 +97,10 @@ def _add_trust(action: Any) -> None:
     )
     _add_results(verify)
     verify.add_argument("--sample", type=at_least_one, default=20, metavar="N", help="how many (default: 20)")
-    verify.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of the lot (default: 0)")
+    verify.add_argument(
+        "--seed", type=whole_number, metavar="N", help="of the lot (default: a new one, which nobody knows before)"
+    )
+    _add_trusted(verify)
     _add_workers(verify)
     rank = action(
         "rank",
@@ -107,6 +112,15 @@ def _add_trust(action: Any) -> None:
     rank.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="folders of results of one suite")
     rank.add_argument("--sandboxed", action="store_true", help="refuse flights whose agents were not in a sandbox")
     rank.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
+
+
+def _add_trusted(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--trusted",
+        action="store_true",
+        help="start programs of the results as their suite says, in this program's own processes where they are Python "
+        "(default: all in a sandbox)",
+    )
 
 
 def _add_suite(parser: argparse.ArgumentParser) -> None:
@@ -221,7 +235,7 @@ def _report(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     from gslcosim.benchmark.execution.pool import LocalPool
-    from gslcosim.benchmark.execution.sandboxing import check_sandbox
+    from gslcosim.benchmark.execution.sandboxing import check_confinable, check_sandbox
     from gslcosim.benchmark.execution.verifying import Again, record
     from gslcosim.benchmark.store.folder import ResultsFolder
 
@@ -229,9 +243,11 @@ def _show(arguments: argparse.Namespace) -> int:
     trial = again.trial(arguments.trial)
     expected = again.rows[trial.id]["digest"]
     check_sandbox(again.plan)
+    if not arguments.trusted:
+        check_confinable([trial], again.folder.path)
     pool = LocalPool(1, again.plan.loaded.suite.limits)
     try:
-        place, digest = record(again, trial, pool)
+        place, digest = record(again, trial, pool, is_trusted=arguments.trusted)
     finally:
         pool.close()
     is_same = digest == expected
@@ -250,25 +266,31 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
+    from gslcosim.benchmark.execution.sandboxing import check_confinable
     from gslcosim.benchmark.execution.verifying import Again, verify
     from gslcosim.benchmark.store.folder import ResultsFolder
+    from gslcosim.benchmark.store.verification_marks import prepare_marks
     from gslcosim.cli.bench_text import verification_fields, verification_text, watched_count
 
     again = Again(ResultsFolder(arguments.results))
-    trials = again.sample(arguments.sample, seed=arguments.seed)
+    seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
+    trials = again.sample(arguments.sample, seed=seed)
     if not trials:
         raise UsageError(f"{arguments.results}: expected flights with a result, found none.")
     _check_here(arguments, again.plan)
+    if not arguments.trusted:
+        check_confinable(trials, again.folder.path)
+    prepare_marks()
     pool = _pool(arguments, again.plan.loaded.suite.limits)
     try:
         with watched_count("verifying", is_quiet=arguments.json) as report:
-            verification = verify(again, trials, pool, report)
+            verification = verify(again, trials, pool, report, is_trusted=arguments.trusted)
     finally:
         pool.close()
     if arguments.json:
-        write_json(verification_fields(verification))
+        write_json(verification_fields(verification) | {"seed": seed})
     else:
-        write(verification_text(verification))
+        write(f"{verification_text(verification)}\nThe sample was drawn with --seed {seed}.")
     return ExitCode.DIVERGENCE if verification.differences else 0
 
 

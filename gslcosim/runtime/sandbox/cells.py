@@ -16,6 +16,7 @@ from gslcosim._kernel_cache import NUMBA_VARIABLE, cache_root
 from gslcosim.runtime.over_bus.warm_place import warm_folder
 from gslcosim.runtime.watching.window import windows_folder
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
+from gslcosim.user_state import user_state_folder
 
 # Read-only for every agent, where they exist.
 SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/etc", "/opt", "/nix", "/sys/devices/system")
@@ -126,10 +127,10 @@ def lies_in_truth(folder: Path) -> bool:
 def always_hidden() -> list[Path]:
     """Return what no agent sees wherever it lies.
 
-    Bundled scenarios, the cache with environments and gas, and the folders of sockets at which only those in no sandbox
-    may ask.
+    Bundled scenarios, the cache with environments and gas, what the user has found out, and the folders of sockets at
+    which only those in no sandbox may ask.
     """
-    return [bundled_folder("."), cache_root(), warm_folder(), windows_folder()]
+    return [bundled_folder("."), cache_root(), user_state_folder(), warm_folder(), windows_folder()]
 
 
 def is_system(path: Path) -> bool:

@@ -2,7 +2,7 @@
 
 import gc
 
-from gslcosim.agent_kit import Agent
+from gslcosim.agent_kit import Agent, run
 from gslcosim.contract.messages import Briefing, Command, Observation
 
 
@@ -20,3 +20,7 @@ class Thief(Agent):
         x_m, y_m, _ = self.source_m
         place_m = (x_m, y_m, observation.position_world_m[2])
         return Command(tick=observation.tick, kind="waypoint", position_world_m=place_m)
+
+
+if __name__ == "__main__":
+    run(Thief)

@@ -15,6 +15,7 @@ from reading_back import Page, data_of
 from gslcosim.benchmark.report.writing import write_report
 from gslcosim.benchmark.statistics.rates import wilson
 from gslcosim.benchmark.store.columns import TRIALS
+from gslcosim.benchmark.store.verification_marks import VerificationMark, results_hash, save_mark
 from gslcosim.errors import UsageError
 
 SMALL = synthetic.Plan(
@@ -334,13 +335,12 @@ def test_merged_results_say_whose_and_which_are_not_verified(tmp_path):
     folder = synthetic.make_results(tmp_path / "results", SMALL)
     manifest = json.loads((folder / "manifest.json").read_text())
     for entry in manifest["entries"]:
-        entry |= {
-            "submission": "of alice" if entry["name"] == "e_coli" else "bob",
-            "verified": entry["name"] != "e_coli",
-        }
-    del manifest["verified"]
+        # What a folder says of itself is not believed.
+        entry |= {"submission": "of alice" if entry["name"] == "e_coli" else "bob", "verified": True}
     manifest |= {"merged_from": ["of alice", "bob"], "n_planned": 10_000}
     (folder / "manifest.json").write_text(json.dumps(manifest))
+    mark = VerificationMark(entries={entry["name"]: entry["name"] != "e_coli" for entry in manifest["entries"]})
+    save_mark(results_hash(folder), mark)
     text = "".join(Page(write_report(folder).read_text(encoding="utf-8")).text)
     assert "Not verified by flying a sample again: e_coli." in text
     assert "Not complete" not in text
