@@ -22,7 +22,10 @@ INHERITED_FILES = Path("/proc/self/fd")
 # A join file comes from another host: what is in it ends in the configuration of the bus, in lines of accounts, and on
 # the terminal.
 MAX_JOIN_FILE_BYTES = 1 << 20
-MemberName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
+_MEMBER = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}"
+MemberName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}$")]
+# Services that share a process join as one, under all their names.
+ProcessName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}(\+{_MEMBER}){{0,99}}$")]
 Endpoint = Annotated[
     str,
     StringConstraints(
@@ -75,7 +78,7 @@ class Join(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    name: MemberName
+    name: ProcessName
     endpoint: Endpoint
     namespace: Namespace
     user: MemberName
