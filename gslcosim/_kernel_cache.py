@@ -122,6 +122,9 @@ class _CachingLoader(importlib.abc.Loader):
     def exec_module(self, module: ModuleType) -> None:
         self._loader.exec_module(module)
         _sign_files(module)
+        # When it was last used says when it may go.
+        with contextlib.suppress(OSError):
+            os.utime(os.environ[NUMBA_VARIABLE])
 
 
 def _sign_files(caching: Any) -> None:

@@ -89,8 +89,17 @@ def plan_text(plan: "Plan", fields: dict[str, Any]) -> str:
 def watched_run(title: str, *, is_quiet: bool) -> "Iterator[Callable[[Progress], None]]":
     """Yield what a run reports to: a line that is drawn again on a terminal, a line now and then in a pipe."""
     line = _Line(is_quiet=is_quiet)
+    n_told = 0
+
+    def show(progress: "Progress") -> None:
+        nonlocal n_told
+        for text in progress.lost[n_told:]:
+            line.add(f"{title}: {text}")
+        n_told = max(n_told, len(progress.lost))
+        line.show(f"{title}: {progress_text(progress)}", is_last=progress.done == progress.total)
+
     try:
-        yield lambda progress: line.show(f"{title}: {progress_text(progress)}", is_last=progress.done == progress.total)
+        yield show
     finally:
         line.end()
 
@@ -244,6 +253,13 @@ class _Line:
         elif is_last or now - self._shown_at >= _PLAIN_EVERY_S:
             self._shown_at = now
             write_note(text)
+
+    def add(self, text: str) -> None:
+        """Write a line that stays."""
+        if self._is_quiet:
+            return
+        self.end()
+        write_note(text)
 
     def end(self) -> None:
         """Leave the line empty."""

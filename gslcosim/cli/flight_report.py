@@ -97,7 +97,8 @@ class PlainLines:
     def __call__(self, status: "FlightStatus") -> None:
         """Write the status when it is a new one."""
         is_told = status.state == "preparing" or (status.state == "flying" and status.text)
-        piece = (status.text or status_text(status)) if is_told else f"{status.state} {status.is_late}"
+        other = f"{status.state} {status.is_late} {status.is_compiling}"
+        piece = (status.text or status_text(status)) if is_told else other
         if piece == self._last:
             return
         self._last = piece

@@ -12,6 +12,7 @@ from gslcosim import __version__
 from gslcosim.cli.commands import (
     agent,
     bench,
+    cache,
     compare,
     doctor,
     export,
@@ -47,9 +48,10 @@ from gslcosim.cli.terminal import (
     open_missing_streams,
     write_note,
 )
+from gslcosim.disk_cache import limit_from_environment
 from gslcosim.errors import ExitCode, GslCosimError, MachineError
+from gslcosim.interruption import is_asked_to_end
 from gslcosim.machine import check_address_space, check_working_directory, unforeseen
-from gslcosim.runtime.interruption import is_asked_to_end
 
 # New objects between two collections; Python's own number is 700.
 _COLLECT_EVERY = 50_000
@@ -69,6 +71,7 @@ COMMANDS = (
     export.COMMAND,
     view.COMMAND,
     runs.COMMAND,
+    cache.COMMAND,
     paper_figures.COMMAND,
     compare.COMMAND,
     replay.COMMAND,
@@ -141,6 +144,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         if words[0] in _COMPUTING:
             check_address_space()
             check_working_directory()
+            limit_from_environment()
         return int((call or arguments.call)(arguments))
     except SystemExit:
         # The help or the version has been printed.

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim._kernel_cache import cache_root
+from gslcosim.disk_cache import keep_within_limit, mark_used
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import EnvironmentDataError
@@ -51,6 +52,7 @@ def prepare_environment(
 
         return _checked_folder(folder_of(spec, scenario_dir))
     folder = _folder_in_cache(scenario, scenario_dir, cache_dir)
+    mark_used(folder)
     if not _is_usable(folder):
         from gslcosim.generation.making import generate_environment
 
@@ -64,6 +66,7 @@ def prepare_environment(
             raise machine_error(
                 error, "cache", "a folder that can be written", path=folder.parent, remedy=remedy
             ) from error
+        keep_within_limit()
     return folder
 
 
@@ -77,6 +80,7 @@ def made_environment(scenario: Scenario, *, scenario_dir: Path | None = None) ->
         return None
     with suppress(EnvironmentDataError):
         folder = _folder_in_cache(scenario, scenario_dir, None)
+        mark_used(folder)
         return load_environment(folder) if folder.exists() else None
     return None
 

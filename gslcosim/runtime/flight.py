@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gslcosim.disk_cache import keep_within_limit, mark_used
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import MachineError, RecordingError, UsageError
 from gslcosim.generation import prepare_environment
 from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
+from gslcosim.interruption import is_asked_to_end
 from gslcosim.machine import fault_text
 from gslcosim.recording.machine_notes import MachineLog
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
@@ -18,8 +20,8 @@ from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.foreign.program_hashes import program_hashes
 from gslcosim.runtime.grouping import Group, groups_of
-from gslcosim.runtime.interruption import is_asked_to_end
 from gslcosim.runtime.joining import Network
+from gslcosim.runtime.kernel_compilation import CompilationReporter
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.over_bus.launch import fly_over_bus
@@ -204,7 +206,14 @@ def fly_into_folder(
             programs=program_hashes(scenario.participants, directory),
         )
         report(FlightStatus(state="starting", run_dir=run_dir.path))
-        return fly_it(setup, report)
+        mark_used(environment_dir)
+        for folder in later_rooms.values():
+            mark_used(folder)
+        with CompilationReporter(report) as reporter:
+            flown = fly_it(setup, reporter)
+        if reporter.has_compiled:
+            keep_within_limit()
+        return flown
 
     with FlightWindow(run_dir, scenario, processes, report) as window:
         outcome = _or_fault(lambda: outcome_of_flight(window))

@@ -14,6 +14,7 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.contract.participant import Accounts, Closes, Core
 from gslcosim.errors import GslCosimError, RunFolderError
+from gslcosim.interruption import Interruption
 from gslcosim.machine import fault_text
 from gslcosim.runtime.agents.desk import Desk, agent_statuses, desk_of
 from gslcosim.runtime.agents.door import faults_of
@@ -26,7 +27,6 @@ from gslcosim.runtime.assembly import build_core, dataflow_of, service_names
 from gslcosim.runtime.clock_pace import PACED, clock_pace_of
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.gate import NO_LIMIT
-from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.pauses import Pauses

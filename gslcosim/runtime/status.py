@@ -40,8 +40,9 @@ class FlightStatus:
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
     piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
-    than it should. `participants` may be called on any thread while the flight goes on, and looks then. `run_dir` is
-    told once there is one, with the state `starting`.
+    than it should, `is_compiling` that kernels are compiled, which takes a minute in the first run of a version.
+    `participants` may be called on any thread while the flight goes on, and looks then. `run_dir` is told once there is
+    one, with the state `starting`.
     """
 
     state: str
@@ -50,6 +51,7 @@ class FlightStatus:
     sim_time_s: float = 0.0
     real_time_factor: float = 0.0
     is_late: bool = False
+    is_compiling: bool = False
     participants: Callable[[], list[ParticipantStatus]] = no_participants
     run_dir: Path | None = None
 

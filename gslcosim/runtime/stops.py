@@ -33,6 +33,11 @@ def is_stopped(pid: int) -> bool:
     return any(_state_of(each) == _STOPPED for each in _line_of(pid))
 
 
+def is_stopped_itself(pid: int) -> bool:
+    """Return whether a process has been stopped by a signal, whatever it has started; false where nobody can tell."""
+    return _state_of(pid) == _STOPPED
+
+
 def stop_text() -> str:
     """Return what to say of a process that was stopped for too long, after its name."""
     return f"was stopped by a signal and not continued within {STOP_LIMIT_S:g} s"

@@ -15,6 +15,7 @@ from gslcosim._kernel_cache import cache_root
 from gslcosim.benchmark.suite.identity import files_of
 from gslcosim.benchmark.suite.models import EntrySpec
 from gslcosim.benchmark.suite.trials import Trial
+from gslcosim.disk_cache import mark_used
 from gslcosim.environment.of_scenario.room_origin import folder_of, wind_file
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario import Scenario
@@ -93,6 +94,7 @@ def unpacked(luggage: Luggage, contents: Contents | None) -> Path:
             f"The files of this trial are more than {_MOST_BYTES >> 30} GB: copy them to the same place on each node."
         )
     root = cache_root() / "shipped" / luggage.key
+    mark_used(root)
     if root.is_dir():
         return root
     root.parent.mkdir(parents=True, exist_ok=True)

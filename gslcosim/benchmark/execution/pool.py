@@ -16,6 +16,7 @@ from typing import Any, cast
 from gslcosim.benchmark.execution.jobs import Ended, Failure, Job
 from gslcosim.benchmark.suite.models import LimitsSpec
 from gslcosim.errors import SimulationFault
+from gslcosim.runtime.stops import Stops, is_stopped_itself, stop_text
 
 # The next job waits at the worker while it does the one before, so that it is never idle in between.
 _AHEAD = 2
@@ -73,6 +74,7 @@ class LocalPool:
         self._n_failed_starts = 0
         self._workers = [self._start() for _ in range(n_workers)]
         self._looked_at = 0.0
+        self._stops = Stops()
 
     def submit(self, job: Job) -> None:
         """Take a job; see `Pool`."""
@@ -159,7 +161,12 @@ class LocalPool:
 
     def _look_after(self) -> None:
         now = time.monotonic()
+        # What a worker has started, its own flight watches.
+        stopped = self._stops.look([w.name for w in self._workers if is_stopped_itself(w.process.pid)], now)
         for worker in list(self._workers):
+            if worker.name in stopped:
+                self._lose(worker, "crashed", f"{worker.name} {stop_text()}")
+                continue
             worker.peak_mb = _memory_mb(worker.process.pid)
             self.peak_mb = max(self.peak_mb, worker.peak_mb)
             if worker.process.poll() is not None and not worker.connection.poll():

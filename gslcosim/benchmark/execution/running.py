@@ -22,6 +22,7 @@ from gslcosim.benchmark.store.journal import Entry, Journal
 from gslcosim.benchmark.suite.planning import Plan
 from gslcosim.benchmark.suite.trials import Trial
 from gslcosim.benchmark.suite.writing import write_suite
+from gslcosim.disk_cache import mark_used
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import SimulationFault
 
@@ -39,6 +40,8 @@ class Progress:
     successes: dict[str, int] = field(default_factory=dict[str, int])
     flown: dict[str, int] = field(default_factory=dict[str, int])
     n_without_result: int = 0
+    lost: tuple[str, ...] = ()
+    """Trials that are flown again, each with what happened to its worker."""
 
     @property
     def rate_per_s(self) -> float:
@@ -99,6 +102,7 @@ class Run:
         self._flown: Counter[str] = Counter()
         self._found: Counter[str] = Counter()
         self._n_without_result = 0
+        self._lost: list[str] = []
         self._environments: dict[str, Path] = {}
         self._hashes: dict[str, str] = {}
         self._is_interrupted = False
@@ -197,6 +201,8 @@ class Run:
         jobs = [Job(key=room, kind="room", trial=trial) for room, trial in rooms.items()]
         for ended in self._all_done(pool, jobs, "rooms"):
             self._environments[ended.job.key] = ended.result
+            # The worker that has made it may end.
+            mark_used(ended.result)
         for room, folder in self._environments.items():
             self._hashes[room] = load_environment(folder).content_hash
         tapes = _firsts(todo, lambda trial: trial.tape)
@@ -269,6 +275,7 @@ class Run:
                     entry = self._entry_of(ended)
                     if entry.row["status"] != FLOWN and tries[trial.id] < _TRIES:
                         self._submit(pool, trial)
+                        self._lost.append(f"{trial.id}: {ended.text} It is flown again.")
                         continue
                     # Before it is journalled: who interrupts that must not lose it.
                     self._entries[trial.id] = entry
@@ -306,6 +313,7 @@ class Run:
                 successes=dict(self._found),
                 flown=dict(self._flown),
                 n_without_result=self._n_without_result,
+                lost=tuple(self._lost),
             )
         )
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from gslcosim._code_identity import code_hash, package_files
 from gslcosim._kernel_cache import cache_root
+from gslcosim.disk_cache import keep_within_limit, mark_used
 from gslcosim.environment.model import Environment
 from gslcosim.errors import EnvironmentDataError, ModelError
 from gslcosim.fields.filament.downwash import Jets
@@ -247,6 +248,7 @@ class TapedPlume:
 
     def _open(self, seed: int) -> GasTape:
         folder = self._tapes_dir / tape_hash(self._scenario, self._environment, seed)
+        mark_used(folder)
         try:
             return GasTape(folder)
         except EnvironmentDataError as error:
@@ -254,6 +256,7 @@ class TapedPlume:
                 _log.warning("A gas tape in the cache is damaged and is recorded anew: %s", error)
                 shutil.rmtree(folder, ignore_errors=True)
         record_tape(self._plume_of(seed), self._schedule, folder)
+        keep_within_limit()
         return GasTape(folder)
 
 

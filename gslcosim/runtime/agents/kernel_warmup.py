@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim._kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
-from gslcosim.command_lines import python_command
+from gslcosim.command_lines import ending_with_parent, python_command
 from gslcosim.errors import GslCosimError
 from gslcosim.methods.card import MethodCard, card_beside
 from gslcosim.runtime.sandbox.choosing import sandbox_kind
@@ -60,7 +60,7 @@ def compile_agent_kernels(
 
 def _compile_in_process_of_its_own(name: str) -> None:
     subprocess.run(
-        python_command("-m", __name__, name),
+        [*ending_with_parent(), *python_command("-m", __name__, name)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

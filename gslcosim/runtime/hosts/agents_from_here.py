@@ -8,11 +8,11 @@ from pathlib import Path
 from gslcosim.bus.port import INHERITED_FILES, JOIN_VARIABLE
 from gslcosim.command_lines import ending_with_parent, exit_text, python_command
 from gslcosim.errors import SimulationFault, UsageError
+from gslcosim.interruption import Interruption
 from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.starting import find_python_agent
 from gslcosim.runtime.hosts.fetching import Say
 from gslcosim.runtime.hosts.join_files import JoinFile
-from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.processes import OUR_VARIABLES, check_program
 from gslcosim.runtime.sandbox.launching import file_of
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from gslcosim._kernel_cache import cache_root
 from gslcosim.bus.port import Bus
+from gslcosim.disk_cache import mark_used
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ContractError, EnvironmentDataError, MachineError, RunTimeoutError, SimulationFault
 from gslcosim.runtime.hosts.offering import (
@@ -75,6 +76,7 @@ def room_here(offer: OfferedRoom) -> Path | None:
     here = cache_root() / "environments"
     named = Path(offer.environment_dir)
     for folder in (named, here / named.name, here / offer.environment_hash):
+        mark_used(folder)
         if any(_is_special(folder / name) for name in ROOM_FILES):
             continue
         try:
@@ -104,6 +106,7 @@ def fetch_room(bus: Bus, offer: OfferedRoom, say: Say) -> Path:
         SimulationFault: what has come is not the room that was offered.
     """
     folder = cache_root() / "environments" / offer.environment_hash
+    mark_used(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     total = sum(offer.room_files.values())
     if (free := shutil.disk_usage(folder.parent).free) < total:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from gslcosim.command_lines import python_command
 from gslcosim.errors import MachineError, SimulationFault
+from gslcosim.interruption import Interruption
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.agents.guests import Guests
 from gslcosim.runtime.agents.starting import start_command
 from gslcosim.runtime.grouping import Group, process_name
 from gslcosim.runtime.hosts.offering import Offering
-from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import FORK_SERVER, ForkServer

@@ -9,6 +9,7 @@ from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.errors import ExitCode
+from gslcosim.interruption import Interruption
 from gslcosim.runtime.agents.bus_link import BusLink
 from gslcosim.runtime.agents.desk import desk_of
 from gslcosim.runtime.agents.door import door_name
@@ -16,7 +17,6 @@ from gslcosim.runtime.agents.events import AgentGone, AgentJoined
 from gslcosim.runtime.agents.guests import Guests, absence_text
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.grouping import Group
-from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.joining import JOIN_LIMIT_S
 from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
 from gslcosim.runtime.over_bus import control

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending
 from gslcosim.errors import ExitCode, GslCosimError, UsageError
+from gslcosim.interruption import Interruption
 from gslcosim.runtime.agents.desk import desk_of
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, CommandCame, CommandRefused, PutEvent
 from gslcosim.runtime.agents.links import Seen
@@ -19,7 +20,6 @@ from gslcosim.runtime.assembly import dataflow_of
 from gslcosim.runtime.digest import Divergence, first_divergence
 from gslcosim.runtime.flight import fly_into_folder
 from gslcosim.runtime.in_process import InProcessFlight
-from gslcosim.runtime.interruption import Interruption
 from gslcosim.runtime.outcome import Outcome
 from gslcosim.runtime.repeating.past_run import PastRun, environment_of, snapshot_before
 from gslcosim.runtime.setup import Setup

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,7 @@ entries:
   - {name: eats, start: {python: eats.py}}
   - {name: floods, start: {python: floods.py}}
   - {name: raises, start: {python: raises.py}}
+  - {name: stops, start: {python: stops.py}}
   - {name: leaves, start: {command: [sh, -c, "echo bye >&2; exit 3"], door: stdio}}
 limits: {wall_s: 120, memory_mb: 500}
 """
@@ -147,11 +149,13 @@ def test_each_hostile_agent_ends_in_a_row_that_says_so(tmp_path: Path) -> None:
     rows = {row["entry"]: row for row in rows_of(tmp_path / "results" / "hostile")}
     assert {name: row["status"] for name, row in rows.items()} == {
         "crashes": "crashed", "eats": "out_of_memory", "floods": "flown", "raises": "flown",
-        "leaves": "flown", "oracle": "flown",
+        "leaves": "flown", "oracle": "flown", "stops": "crashed",
     }  # fmt: skip
     assert "code 7" in rows["crashes"]["fault"]
     assert "these are my last words" in rows["crashes"]["fault"]
     assert "500 MB" in rows["eats"]["fault"]
+    assert "was stopped by a signal and not continued within 5 s" in rows["stops"]["fault"]
+    assert re.search(r"worker_\d+ was stopped by a signal.*\. It is flown again\.", ended.stderr)
     assert rows["raises"]["outcome"] == rows["leaves"]["outcome"] == "agent_failed"
     assert "no idea" in rows["raises"]["agent_faults"]
     assert "bye" in rows["leaves"]["agent_faults"]

@@ -1,12 +1,16 @@
 """A recording is drawn without a screen, and what is missing for it is named."""
 
+import contextlib
 import json
 import struct
 import subprocess
 import sys
 
+import psutil
 import pytest
+from deadlines import EVENT_S
 
+from gslcosim.command_lines import ending_with_parent
 from gslcosim.errors import RecordingError
 from gslcosim.recording import viewer
 from gslcosim.recording.viewer import open_viewer, screenshot
@@ -88,3 +92,20 @@ def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_h
         with pytest.raises(RecordingError, match="was still drawing in 2 tries"):
             screenshot(path, png)
         assert not png.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not ending_with_parent(), reason="setpriv tells Linux to end it")
+@pytest.mark.usefixtures("vulkan")
+def test_a_command_that_is_killed_leaves_no_renderer(record, tmp_path):
+    """Nobody else would end it."""
+    call = [sys.executable, "-m", "gslcosim", "view", str(record()), "--screenshot", str(tmp_path / "picture.png")]
+    with subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as command:
+        process = psutil.Process(command.pid)
+        renderers: list[psutil.Process] = []
+        while not renderers and command.poll() is None:
+            with contextlib.suppress(psutil.Error):
+                renderers = [each for each in process.children() if "--screenshot-to" in each.cmdline()]
+        command.kill()
+    assert renderers
+    assert not psutil.wait_procs(renderers, timeout=EVENT_S)[1]

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from gslcosim.runtime.interruption import Interruption
+from gslcosim.interruption import Interruption
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
 
@@ -60,7 +60,7 @@ def test_nohup_is_respected():
 
 RAISES = """
 import os, signal, sys
-from gslcosim.runtime.interruption import Interruption, is_asked_to_end, raise_on_signals
+from gslcosim.interruption import Interruption, is_asked_to_end, raise_on_signals
 number = getattr(signal, sys.argv[1])
 raise_on_signals()
 assert not is_asked_to_end()
@@ -95,7 +95,7 @@ def test_signals_raise_in_this_process_and_end_its_forks(name):
 def test_an_ignored_signal_stays_ignored():
     """As by nohup."""
     program = (
-        "import os, signal; from gslcosim.runtime.interruption import raise_on_signals; raise_on_signals(); "
+        "import os, signal; from gslcosim.interruption import raise_on_signals; raise_on_signals(); "
         "os.kill(os.getpid(), signal.SIGHUP)"
     )
     subprocess.run(

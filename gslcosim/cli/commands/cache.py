@@ -1,0 +1,189 @@
+"""`gslcosim cache`: what the cache holds, by size and last use, and room on the disk by removing some of it."""
+
+import argparse
+import re
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.commands.runs import age_text
+from gslcosim.cli.parsing import Command, at_least_one
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+from gslcosim.errors import UsageError
+
+if TYPE_CHECKING:
+    from gslcosim.disk_cache import CacheEntry
+
+EXAMPLES = """  gslcosim cache
+  gslcosim cache --kind tape --sort size --limit 10
+  gslcosim cache --json
+  gslcosim cache free --older-than 30d
+  gslcosim cache free --keep 1GB --yes
+  gslcosim cache free --kind kernels --all --yes"""
+
+_HEADINGS = ("kind", "entry", "size", "unused for", "in use")
+_AGE = re.compile(r"(\d+(?:\.\d+)?)\s*(min|h|d|w)")
+_UNITS_S = {"min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("action", nargs="?", choices=("list", "free"), default="list", help="default: list")
+    parser.add_argument(
+        "--kind",
+        action="append",
+        metavar="KIND",
+        default=[],
+        help="only room, tape, kernels, files or program, as often as needed",
+    )
+    parser.add_argument("--sort", choices=("age", "size"), default="age", help="used last, or largest, first")
+    parser.add_argument("--limit", type=at_least_one, metavar="N", help="show the first N entries only")
+    parser.add_argument("--older-than", metavar="AGE", help="with free: what was unused for so long: 12h, 30d, 8w")
+    parser.add_argument(
+        "--keep", metavar="SIZE", help="with free: what was unused for longest, until no more than SIZE is left: 1GB"
+    )
+    parser.add_argument("--all", action="store_true", help="with free: everything that is not in use")
+    parser.add_argument("--yes", action="store_true", help="with free: remove it, not only say what")
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.disk_cache import FOLDERS
+
+    wrong = [kind for kind in arguments.kind if kind not in FOLDERS]
+    if wrong:
+        raise UsageError(f"gslcosim cache: expected --kind of {', '.join(FOLDERS)}, was {wrong[0]!r}.")
+    is_freeing = arguments.older_than is not None or arguments.keep is not None or arguments.all
+    if arguments.action == "list":
+        if is_freeing or arguments.yes:
+            raise UsageError("gslcosim cache: expected --older-than, --keep, --all and --yes with free only.")
+        return _list(arguments)
+    if not is_freeing:
+        raise UsageError("gslcosim cache free: expected --older-than, --keep or --all, which say what to remove.")
+    return _free(arguments)
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    from gslcosim._kernel_cache import cache_root
+    from gslcosim.disk_cache import LIMIT_VARIABLE, limit_from_environment, list_entries
+
+    entries, limit_bytes = _of_kinds(list_entries(), arguments.kind), limit_from_environment()
+    total_bytes = sum(entry.size_bytes for entry in entries)
+    shown = sorted(entries, key=lambda entry: -entry.size_bytes) if arguments.sort == "size" else entries
+    shown = shown[: arguments.limit]
+    if arguments.json:
+        limit_mb = None if limit_bytes == float("inf") else limit_bytes / 1e6
+        write_json(
+            {
+                "folder": str(cache_root()), "size_mb": _mb(total_bytes), "limit_mb": limit_mb,
+                "entries": [_row(entry) for entry in shown],
+            }
+        )  # fmt: skip
+        return 0
+    if shown:
+        write(table(_HEADINGS, [_cells(entry) for entry in shown]))
+        write()
+    if len(shown) < len(entries):
+        write_note(f"{len(shown)} of {len(entries)}")
+    for kind in dict.fromkeys(entry.kind for entry in entries):
+        of_kind = [entry for entry in entries if entry.kind == kind]
+        write(f"{kind:<9}{len(of_kind):>6}   {_size(sum(entry.size_bytes for entry in of_kind))}")
+    limit = "no limit" if limit_bytes == float("inf") else f"limit {_size(limit_bytes)}"
+    write(f"{'all':<9}{len(entries):>6}   {_size(total_bytes)}, {limit} ({LIMIT_VARIABLE})")
+    write(f"folder   {cache_root()}")
+    return 0
+
+
+def _free(arguments: argparse.Namespace) -> int:
+    from gslcosim.disk_cache import list_entries, remove_entries
+
+    choose = _choice(arguments)
+    if arguments.yes:
+        chosen = remove_entries(choose)
+        kept: Sequence[CacheEntry] = ()
+    else:
+        found = choose(list_entries())
+        chosen = [entry for entry in found if not entry.is_in_use]
+        kept = [entry for entry in found if entry.is_in_use]
+    size_bytes = sum(entry.size_bytes for entry in chosen)
+    if arguments.json:
+        write_json({"removed": arguments.yes, "entries": [_row(e) for e in chosen], "size_mb": _mb(size_bytes)})
+        return 0
+    if chosen:
+        write(table(_HEADINGS, [_cells(entry) for entry in chosen]))
+        write()
+    for entry in kept:
+        write(f"kept       {entry.folder}: a process uses it")
+    told = "Removed" if arguments.yes else "Would remove"
+    n = "1 entry" if len(chosen) == 1 else f"{len(chosen)} entries"
+    write(f"{told} {n}, {_size(size_bytes)}." + ("" if arguments.yes or not chosen else " Do it with --yes."))
+    return 0
+
+
+def _choice(arguments: argparse.Namespace) -> "Callable[[Sequence[CacheEntry]], list[CacheEntry]]":
+    from gslcosim.disk_cache import parse_size_bytes
+
+    limit_s = None if arguments.older_than is None else _parse_age_s(arguments.older_than)
+    keep_bytes = None if arguments.keep is None else parse_size_bytes(arguments.keep, place="gslcosim cache --keep")
+
+    def choose(entries: "Sequence[CacheEntry]") -> "list[CacheEntry]":
+        entries = _of_kinds(entries, arguments.kind)
+        left_bytes = sum(entry.size_bytes for entry in entries)
+        chosen: list[CacheEntry] = []
+        for entry in sorted(entries, key=lambda entry: entry.used_at_s):
+            is_old = limit_s is not None and time.time() - entry.used_at_s > limit_s
+            if arguments.all or is_old or (keep_bytes is not None and left_bytes > keep_bytes):
+                chosen.append(entry)
+                left_bytes -= 0 if entry.is_in_use else entry.size_bytes
+        return chosen
+
+    return choose
+
+
+def _parse_age_s(text: str) -> float:
+    found = _AGE.fullmatch(text.strip())
+    if found is None:
+        raise UsageError(f"gslcosim cache --older-than: expected an age such as 90min, 12h, 30d or 8w, was {text!r}.")
+    return float(found[1]) * _UNITS_S[found[2]]
+
+
+def _of_kinds(entries: "Sequence[CacheEntry]", kinds: Sequence[str]) -> "list[CacheEntry]":
+    return [entry for entry in entries if not kinds or entry.kind in kinds]
+
+
+def _cells(entry: "CacheEntry") -> tuple[str, ...]:
+    age_h = (time.time() - entry.used_at_s) / 3600
+    return entry.kind, entry.folder.name, _size(entry.size_bytes), age_text(max(0.0, age_h)), _yes(entry.is_in_use)
+
+
+def _row(entry: "CacheEntry") -> dict[str, Any]:
+    return {
+        "kind": entry.kind,
+        "entry": entry.folder.name,
+        "folder": str(entry.folder),
+        "size_mb": _mb(entry.size_bytes),
+        "unused_h": round(max(0.0, time.time() - entry.used_at_s) / 3600, 3),
+        "is_in_use": entry.is_in_use,
+    }
+
+
+def _mb(size_bytes: float) -> float:
+    return round(size_bytes / 1e6, 3)
+
+
+def _size(size_bytes: float) -> str:
+    if size_bytes >= 1e9:
+        return f"{size_bytes / 1e9:.1f} GB"
+    return f"{size_bytes / 1e6:.1f} MB" if size_bytes >= 1e6 else f"{size_bytes / 1e3:.0f} kB"
+
+
+def _yes(is_so: bool) -> str:  # noqa: FBT001 - one word for one fact
+    return "yes" if is_so else "-"
+
+
+COMMAND = Command(
+    name="cache",
+    summary="list what the cache holds, rooms, tapes of gas and compiled kernels, by size and last use; free room",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)
