@@ -13,60 +13,62 @@ BASE ?= 9693e5e
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
 
+# Needs pip and nothing else: what needs packages of Debian, or Python packages of many megabytes, is for test-all.
+LIGHT := not soak and not debian and not extras
 test: .venv/ready-dev       # what a newcomer types: the fast tests, and each capability once end to end
-	@tests/install_debian_packages.sh
-	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and not soak"
-	$(BIN)/pytest -q -n 2 --dist loadscope -m "tour and not soak"
+	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and $(LIGHT)"
+	$(BIN)/pytest -q -n 2 --dist loadscope -m "tour and $(LIGHT)"
 
-test-all: .venv/ready-dev   # what is slower or repeats, after `make test`
+LEFT_OUT := not soak and (debian or extras or (not tour and (slow or end_to_end)))
+test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missing for a test is listed at the end
 	@tests/install_debian_packages.sh
-	$(BIN)/pytest -q -n 2 -m "slow and not end_to_end and not tour and not soak"
-	$(BIN)/pytest -q -n 2 --dist loadscope -m "end_to_end and not tour and not soak"
+	$(BIN)/pytest -q -n 2 -rs -m "not end_to_end and $(LEFT_OUT)"
+	$(BIN)/pytest -q -n 2 -rs --dist loadscope -m "end_to_end and $(LEFT_OUT)"
 
-check: .venv/ready-dev      # style, types, layers, spelling
+check: .venv/ready-check      # style, types, layers, spelling
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
 	$(BIN)/lint-imports --no-logo && $(BIN)/pyright
 
-bench: .venv/ready-dev      # how fast it is on this machine
+bench: .venv/ready-test-all      # how fast it is on this machine
 	@set -e; for script in $(filter-out %/bench_against.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
 
-bench-agents: .venv/ready-dev  # decisions per second and round trip, for each language and door
+bench-agents: .venv/ready-test-all  # decisions per second and round trip, for each language and door
 	$(BIN)/python tests/benchmarks/bench_agents.py
 
-bench-against: .venv/ready-dev  # today's speed beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
+bench-against: .venv/ready-test-all  # today's speed beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
 	$(BIN)/python tests/benchmarks/bench_against.py --base $(BASE)
 
 bench-peers: .venv/ready-dev .venv-peers/ready  # ticks per second beside HELICS and mosaik, in turns
 	$(BIN)/python tests/benchmarks/bench_peers.py
 
-bench-gas: .venv/ready-dev  # how fast the gas is, beside its targets
+bench-gas: .venv/ready-test-all  # how fast the gas is, beside its targets
 	$(BIN)/python tests/benchmarks/bench_gas.py
 
-bench-suite: .venv/ready-dev  # what a flight of a suite costs and its parts, how busy workers are, whether memory stays flat
+bench-suite: .venv/ready-test-all  # what a flight of a suite costs and its parts, how busy workers are, whether memory stays flat
 	$(BIN)/python tests/benchmarks/bench_suite.py $(SUITE)
 
-bench-training: .venv/ready-dev  # agent steps per second in batches, beside single environments, in turns; how far batched rotorcraft are from full flights
+bench-training: .venv/ready-test-all  # agent steps per second in batches, beside single environments, in turns; how far batched rotorcraft are from full flights
 	$(BIN)/python tests/benchmarks/bench_training.py
 	$(BIN)/python docs/studies/first_order_flight.py
 
-bench-wind: .venv/ready-dev  # how accurate and fast the wind solver is; QUICK=--quick for less
+bench-wind: .venv/ready-test-all  # how accurate and fast the wind solver is; QUICK=--quick for less
 	$(BIN)/python tests/benchmarks/bench_wind.py $(QUICK)
 
-bench-robots: .venv/ready-dev  # how fast vehicles fly and drive, beside targets, and how accurately
+bench-robots: .venv/ready-test-all  # how fast vehicles fly and drive, beside targets, and how accurately
 	$(BIN)/python tests/benchmarks/bench_robots.py
 	$(BIN)/python tests/benchmarks/bench_onboard.py
 	$(BIN)/python docs/studies/robot_accuracy.py
 
-bench-methods: .venv/ready-dev  # what a decision of each method costs, beside its limit and plain numpy; SAVE=--save for docs/methods.md
+bench-methods: .venv/ready-test-all  # what a decision of each method costs, beside its limit and plain numpy; SAVE=--save for docs/methods.md
 	$(BIN)/python tests/benchmarks/bench_methods.py $(SAVE)
 
-crossings: .venv/ready-dev  # rooms crossed from nine starts by a scripted agent; ROOMS=folders of GSL-Bench environments
+crossings: .venv/ready-test-all  # rooms crossed from nine starts by a scripted agent; ROOMS=folders of GSL-Bench environments
 	$(BIN)/python docs/studies/crossings.py $(ROOMS)
 
-plume-statistics: .venv/ready-dev   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
+plume-statistics: .venv/ready-test-all   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
 	$(BIN)/python docs/studies/plume_statistics.py --plot plume_statistics.png
 
-soak: .venv/ready-dev       # many seeds and hours of simulated time
+soak: .venv/ready-test-all       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh
 	$(BIN)/pytest -q -m soak --timeout 3600
 	$(BIN)/python tests/soak/network_campaign.py
@@ -74,28 +76,28 @@ soak: .venv/ready-dev       # many seeds and hours of simulated time
 # Ten seconds a trial; JOBS at a time.
 N ?= 1000
 JOBS ?= 2
-soak-faults: .venv/ready-dev  # random faults of every member in every phase, and a table of what came of them; N=TRIALS
+soak-faults: .venv/ready-test-all  # random faults of every member in every phase, and a table of what came of them; N=TRIALS
 	$(BIN)/python tests/soak/fault_campaign.py --trials $(N) --jobs $(JOBS)
 
-soak-network: .venv/ready-dev  # one run over links with delay, loss and cuts, as root: its table of speeds and digests
+soak-network: .venv/ready-test-all  # one run over links with delay, loss and cuts, as root: its table of speeds and digests
 	@tests/install_debian_packages.sh
 	$(BIN)/python tests/soak/network_campaign.py
 
-soak-restarts: .venv/ready-dev  # services killed at random ticks, and a table of what came of them; N=TRIALS
+soak-restarts: .venv/ready-test-all  # services killed at random ticks, and a table of what came of them; N=TRIALS
 	$(BIN)/python tests/soak/restart_campaign.py --trials $(N)
 
-soak-travel: .venv/ready-dev  # random runs replayed, gone on with at snapshots, forked, and a table of what came of them; N=TRIALS of each
+soak-travel: .venv/ready-test-all  # random runs replayed, gone on with at snapshots, forked, and a table of what came of them; N=TRIALS of each
 	$(BIN)/python tests/soak/travel_campaign.py --trials $(N)
 
-attacks: .venv/ready-dev    # what agents that try to cheat reach in each sandbox
+attacks: .venv/ready-test-all    # what agents that try to cheat reach in each sandbox
 	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py
 
 # ONLY=PATTERNS for a part of it; FROZEN=FILE in place of tests/freeze/frozen.json.
 FREEZE = $(BIN)/python tests/freeze/freeze.py $(1) $(if $(ONLY),--only $(ONLY)) $(if $(FROZEN),--frozen $(FROZEN))
-freeze: .venv/ready-dev     # write results that must not change, to the bit; an interrupted one goes on; review the diff
+freeze: .venv/ready-test-all     # write results that must not change, to the bit; an interrupted one goes on; review the diff
 	$(call FREEZE,write)
 
-freeze-check: .venv/ready-dev  # compute them and name what differs; a quarter of an hour
+freeze-check: .venv/ready-test-all  # compute them and name what differs; a quarter of an hour
 	$(call FREEZE,check)
 
 golden: .venv/ready-dev     # rewrite the golden files; review the diff
@@ -112,15 +114,17 @@ contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
 	$(BIN)/gslcosim schema export agents/contract
 
-setup: .venv/ready-dev      # everything for development
+setup: .venv/ready-check .venv/ready-test-all  # everything for development
 
 .venv/ready: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
 	@echo "Setting up .venv (once, about half a minute)"
 	@$(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . && touch $@
 
-.venv/ready-dev: .venv/ready
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' && touch $@
+# What the extras dev, check and test-all name.
+.venv/ready-dev .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready
+	@echo "Installing the extra $* into .venv (once)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]' && touch $@
 
 # Nothing of ours: what the extra names, and no more.
 PEERS = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["peers"])

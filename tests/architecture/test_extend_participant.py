@@ -34,6 +34,7 @@ def test_every_fault_on_the_page_is_one_that_is_told():
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
+@pytest.mark.debian
 def test_the_commands_of_the_page_lead_to_flights_of_one_digest(tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("needs a C compiler: apt-get install gcc")

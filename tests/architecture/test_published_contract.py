@@ -211,6 +211,7 @@ def asyncapi_schema():
 
 
 @pytest.mark.slow
+@pytest.mark.debian
 def test_asyncapi_is_valid_by_its_published_schema(asyncapi_schema):
     validator = jsonschema.Draft7Validator(asyncapi_schema)
     for file in ("participation.yaml", "asyncapi.yaml"):

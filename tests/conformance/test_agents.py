@@ -54,6 +54,7 @@ def test_a_new_python_agent_keeps_every_rule(tmp_path):
 
 
 @of_every_language()
+@pytest.mark.debian
 def test_an_agent_of_another_language_keeps_every_rule(agent):
     agent.build()
     wiring = Wiring(

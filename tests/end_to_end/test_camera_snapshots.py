@@ -12,7 +12,7 @@ EYES = (
     "{model: camera, name: eye, period_s: 0.3}, {model: depth_camera, name: depth, period_s: 0.5, max_range_m: 9}]"
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.debian]
 
 
 def flown(scenario, runs_dir, *options):

@@ -26,7 +26,7 @@ def services() -> dict:
     """The services as the compose tool understands them."""
     tool = shutil.which("docker-compose", path=f"{BIN}{os.pathsep}{os.environ['PATH']}")
     if tool is None:
-        pytest.skip("no compose tool here: the dev extra brings one for Linux on x86_64")
+        pytest.skip("no compose tool here: the extra test-all brings one for Linux on x86_64")
     command = [tool, "--file", str(ROOT / "compose.yaml"), "config", "--format", "json"]
     variables = os.environ | {"SCENARIO": "tiny_room"}
     outcome = subprocess.run(command, env=variables, capture_output=True, text=True, check=True)
@@ -34,6 +34,7 @@ def services() -> dict:
 
 
 @pytest.mark.end_to_end
+@pytest.mark.extras
 def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
     """Volumes become folders, and the supervisor's host becomes this one; services start before their files exist."""
     replaced = {

@@ -9,6 +9,8 @@ from deadlines import EVENT_S, PROCESS_S
 from flights import COMMAND, ROOT, fly_here, wait_a_moment
 from two_hosts import HERE, two_hosts, why_not
 
+pytestmark = pytest.mark.debian
+
 PAGE = ROOT / "docs" / "hosts.md"
 # The page's host and the test's; copying between hosts is copying between folders here.
 PRELUDE = f"""set -e

@@ -15,7 +15,7 @@ from languages import language_agents
 QUICK_PAGES = ("c", "shell")
 PAGES = (*QUICK_PAGES, "cpp", "go", "java", "octave", "rust", "typescript")
 
-pytestmark = pytest.mark.timeout(BUILD_S + PROCESS_S)
+pytestmark = [pytest.mark.debian, pytest.mark.timeout(BUILD_S + PROCESS_S)]
 SAVED = re.compile(r"Save this as `([^`]+)`[^\n]*\n\n```\w+\n(.*?)```", re.DOTALL)
 COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 

@@ -9,7 +9,7 @@ from flights import TINY_ROOM, fly, fly_here
 from languages import SERIES, answers, golden_session, language_agents, of_every_language
 
 # The first test of a language builds it; on a new machine its packages are fetched, too.
-pytestmark = pytest.mark.timeout(BUILD_S + PROCESS_S)
+pytestmark = [pytest.mark.debian, pytest.mark.timeout(BUILD_S + PROCESS_S)]
 
 # A larger room that is searched until the time is over, because success is asked for closer than legs can lead:
 # seeking, zigzags, walls and random headings.

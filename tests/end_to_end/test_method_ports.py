@@ -8,7 +8,7 @@ from flights import TINY_ROOM, fly_here
 from languages import ports
 
 # The first test of a language builds it; on a new machine its packages are fetched, too.
-pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_S + PROCESS_S)]
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.debian, pytest.mark.timeout(BUILD_S + PROCESS_S)]
 
 # A larger room that is searched until the time is over, because success is asked for closer than legs can lead.
 LONG = (

@@ -26,10 +26,7 @@ def openfoam_or_skip():
         pytest.skip(str(error))
 
 
-pytestmark = [
-    pytest.mark.end_to_end,
-    pytest.mark.slow,
-]  # compiling takes long on a busy machine
+pytestmark = [pytest.mark.end_to_end, pytest.mark.slow, pytest.mark.debian]
 
 
 @pytest.fixture

@@ -116,6 +116,7 @@ def test_ways_around_obstacles_and_each_other_are_alike(tmp_path):
         assert agent["path_length_m"] > 6.0
 
 
+@pytest.mark.debian
 def test_parity_holds_with_every_on_board_sensor(tmp_path):
     """Pictures, ranges and inertial samples are the same to the bit in one process and in many."""
     change = ("--set", "referee.stop.time_limit_s=6")

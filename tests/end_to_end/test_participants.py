@@ -48,6 +48,7 @@ def told_fault(ended):
 
 
 @pytest.mark.tour
+@pytest.mark.debian
 def test_an_air_conditioner_in_c_flies_in_both_kinds_of_hosting_with_one_digest(room, tmp_path):
     here = fly_here(room, tmp_path / "here")
     many = fly(room, tmp_path / "many")
@@ -61,6 +62,7 @@ def test_an_air_conditioner_in_c_flies_in_both_kinds_of_hosting_with_one_digest(
     assert (many.run_dir / "logs" / "participant_air_conditioner.log").exists()
 
 
+@pytest.mark.debian
 def test_the_same_in_rust_is_right_and_has_that_digest_in_both_kinds_of_hosting(room, tmp_path):
     if shutil.which("rustc") is None:
         pytest.skip("needs a Rust compiler: https://rustup.rs")
@@ -78,6 +80,7 @@ def test_the_same_in_rust_is_right_and_has_that_digest_in_both_kinds_of_hosting(
     assert hashes[1] == hashes[2] == {"air_conditioner": {"./air_conditioner": program}} != hashes[0]
 
 
+@pytest.mark.debian
 def test_the_same_in_python_and_among_grouped_services_has_that_digest_too(room, tmp_path):
     start = f"participants[0].start={{command: [{sys.executable}, ./air_conditioner.py], format: json}}"
     in_python = fly(room, tmp_path / "python", "--processes", "grouped", "--set", start)
@@ -85,6 +88,7 @@ def test_the_same_in_python_and_among_grouped_services_has_that_digest_too(room,
 
 
 @pytest.mark.parametrize("begin", [(), ("--from", "2")])
+@pytest.mark.debian
 def test_a_run_with_a_participant_is_replayed_to_the_bit_from_its_start_and_from_a_snapshot(room, tmp_path, begin):
     flown = fly_here(room, tmp_path / "flown", "--set", "snapshots.every_s=1")
     assert flown.result["ticks"] > 20, "the run ends before the snapshot"

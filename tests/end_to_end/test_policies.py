@@ -27,8 +27,8 @@ def table_in(folder):
 
 def model_in(folder):
     """Velocities that a matrix makes of what is seen."""
-    onnx = pytest.importorskip("onnx", reason="extra dev")
-    pytest.importorskip("onnxruntime", reason="extra onnx")
+    import onnx
+
     helper, numbers = onnx.helper, onnx.TensorProto.FLOAT
     matrix = np.array([[0.1, 0.3], [0.2, 0.7], [0.6, -0.2]], np.float32)
     graph = helper.make_graph(
@@ -45,7 +45,10 @@ def model_in(folder):
     return folder / "theirs.onnx"
 
 
-@pytest.mark.parametrize("make", [pytest.param(model_in, marks=pytest.mark.tour), table_in])
+MAKERS = [pytest.param(model_in, marks=pytest.mark.extras), pytest.param(table_in, marks=pytest.mark.tour)]
+
+
+@pytest.mark.parametrize("make", MAKERS)
 def test_a_file_flies_alike_in_a_sandbox_and_here(tmp_path, make):
     (tmp_path / "mine").mkdir()
     policy = make(tmp_path / "mine")

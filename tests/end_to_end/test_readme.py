@@ -45,7 +45,13 @@ def folder(tmp_path):
 
 @pytest.mark.end_to_end
 @pytest.mark.slow
-@pytest.mark.parametrize("title", ["Everyday commands", "Compare methods"])
+@pytest.mark.parametrize(
+    "title",
+    [
+        pytest.param("Everyday commands", marks=[pytest.mark.debian, pytest.mark.extras]),
+        "Compare methods",
+    ],
+)
 def test_every_command_works_as_it_stands(title, folder):
     lines = commands_of(title)
     assert len(lines) >= 4

@@ -21,6 +21,7 @@ COMMANDS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)
 @pytest.mark.end_to_end
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("go") is None, reason="needs Go: apt-get install golang-go")
+@pytest.mark.debian
 def test_the_page_leads_to_a_row_in_the_table(tmp_path: Path) -> None:
     (tmp_path / "my_submission.yaml").write_text(SUITE)
     paths = f"{Path(sys.executable).parent}:{os.environ['PATH']}"

@@ -30,9 +30,12 @@ def told(capsys):
     return call
 
 
+@pytest.mark.debian
+@pytest.mark.extras
 def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, capsys):
-    av = pytest.importorskip("av", reason="extra film")
-    highlevel = pytest.importorskip("rosbags.highlevel", reason="extra ros")
+    import av
+    from rosbags import highlevel
+
     runs_dir = tmp_path / "runs"
     limit = ("--set", "referee.stop.time_limit_s=15")
     for method in METHODS:

@@ -13,6 +13,8 @@ from two_hosts import HERE, Quality, make_certificates, two_hosts, why_not
 
 from gslcosim._kernel_cache import cache_root
 
+pytestmark = pytest.mark.debian
+
 ATTACHED = ("--set", "agents[0].start={attach: true}")
 MUTUAL_TLS = (
     "--tls-certificate=server.pem", "--tls-key=server.key", "--tls-ca=ca.pem", "--tls-client-ca=ca.pem",

@@ -126,8 +126,10 @@ def _check(messages, values, pick):
 
 
 @pytest.mark.slow
+@pytest.mark.extras
 def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
-    reader_of_ros2 = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support")
+    from mcap_ros2 import reader as reader_of_ros2
+
     folder = extracted(flown, "mcap", tmp_path)
     messages = {}
     for each in reader_of_ros2.read_ros2_messages(str(folder / f"{flown.name}.mcap")):
@@ -136,8 +138,10 @@ def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.extras
 def test_rosbag2_is_read_back(flown, tmp_path):
-    highlevel = pytest.importorskip("rosbags.highlevel", reason="extra ros")
+    from rosbags import highlevel
+
     folder = extracted(flown, "rosbag2", tmp_path)
     messages = {}
     with highlevel.AnyReader([folder]) as bag:

@@ -29,7 +29,8 @@ def runs(tmp_path_factory):
 
 
 def decoded(path):
-    av = pytest.importorskip("av", reason="extra film")
+    import av
+
     with av.open(str(path)) as container:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
@@ -52,6 +53,8 @@ def place_of(frame, color, tolerance):
 
 @pytest.mark.slow
 @pytest.mark.tour
+@pytest.mark.debian
+@pytest.mark.extras
 def test_two_seconds_of_film_show_the_vehicle_where_it_was(runs, tmp_path, capsys):
     told = filmed(
         capsys, runs[0], "--out", tmp_path / "a.mp4", "--speed", 2, "--from", 4, "--to", 8, "--size", "641x361"
@@ -80,6 +83,7 @@ def test_the_plan_has_the_vehicle_at_its_place(runs):
 
 
 @pytest.mark.slow
+@pytest.mark.debian
 def test_tiles_show_each_run_with_its_method_and_end(runs, tmp_path, capsys):
     told = filmed(capsys, *runs, "--out", tmp_path / "two.gif", "--speed", 6, "--size", "480x240")
     with Image.open(tmp_path / "two.gif") as film:

@@ -69,8 +69,8 @@ def test_the_same_log_has_the_same_digest_and_cannot_be_repeated(tmp_path, capsy
 
 @pytest.mark.slow
 @pytest.mark.parametrize("to", ["rosbag2", "mcap"])
+@pytest.mark.extras
 def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
-    pytest.importorskip("rosbags", reason="extra ros")
     words = ["up", "tiny_room", "--in-process", "--quiet", "--runs-dir", str(tmp_path / "flown")]
     main([*words, "--set", "referee.stop.time_limit_s=8"])
     flown = gslcosim.open_run(next((tmp_path / "flown").iterdir()))

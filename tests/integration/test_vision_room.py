@@ -6,7 +6,7 @@ from gslcosim.errors import ModelError
 from gslcosim.runtime.flight import fly
 from gslcosim.scenario.loading import load_scenario
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.debian]
 
 
 @pytest.mark.parametrize("start_m", [[7.5, 1.0, 0.2], [8.0, 5.0, 0.2]])

@@ -3,7 +3,6 @@
 Each has a cache of its own, and from the second one the folder of the suite and the first one's cache are hidden.
 """
 
-import importlib.util
 import json
 import os
 import secrets
@@ -28,7 +27,8 @@ from gslcosim.scenario.bundled import bundled_agents
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.end_to_end,
-    pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="needs Ray: pip install 'gslcosim[ray]'"),
+    pytest.mark.extras,
+    pytest.mark.debian,
 ]
 
 ADDRESS = "10.214.9.1:6379"

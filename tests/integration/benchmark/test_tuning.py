@@ -81,6 +81,7 @@ def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.end_to_end
 @pytest.mark.tour
+@pytest.mark.extras
 def test_a_tuning_keeps_to_its_budget_and_leaves_its_files(tuned: Path) -> None:
     fields = json.loads((tuned / "tuning.json").read_text())
     training, n_settings = trials_of(tuned / "training"), len(fields["settings"])
@@ -97,6 +98,7 @@ def test_a_tuning_keeps_to_its_budget_and_leaves_its_files(tuned: Path) -> None:
 
 
 @pytest.mark.end_to_end
+@pytest.mark.extras
 def test_a_tuning_says_what_it_used_and_what_that_is_worth(tuned: Path) -> None:
     told = (tuned / "told.txt").read_text()
     assert "Budget: 12 flights, used " in told
@@ -107,6 +109,7 @@ def test_a_tuning_says_what_it_used_and_what_that_is_worth(tuned: Path) -> None:
 
 
 @pytest.mark.end_to_end
+@pytest.mark.extras
 def test_an_interrupted_tuning_goes_on_and_ends_the_same(
     tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -134,6 +137,7 @@ def test_an_interrupted_tuning_goes_on_and_ends_the_same(
 
 
 @pytest.mark.end_to_end
+@pytest.mark.extras
 def test_a_finished_tuning_is_told_again_without_flying(
     tuned: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("gymnasium", reason="extra gym")
-
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from gslcosim.errors import UsageError

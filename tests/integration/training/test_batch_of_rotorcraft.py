@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="extra gym")
-
 from gslcosim.errors import UsageError
 from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.learning_task import LearningTask

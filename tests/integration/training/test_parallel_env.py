@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pettingzoo", reason="extra gym")
-
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from gslcosim.errors import UsageError

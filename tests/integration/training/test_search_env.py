@@ -4,19 +4,17 @@ import json
 import sys
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
-gymnasium = pytest.importorskip("gymnasium", reason="extra gym")
-
-from gymnasium.utils.env_checker import check_env  # noqa: E402
-
-import gslcosim.training  # noqa: E402
-from gslcosim.cli.main import main  # noqa: E402
-from gslcosim.contract import codec  # noqa: E402
-from gslcosim.errors import ScenarioError, UsageError  # noqa: E402
-from gslcosim.training.registration import SEARCH  # noqa: E402
-from gslcosim.training.search_env import SearchEnv  # noqa: E402
+import gslcosim.training
+from gslcosim.cli.main import main
+from gslcosim.contract import codec
+from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.training.registration import SEARCH
+from gslcosim.training.search_env import SearchEnv
 
 # Says what it is told by a list of commands, by the tick of the observation.
 SAYER = """

@@ -6,15 +6,13 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("gymnasium", reason="extra gym")
-pytest.importorskip("jax", reason="extra train")
-
 NOTEBOOK = Path(__file__).parents[3] / "docs" / "train.ipynb"
 BUDGET = {"ROUNDS": "2", "ENVS": "8", "CASES": "4"}
 
 
 @pytest.mark.slow
 @pytest.mark.tour
+@pytest.mark.extras
 def test_every_cell_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     for name, value in BUDGET.items():

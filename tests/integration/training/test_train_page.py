@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("pettingzoo", reason="extra gym")
-
 from gslcosim.cli.main import main
 from gslcosim.training.families import load_family
 from gslcosim.training.learning.train_file import load_train_file
@@ -39,7 +37,6 @@ def test_train_files_and_families_of_the_page_are_valid(tmp_path):
 
 @pytest.mark.slow
 def test_the_first_training_of_the_page_runs(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("cma", reason="extra train")
     monkeypatch.chdir(tmp_path)
     lines = re.findall(r"^gslcosim (train open_halls_tiny.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(lines) == 2

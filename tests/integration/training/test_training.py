@@ -7,9 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="extra gym")
-pytest.importorskip("cma", reason="extra train")
-
 from gslcosim.cli.main import main
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.generation import prepare_environment
@@ -199,8 +196,8 @@ def test_a_table_resumed_ends_with_the_same_values(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.tour
+@pytest.mark.extras
 def test_recurrent_ppo_draws_hard_cases_more_often_and_goes_on_to_the_same_bits(tmp_path):
-    pytest.importorskip("jax", reason="extra train")
     trainer = (
         "{kind: recurrent_ppo, searches: 8, settings: {rounds: 3, horizon: 64, segments: 3, epochs: 1, parts: 2, "
         "n_encoded: 4, n_units: 4}}"

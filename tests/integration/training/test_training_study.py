@@ -7,8 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="extra gym")
-
 STUDIES = Path(__file__).parents[3] / "docs" / "studies"
 
 

@@ -32,7 +32,6 @@ def test_a_card_tells_how_the_agent_is_made_again(name):
     assert {"data", "seeds", "budget", "training_time_s", "versions", "machine", "validation"} <= set(card)
     (*command, file) = card["command"].split()
     assert command == ["gslcosim", "train"]
-    pytest.importorskip("gymnasium", reason="extra gym")
     from gslcosim.training.learning.train_file import load_train_file
 
     spec = load_train_file(file).spec

@@ -22,6 +22,7 @@ from gslcosim.frames import world_from_body_rotation
 from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 
+pytestmark = pytest.mark.debian
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 RED = ("red_box", (8.0, 4.0, 2.0), (9.0, 6.0, 4.0))
 

@@ -24,6 +24,7 @@ def test_what_is_looked_at_is_in_the_middle_and_what_is_higher_is_above():
     assert ahead_m[2] < 0, "behind"
 
 
+@pytest.mark.debian
 def test_the_vehicle_is_drawn_where_it_is(make_room, make_scenario):
     room = make_room(obstacles=[RED])
     try:

@@ -91,7 +91,6 @@ def test_the_summary_is_json():
 
 @pytest.mark.slow
 def test_the_history_is_drawn(tmp_path):
-    pytest.importorskip("matplotlib", reason="plots need the extra `report`")
     plot_history(solved(end_time_s=None), tmp_path / "history.png")
     assert (tmp_path / "history.png").read_bytes().startswith(b"\x89PNG")
 

@@ -43,6 +43,7 @@ def test_a_missing_recording_is_named(tmp_path, show):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("vulkan")
+@pytest.mark.debian
 def test_a_picture_has_the_asked_size(record, tmp_path):
     png = tmp_path / "picture.png"
     screenshot(record(), png, window_size=(800, 500))
@@ -66,14 +67,13 @@ def _hanging_viewer(folder, *, n_hangs):
     """Write a program that hangs the first times it is called and then draws; it counts its calls."""
     calls = folder / "calls"
     program = folder / "viewer"
+    # The picture's path is the argument behind --screenshot-to.
     program.write_text(
-        f"""#!{sys.executable}
-import pathlib, sys, time
-calls = pathlib.Path({str(calls)!r})
-calls.write_text(calls.read_text() + "." if calls.exists() else ".")
-if len(calls.read_text()) <= {n_hangs}:
-    time.sleep(60)
-pathlib.Path(sys.argv[sys.argv.index("--screenshot-to") + 1]).write_bytes(b"drawn")
+        f"""#!/bin/sh
+echo call >> '{calls}'
+if [ "$(wc -l < '{calls}')" -le {n_hangs} ]; then exec sleep 60; fi
+while [ "$1" != --screenshot-to ]; do shift; done
+printf drawn > "$2"
 """
     )
     program.chmod(0o755)
@@ -84,7 +84,8 @@ pathlib.Path(sys.argv[sys.argv.index("--screenshot-to") + 1]).write_bytes(b"draw
 def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_hangs):
     path, png, program = record(n_ticks=1), tmp_path / "picture.png", _hanging_viewer(tmp_path, n_hangs=n_hangs)
     monkeypatch.setattr(viewer, "rerun_program", lambda: program)
-    monkeypatch.setattr(viewer, "SCREENSHOT_TIMEOUT_S", 0.5)
+    # Whoever draws is a shell, which is there at once on the busiest machine.
+    monkeypatch.setattr(viewer, "SCREENSHOT_TIMEOUT_S", 5.0 if n_hangs < viewer.N_TRIES else 0.5)
     if n_hangs < viewer.N_TRIES:
         screenshot(path, png)
         assert png.read_bytes() == b"drawn"

@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-import statsmodels.api as sm
 from scipy import optimize, stats
 
 from gslcosim.benchmark.statistics.difficulty import (
@@ -24,7 +23,10 @@ def simulated(n_cells=12, n_entries=5, n=20, seed=0):
     return rng.binomial(n, p), np.full((n_cells, n_entries), n), difficulty
 
 
+@pytest.mark.extras
 def test_an_almost_free_fit_is_the_logistic_regression_of_statsmodels():
+    import statsmodels.api as sm
+
     successes, trials, _ = simulated()
     ours = fit_rasch(successes, trials, prior_sd=1e4)
     cell, entry = (index.ravel() for index in np.indices(successes.shape))

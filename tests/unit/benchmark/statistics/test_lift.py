@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from statsmodels.stats.proportion import confint_proportions_2indep
 
 from gslcosim.benchmark.statistics.lift import difference_of_rates, lift, paired_difference_of_rates
 from gslcosim.errors import ShapeError
@@ -29,7 +28,10 @@ def test_difference_of_newcombe_1998(counts, ends):
     assert (ours.low, ours.high) == pytest.approx(ends, abs=6e-5)
 
 
+@pytest.mark.extras
 def test_difference_agrees_with_statsmodels():
+    from statsmodels.stats.proportion import confint_proportions_2indep
+
     ours = difference_of_rates(40, 90, 17, 85, level=0.9)
     theirs = confint_proportions_2indep(40, 90, 17, 85, method="newcomb", alpha=0.1)
     assert (ours.low, ours.high) == pytest.approx(theirs)

@@ -3,8 +3,6 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from statsmodels.stats.contingency_tables import mcnemar as mcnemar_of_statsmodels
-from statsmodels.stats.multitest import multipletests
 
 from gslcosim.benchmark.statistics.pairs import (
     friedman,
@@ -30,7 +28,10 @@ def pairs_of(both, only_a, only_b, none):
 
 
 @pytest.mark.parametrize("table", [(101, 121, 59, 33), (5, 0, 0, 5), (1, 7, 1, 0), (0, 3, 3, 0), (10, 0, 6, 2)])
+@pytest.mark.extras
 def test_mcnemar_agrees_with_statsmodels(table):
+    from statsmodels.stats.contingency_tables import mcnemar as mcnemar_of_statsmodels
+
     both, only_a, only_b, none = table
     ours = mcnemar(*pairs_of(*table))
     theirs = mcnemar_of_statsmodels([[both, only_a], [only_b, none]], exact=True).pvalue
@@ -127,7 +128,10 @@ def test_probability_better_counts_ties_half():
     assert scores.value == pytest.approx(2 / 3)
 
 
+@pytest.mark.extras
 def test_holm_agrees_with_statsmodels():
+    from statsmodels.stats.multitest import multipletests
+
     p = np.array([0.01, 0.04, 0.03, 0.005, 0.5, 0.5, 0.9])
     assert holm(p) == pytest.approx(multipletests(p, method="holm")[1])
 

@@ -1,7 +1,6 @@
 import math
 
 import pytest
-from statsmodels.stats.proportion import proportion_confint
 
 from gslcosim.benchmark.statistics.rates import clopper_pearson, wilson
 from gslcosim.errors import ShapeError
@@ -11,7 +10,10 @@ COUNTS = [(0, 1), (1, 1), (0, 10), (10, 10), (3, 10), (45, 90), (62, 90), (399, 
 
 @pytest.mark.parametrize(("successes", "n"), COUNTS)
 @pytest.mark.parametrize("level", [0.9, 0.95, 0.999])
+@pytest.mark.extras
 def test_wilson_agrees_with_statsmodels(successes, n, level):
+    from statsmodels.stats.proportion import proportion_confint
+
     ours = wilson(successes, n, level)
     assert (ours.low, ours.high) == pytest.approx(
         proportion_confint(successes, n, 1 - level, "wilson"), rel=1e-12, abs=1e-15
@@ -21,7 +23,10 @@ def test_wilson_agrees_with_statsmodels(successes, n, level):
 
 @pytest.mark.parametrize(("successes", "n"), COUNTS)
 @pytest.mark.parametrize("level", [0.9, 0.95, 0.999])
+@pytest.mark.extras
 def test_clopper_pearson_agrees_with_statsmodels(successes, n, level):
+    from statsmodels.stats.proportion import proportion_confint
+
     ours = clopper_pearson(successes, n, level)
     assert (ours.low, ours.high) == pytest.approx(proportion_confint(successes, n, 1 - level, "beta"), rel=1e-9)
 

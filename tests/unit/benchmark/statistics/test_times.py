@@ -2,9 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from lifelines import KaplanMeierFitter
-from lifelines.statistics import logrank_test
-from lifelines.utils import restricted_mean_survival_time
 from scipy import stats
 
 from gslcosim.benchmark.statistics.times import (
@@ -39,7 +36,10 @@ def test_kaplan_meier_of_the_leukaemia_trial():
 
 
 @pytest.mark.parametrize("level", [0.95, 0.8])
+@pytest.mark.extras
 def test_kaplan_meier_and_its_band_agree_with_lifelines(level):
+    from lifelines import KaplanMeierFitter
+
     at_s = np.array([6.5, 10, 22, 23, 34.0])
     fitter = KaplanMeierFitter(alpha=1 - level).fit(MP_WEEKS, MP_ENDED)
     curve = kaplan_meier(MP_WEEKS, MP_ENDED, at_s, level)
@@ -73,7 +73,11 @@ def test_curves_without_trials_are_undefined():
     assert np.all(np.isnan(cumulative_success(np.array([]), np.array([]), np.array([1.0])).value))
 
 
+@pytest.mark.extras
 def test_restricted_mean_is_the_area_of_lifelines():
+    from lifelines import KaplanMeierFitter
+    from lifelines.utils import restricted_mean_survival_time
+
     time_s, reached = flights()
     area_s = restricted_mean_survival_time(KaplanMeierFitter().fit(time_s, reached), LIMIT_S)
     ours = restricted_mean(time_s, reached, LIMIT_S)
@@ -124,7 +128,10 @@ def test_restricted_mean_over_clusters_is_wider_where_trials_of_a_gas_are_alike(
     assert falsely.high - falsely.low < 0.6 * (alone.high - alone.low)
 
 
+@pytest.mark.extras
 def test_median_agrees_with_lifelines_and_is_infinite_below_half():
+    from lifelines import KaplanMeierFitter
+
     time_s, reached = flights(61, mean_s=150.0)
     ours = median_time(time_s, reached)
     assert ours.value == KaplanMeierFitter().fit(time_s, reached).median_survival_time_
@@ -162,10 +169,15 @@ def test_log_rank_of_the_leukaemia_trial():
     ended = np.ones(21, dtype=bool)
     p = log_rank(MP_WEEKS, MP_ENDED, PLACEBO_WEEKS, ended)
     assert p == pytest.approx(stats.chi2.sf(16.79, 1), rel=5e-3)
+
+
+@pytest.mark.extras
+def test_log_rank_agrees_with_lifelines_on_patients_and_tied_flights():
+    from lifelines.statistics import logrank_test
+
+    ended = np.ones(21, dtype=bool)
+    p = log_rank(MP_WEEKS, MP_ENDED, PLACEBO_WEEKS, ended)
     assert p == pytest.approx(logrank_test(MP_WEEKS, PLACEBO_WEEKS, MP_ENDED, ended).p_value, rel=1e-9)
-
-
-def test_log_rank_agrees_with_lifelines_on_tied_flights():
     a, b = flights(40, 1), flights(50, 2, 120.0)
     assert log_rank(*a, *b) == pytest.approx(logrank_test(a[0], b[0], a[1], b[1]).p_value, rel=1e-9)
 

@@ -32,6 +32,7 @@ def searched(log, *, seed, batches):
     return asked
 
 
+@pytest.mark.extras
 def test_equal_calls_ask_for_equal_settings(tmp_path):
     first = searched(tmp_path / "a.log", seed=3, batches=[4, 4, 4, 2])
     assert searched(tmp_path / "b.log", seed=3, batches=[4, 4, 4, 2]) == first
@@ -39,11 +40,13 @@ def test_equal_calls_ask_for_equal_settings(tmp_path):
     assert searched(tmp_path / "c.log", seed=4, batches=[4, 4, 4, 2]) != first
 
 
+@pytest.mark.extras
 def test_a_larger_budget_begins_with_what_a_smaller_one_asked_for(tmp_path):
     short = searched(tmp_path / "a.log", seed=3, batches=[4, 4, 3])
     assert searched(tmp_path / "b.log", seed=3, batches=[4, 4, 4, 4])[:11] == short
 
 
+@pytest.mark.extras
 def test_settings_are_within_their_ranges_and_short_to_write(tmp_path):
     for values in searched(tmp_path / "a.log", seed=1, batches=[4, 4, 4]):
         assert list(values) == ["x", "n", "f"]
@@ -52,14 +55,17 @@ def test_settings_are_within_their_ranges_and_short_to_write(tmp_path):
         assert len(f"{values['x']!r}") <= 7
 
 
+@pytest.mark.extras
 def test_the_search_comes_nearer_to_the_best(tmp_path):
     asked = searched(tmp_path / "a.log", seed=1, batches=[4] * 10)
     mean = [sum(map(score, part)) / len(part) for part in (asked[:8], asked[-8:])]
     assert mean[1] > mean[0]
 
 
+@pytest.mark.extras
 def test_the_study_is_one_that_optuna_reads(tmp_path):
-    optuna = pytest.importorskip("optuna")
+    import optuna
+
     asked = searched(tmp_path / "a.log", seed=3, batches=[4, 4])
     backend = optuna.storages.journal.JournalFileBackend(str(tmp_path / "a.log"))
     study = optuna.load_study(study_name=STUDY, storage=optuna.storages.JournalStorage(backend))

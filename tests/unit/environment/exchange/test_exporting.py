@@ -8,8 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkIOXML import vtkXMLImageDataReader
 
 from gslcosim.environment.exchange.exporting import GADEN_WINDS, export_environment
 from gslcosim.environment.exchange.gaden import import_gaden
@@ -91,7 +89,10 @@ def test_openfoam_points_and_back(environment, tmp_path):
     np.testing.assert_array_equal(back.velocity_m_s, environment.wind.velocity_m_s)
 
 
+@pytest.mark.extras
 def test_vtk_itself_reads_what_is_written(environment, tmp_path):
+    from vtkmodules.vtkIOXML import vtkXMLImageDataReader
+
     *frames, series = export_environment(environment, tmp_path / "out", "vtk").files
     assert [path.suffix for path in frames] == [".vti"] * 3
     for i, path in enumerate(frames):
@@ -112,6 +113,8 @@ def test_vtk_itself_reads_what_is_written(environment, tmp_path):
 
 def cell_array(image, name, grid):
     """Return an array of VTK, whose cells have x fastest, as [x, y, z]."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
     values = vtk_to_numpy(image.GetCellData().GetArray(name))
     return np.swapaxes(values.reshape(*grid.shape[::-1], *values.shape[1:]), 0, 2)
 

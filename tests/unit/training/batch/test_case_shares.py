@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="extra gym")
-
 from gslcosim.errors import UsageError
 from gslcosim.training.batch.case_shares import case_of, shares_of_cases
 

@@ -123,7 +123,6 @@ def test_without_doping_all_cases_come_equally_often(tmp_path):
 
 @pytest.mark.parametrize("name", sorted(bundled_families()))
 def test_cases_of_bundled_families_can_be_batched(name):
-    pytest.importorskip("gymnasium", reason="extra gym")
     from gslcosim.training.batch.preparing import refusal_of
 
     for split in ("training", "validation", "test"):

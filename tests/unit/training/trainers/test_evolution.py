@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("cma", reason="extra train")
-
 from gslcosim.errors import UsageError
 from gslcosim.training.trainers.evolution import Evolution
 

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="extra gym")
-pytest.importorskip("cma", reason="extra train")
-
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.methods.card import card_beside
 from gslcosim.scenario.bundled import bundled_agents

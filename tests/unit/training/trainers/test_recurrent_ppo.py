@@ -4,16 +4,14 @@ import builtins
 
 import numpy as np
 import pytest
-
-pytest.importorskip("gymnasium", reason="extra gym")
-pytest.importorskip("jax", reason="extra train")
-
 from toy_hall import NAMES, ToyHall
 
 from gslcosim.errors import UsageError
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.trainers.ppo_network import advantages, forward, load_jax
 from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo
+
+pytestmark = pytest.mark.extras
 
 QUICK = {"rounds": 3, "horizon": 16, "segments": 2, "epochs": 2, "parts": 2, "n_encoded": 8, "n_units": 8}
 VELOCITY = ActionSettings(kind="velocity")

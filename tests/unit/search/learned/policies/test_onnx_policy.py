@@ -8,26 +8,33 @@ import pytest
 import yaml
 from policies import NAMES, seen
 
-onnx = pytest.importorskip("onnx", reason="extra dev")
-pytest.importorskip("onnxruntime", reason="extra onnx")
+from gslcosim.errors import UsageError
+from gslcosim.search.learned.policies.onnx_policy import METADATA_KEY
+from gslcosim.search.learned.policies.policy import PolicyError
+from gslcosim.search.learned.policies.policy_files import load_policy, save_policy
 
-from onnx import TensorProto, helper, numpy_helper  # noqa: E402
-
-from gslcosim.errors import UsageError  # noqa: E402
-from gslcosim.search.learned.policies.onnx_policy import METADATA_KEY  # noqa: E402
-from gslcosim.search.learned.policies.policy import PolicyError  # noqa: E402
-from gslcosim.search.learned.policies.policy_files import load_policy, save_policy  # noqa: E402
+pytestmark = pytest.mark.extras
 
 MEANING = {"observation_names": list(NAMES), "action": {"kind": "velocity", "speed_m_s": 0.5, "hold_s": 1.0}}
 RNG = np.random.default_rng(3)
 W = RNG.normal(size=(4, 2)).astype(np.float32)
 
 
-def tensor(name, shape, dtype=TensorProto.FLOAT):
-    return helper.make_tensor_value_info(name, dtype, shape)
+def tensor(name, shape, dtype="FLOAT"):
+    from onnx import TensorProto, helper
+
+    return helper.make_tensor_value_info(name, getattr(TensorProto, dtype), shape)
+
+
+def node(*words, **settings):
+    from onnx import helper
+
+    return helper.make_node(*words, **settings)
 
 
 def model_of(nodes, inputs, outputs, constants, metadata=None):
+    from onnx import helper, numpy_helper
+
     fixed = [numpy_helper.from_array(array, name) for name, array in constants.items()]
     graph = helper.make_graph(nodes, "policy", inputs, outputs, fixed)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
@@ -39,7 +46,7 @@ def model_of(nodes, inputs, outputs, constants, metadata=None):
 def linear(*, n="n", k=4, metadata=None):
     """The action is W observation."""
     return model_of(
-        [helper.make_node("MatMul", ["obs", "w"], ["action"])],
+        [node("MatMul", ["obs", "w"], ["action"])],
         [tensor("obs", [n, k])], [tensor("action", [n, 2])], {"w": W[:k]}, metadata,
     )  # fmt: skip
 
@@ -47,10 +54,10 @@ def linear(*, n="n", k=4, metadata=None):
 def remembering(n="n"):
     """The action is the sum of all W observations so far, kept in a memory of shape (1, n, 2) as PyTorch has it."""
     nodes = [
-        helper.make_node("MatMul", ["obs", "w"], ["fed"]),
-        helper.make_node("Unsqueeze", ["fed", "axis"], ["fed_1"]),
-        helper.make_node("Add", ["fed_1", "h"], ["h_next"]),
-        helper.make_node("Squeeze", ["h_next", "axis"], ["action"]),
+        node("MatMul", ["obs", "w"], ["fed"]),
+        node("Unsqueeze", ["fed", "axis"], ["fed_1"]),
+        node("Add", ["fed_1", "h"], ["h_next"]),
+        node("Squeeze", ["h_next", "axis"], ["action"]),
     ]
     inputs, outputs = (
         [tensor("obs", [n, 4]), tensor("h", [1, n, 2])],
@@ -62,11 +69,11 @@ def remembering(n="n"):
 def choosing(*, as_index):
     """The values of nine choices, or the best one of them as some libraries export it."""
     w = RNG.normal(size=(4, 9)).astype(np.float32)
-    nodes = [helper.make_node("MatMul", ["obs", "w"], ["values"])]
+    nodes = [node("MatMul", ["obs", "w"], ["values"])]
     outputs = [tensor("values", ["n", 9])]
     if as_index:
-        nodes.append(helper.make_node("ArgMax", ["values"], ["choice"], axis=1, keepdims=0))
-        outputs = [tensor("choice", ["n"], TensorProto.INT64)]
+        nodes.append(node("ArgMax", ["values"], ["choice"], axis=1, keepdims=0))
+        outputs = [tensor("choice", ["n"], "INT64")]
     return model_of(nodes, [tensor("obs", ["n", 4])], outputs, {"w": w}), w
 
 
