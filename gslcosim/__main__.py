@@ -7,15 +7,20 @@ from gslcosim.interruption import raise_on_signals
 
 def main() -> int:
     """Run one command and return its exit code."""
+    exit_code = 130
     try:
         raise_on_signals()
         # Imported after signals are handled, since it takes a while.
         from gslcosim.cli.main import main as run_command
 
-        return run_command()
+        exit_code = run_command()
     except KeyboardInterrupt:
         sys.stderr.write("Interrupted.\n")
-        return 130
+    if exit_code == 130:
+        # Python remembers an interruption of any exec(), such as those of dataclasses, until the next one that is
+        # whole, and would end by SIGINT.
+        exec("pass")
+    return exit_code
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from gslcosim.errors import UsageError
 
@@ -23,6 +23,7 @@ INHERITED_FILES = Path("/proc/self/fd")
 # the terminal.
 MAX_JOIN_FILE_BYTES = 1 << 20
 _MEMBER = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}"
+_MAX_PATH = 4096
 MemberName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}$")]
 # Services that share a process join as one, under all their names.
 ProcessName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}(\+{_MEMBER}){{0,99}}$")]
@@ -34,6 +35,16 @@ Endpoint = Annotated[
 ]
 Namespace = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,200}(/[A-Za-z0-9_.-]{1,200}){0,9}$")]
 Secret = Annotated[str, StringConstraints(pattern=r"^[ -~]{1,200}$")]
+
+
+# Patterns are for text in UTF-8 only, which names of files need not be.
+def _check_path(path: str) -> str:
+    if not 0 < len(path) <= _MAX_PATH or "\x00" in path:
+        raise ValueError(f"expected a path of 1 to {_MAX_PATH} characters, none of them NUL")
+    return path
+
+
+PathText = Annotated[str, AfterValidator(_check_path)]
 PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
 
 Handler = Callable[[str, bytes], None]
@@ -83,7 +94,7 @@ class Join(BaseModel):
     namespace: Namespace
     user: MemberName
     password: Secret
-    run_dir: Annotated[str, StringConstraints(pattern=r"^[^\x00]{1,4096}$")] | None = None
+    run_dir: PathText | None = None
     tls_root_ca: PemText | None = None
     agents: Annotated[tuple[MemberName, ...], Field(max_length=1000)] | None = None
     is_watched: bool = False
