@@ -90,7 +90,7 @@ soak-travel: .venv/ready-test-all  # random runs replayed, gone on with at snaps
 	$(BIN)/python tests/soak/travel_campaign.py --trials $(N)
 
 attacks: .venv/ready-test-all    # what agents that try to cheat reach in each sandbox
-	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py
+	$(BIN)/pytest -q -m soak tests/end_to_end/test_sandboxes.py tests/end_to_end/test_socket_attacks.py
 
 # ONLY=PATTERNS for a part of it; FROZEN=FILE in place of tests/freeze/frozen.json.
 FREEZE = $(BIN)/python tests/freeze/freeze.py $(1) $(if $(ONLY),--only $(ONLY)) $(if $(FROZEN),--frozen $(FROZEN))

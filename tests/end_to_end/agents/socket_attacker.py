@@ -1,0 +1,244 @@
+"""An agent that asks every socket of gslcosim that it can find for more than it may have, and logs what it has reached.
+
+Its argument is JSON: what the test has found out for it, even the secret of the server. Each attack returns evidence
+that it got through, or nothing.
+"""
+
+import contextlib
+import ctypes
+import json
+import os
+import queue
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+from raw import RawAgent
+
+TOLD = json.loads(sys.argv[1])
+LIBRARY = ctypes.CDLL(None, use_errno=True)
+EXIT_OF_ONE_THREAD = 93 if os.uname().machine == "aarch64" else 60
+ANSWER_WITHIN_S = 3.0
+WORDS = ["up", TOLD["scenario"], "--runs-dir", TOLD["outside"], "--json", "--set", "agents[0].sandbox=none"]
+
+
+def _called(path):
+    caller = socket.socket(socket.AF_UNIX)
+    caller.settimeout(10)
+    caller.connect(path)
+    return caller
+
+
+def _ask_for_a_run(caller):
+    request = {
+        "secret": TOLD["secret"], "words": WORDS, "identity": TOLD["identity"], "environ": TOLD["environ"],
+        "folder": "/", "umask": 0o22,
+    }  # fmt: skip
+    with contextlib.suppress(OSError, ValueError), caller:
+        nothing = os.open(os.devnull, os.O_RDWR)
+        socket.send_fds(caller, [b"gslcosim\n"], [nothing, nothing, nothing])
+        caller.sendall(json.dumps(request).encode() + b"\n")
+        answer = json.loads(caller.makefile().readline())
+        return "" if "refused" in answer else repr(answer)
+    return ""
+
+
+def _by_a_child(act):
+    """Let a child act, and return what it has to tell."""
+    told, tells = os.pipe()
+    if os.fork() == 0:
+        os.close(told)
+        with contextlib.suppress(BaseException):
+            os.write(tells, act().encode())
+        os._exit(0)
+    os.close(tells)
+    with os.fdopen(told) as lines:
+        return lines.read()
+
+
+def ask_the_server_for_a_run():
+    with contextlib.suppress(OSError):
+        return _ask_for_a_run(_called(TOLD["server"]))
+    return ""
+
+
+def ask_the_server_by_a_grandchild():
+    def act():
+        os.setsid()
+        return _by_a_child(ask_the_server_for_a_run)
+
+    return _by_a_child(act)
+
+
+def ask_the_server_by_who_has_ended():
+    with contextlib.suppress(OSError):
+        caller = socket.socket(socket.AF_UNIX)
+        caller.settimeout(10)
+        if (child := os.fork()) == 0:
+            with contextlib.suppress(OSError):
+                caller.connect(TOLD["server"])
+            os._exit(0)
+        os.waitpid(child, 0)
+        return _ask_for_a_run(caller)
+    return ""
+
+
+def ask_the_server_by_a_second_thread():
+    """The process's first thread has ended, so that its number shows a zombie."""
+
+    def act():
+        told = queue.SimpleQueue()
+
+        def later():
+            while Path(f"/proc/{os.getpid()}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+                time.sleep(0.01)
+            os.write(tells, ask_the_server_for_a_run().encode())
+            os._exit(0)
+
+        threading.Thread(target=later).start()
+        LIBRARY.syscall(EXIT_OF_ONE_THREAD, 0)
+        return told.get()
+
+    told, tells = os.pipe()
+    if os.fork() == 0:
+        act()
+    os.close(tells)
+    with os.fdopen(told) as lines:
+        return lines.read()
+
+
+def ask_the_server_by_our_own_command():
+    environ = {**os.environ, **TOLD["environ"]}
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        call = [sys.executable, "-m", "gslcosim", *WORDS, "--warm", "--set", "referee.stop.time_limit_s=0.1"]
+        ended = subprocess.run(call, env=environ, capture_output=True, text=True, timeout=60, check=False)
+        return f"exit code {ended.returncode}" if ended.stdout.startswith("{") else ""
+    return ""
+
+
+def read_the_secret_of_the_server():
+    with contextlib.suppress(OSError):
+        return Path(TOLD["secret_file"]).read_text()[:4]
+    return ""
+
+
+def list_the_sockets_of_the_user():
+    for folder in (TOLD["windows"], str(Path(TOLD["server"]).parent)):
+        with contextlib.suppress(OSError):
+            if names := sorted(Path(folder).iterdir()):
+                return repr(names)
+    return ""
+
+
+def read_the_status_of_another_run():
+    with contextlib.suppress(OSError, ValueError):
+        caller = _called(TOLD["window"])
+        facts = json.loads(caller.makefile().read())
+        return "" if "refused" in facts else f"seed {facts['seed']}"
+    return ""
+
+
+def _listening_in(folder, name):
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as listener:
+        place = Path(folder, name)
+        listener.bind(str(place))
+        place.unlink()
+        return str(place)
+    return ""
+
+
+def listen_beside_the_server():
+    return _listening_in(Path(TOLD["server"]).parent, "x")
+
+
+def pretend_to_be_a_run():
+    return _listening_in(TOLD["windows"], "1-x.flight")
+
+
+def _joined(endpoint, **changed):
+    from gslcosim.bus.zenoh_bus import ZenohBus
+    from gslcosim.errors import GslCosimError
+
+    with contextlib.suppress(GslCosimError):
+        bus = ZenohBus.open_member(agent.join.model_copy(update={"endpoint": endpoint, **changed}))
+        bus.close()
+        return endpoint
+    return ""
+
+
+def join_another_run():
+    return next((found for path in TOLD["routers"] if (found := _joined(f"unixsock-stream/{path}"))), "")
+
+
+def call_services_past_the_router():
+    found = (_joined(f"unixsock-stream/{path}", user=user) for path in TOLD["meshes"] for user in USERS)
+    return next((each for each in found if each), "")
+
+
+def hear_the_truth_on_the_bus():
+    heard = queue.SimpleQueue()
+    for key in ("truth/**", "referee/**", "ctl/**", "bundle/**", "**"):
+        agent.bus.subscribe(key, lambda key, payload: heard.put(key))
+    ends_at_s = time.monotonic() + 1.0
+    while (left_s := ends_at_s - time.monotonic()) > 0:
+        with contextlib.suppress(queue.Empty):
+            if not (key := heard.get(timeout=left_s)).startswith(f"agents/{agent.join.name}/"):
+                return key
+    return ""
+
+
+def ask_services_on_the_bus():
+    answers = queue.SimpleQueue()
+    for key in ("rpc/run/offer", "rpc/world/describe", "rpc/*/inspect", "rpc/world/resend", "rpc/**"):
+        agent.bus.ask(key, b"", lambda key, payload: answers.put(key))
+    with contextlib.suppress(queue.Empty):
+        return answers.get(timeout=1.0)
+    return ""
+
+
+def ask_the_router_for_its_configuration():
+    session = agent.bus._session
+    keys = [str(reply.ok.key_expr) for reply in session.get("@/**") if reply.ok is not None]
+    # It answers itself, too.
+    return next((key for key in keys if not key.startswith(f"@/{session.info.zid()}/")), "")
+
+
+def change_what_was_verified():
+    with contextlib.suppress(OSError):
+        mark = Path(TOLD["mark"])
+        found = mark.read_text()
+        mark.write_text(found)
+        return found
+    return ""
+
+
+def end_the_run():
+    """What the router lets pass is seen in the run's result."""
+    for key in ("ctl/stop", "ctl/close", "ctl/fault", "ctl/bye/world", "referee/verdict"):
+        agent.bus.publish(key, b"\x81\xa4tick\x01", urgent=True)
+    agent.bus.declare_alive("alive/world")
+    agent.bus.withdraw_alive("alive/world")
+    return ""
+
+
+USERS = ("service", "agent_beetle")
+ATTACKS = [
+    ask_the_server_for_a_run, ask_the_server_by_a_grandchild, ask_the_server_by_who_has_ended,
+    ask_the_server_by_a_second_thread, ask_the_server_by_our_own_command, read_the_secret_of_the_server,
+    list_the_sockets_of_the_user, read_the_status_of_another_run, listen_beside_the_server, pretend_to_be_a_run,
+    join_another_run, call_services_past_the_router, hear_the_truth_on_the_bus, ask_services_on_the_bus,
+    ask_the_router_for_its_configuration, change_what_was_verified, end_the_run,
+]  # fmt: skip
+
+if __name__ == "__main__":
+    agent = RawAgent()
+    for i_question, question in enumerate(agent.questions()):
+        if i_question == 0:
+            for attack in ATTACKS:
+                line = json.dumps({"attack": attack.__name__, "reached": attack()})
+                sys.stdout.write(f"{line}\n")
+                sys.stdout.flush()
+        agent.send_command(tick=question["tick"], kind="hold")

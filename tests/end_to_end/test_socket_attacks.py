@@ -1,0 +1,156 @@
+"""Agents that ask the sockets of gslcosim for more than they may have, with a warm server and another run beside them.
+
+`make attacks` prints the table of attacks and sandboxes; it stands in docs/reliability.md.
+"""
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+from flights import AGENTS, COMMAND, ROOT, TINY_ROOM, fly, start, with_agent
+
+from gslcosim.runtime.over_bus.warm_place import identity, warm_secret, warm_socket
+from gslcosim.runtime.sandbox.choosing import why_there_is_no
+from gslcosim.runtime.watching.running_flights import running_flights
+from gslcosim.runtime.watching.window import windows_folder
+from gslcosim.user_state import user_state_folder
+
+pytestmark = [pytest.mark.soak, pytest.mark.timeout(900)]
+
+SANDBOXES = ("bubblewrap", "landlock")
+ATTACKS = re.findall(r"^def ([a-z]\w+)\(\):", (AGENTS / "socket_attacker.py").read_text(), re.MULTILINE)
+# What is refused whatever an agent is started in: by passwords, by the router's access control, and because what the
+# server would have to look at is a zombie.
+REFUSED_ANYWAY = {
+    "join_another_run", "call_services_past_the_router", "hear_the_truth_on_the_bus", "ask_services_on_the_bus",
+    "ask_the_router_for_its_configuration", "end_the_run", "ask_the_server_by_a_second_thread",
+}  # fmt: skip
+# Without a sandbox it gets through where the server has looked before the caller's end.
+BY_WHO_IS_FASTER = {"ask_the_server_by_who_has_ended"}
+# Where a folder that an agent sees holds what is hidden, Landlock still lets it see the names of it.
+KNOWN_GAPS = {("landlock", "list_the_sockets_of_the_user")}
+LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
+
+
+@contextlib.contextmanager
+def _folder_of_sockets():
+    """A folder for sockets alone, whose name is short."""
+    with tempfile.TemporaryDirectory(prefix="a-") as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", folder)
+        patch.setattr("tempfile.tempdir", None)
+        yield Path(folder)
+
+
+@contextlib.contextmanager
+def _serving():
+    process = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        assert "--warm" in process.stdout.readline()
+        yield process
+        assert process.poll() is None, "the server goes on"
+    finally:
+        process.terminate()
+        process.wait(60)
+        process.stdout.close()
+
+
+def _sockets(ending):
+    paths = (line.split()[-1] for line in Path("/proc/net/unix").read_text().splitlines())
+    return sorted({path for path in paths if path.endswith(ending) and path.startswith("/")})
+
+
+def attacked(folder, sandbox):
+    """Fly with the attacker, its program among the sockets of all others: the arrangement that helps it most."""
+    if reason := why_there_is_no(sandbox):
+        pytest.skip(f"{sandbox} cannot be tested here: {reason}")
+    outside = folder / "outside"
+    outside.mkdir(parents=True)
+    mark = user_state_folder() / "verified" / "known.json"
+    mark.parent.mkdir(parents=True, exist_ok=True)
+    mark.write_text("what the user has found out")
+    with _folder_of_sockets() as sockets, _serving():
+        for name in ("socket_attacker.py", "raw.py"):
+            shutil.copy(AGENTS / name, sockets)
+        other = start(TINY_ROOM, folder / "other", *LONG, *with_agent("holding"))
+        other.wait_until_flying()
+        (seen,) = running_flights()
+        told = {
+            "server": str(warm_socket()),
+            "secret_file": str(warm_secret()),
+            "secret": warm_secret().read_text(),
+            "identity": identity(),
+            "environ": {
+                key: os.environ[key] for key in ("PATH", "HOME", "TMPDIR", "NUMBA_CACHE_DIR") if key in os.environ
+            },
+            "scenario": str(TINY_ROOM),
+            "outside": str(outside),
+            "windows": str(windows_folder()),
+            "window": str(seen.window),
+            "routers": _sockets("router.sock"),
+            "meshes": _sockets(".mesh"),
+            "mark": str(mark),
+        }
+        assert told["routers"]
+        assert told["meshes"]
+        start_by = {"command": [sys.executable, str(sockets / "socket_attacker.py"), json.dumps(told)]}
+        changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
+        # Two more are let in afterwards as if nothing had happened.
+        ended = fly(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
+        assert [flight.pid for flight in running_flights()] == [other.process.pid]
+        warm = start(TINY_ROOM, folder / "warm", "--warm", "--set", "referee.stop.time_limit_s=0.1").end()
+        assert "digest" in warm.result, warm.errors
+        other.process.terminate()
+        assert other.end().result["end_reason"] == "interrupted"
+    assert (ended.result.get("valid"), ended.result.get("end_reason")) == (True, "time_limit"), ended.errors
+    assert ended.result["faults"] == []
+    lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
+    told = [json.loads(line) for line in lines if line.startswith('{"attack"')]
+    return {line["attack"]: line["reached"] for line in told}, outside
+
+
+@pytest.fixture(scope="module", params=SANDBOXES)
+def in_sandbox(request, tmp_path_factory):
+    return request.param, *attacked(tmp_path_factory.mktemp(request.param) / "x", request.param)
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_an_attack_does_not_get_through(in_sandbox, attack):
+    sandbox, reached, _ = in_sandbox
+    assert bool(reached[attack]) is ((sandbox, attack) in KNOWN_GAPS), reached[attack]
+
+
+def test_no_run_was_made_for_the_agent(in_sandbox):
+    assert list(in_sandbox[2].iterdir()) == []
+
+
+def test_without_a_sandbox_the_same_attacks_do_get_through(tmp_path):
+    """Otherwise they would prove nothing."""
+    reached, outside = attacked(tmp_path / "x", "none")
+    refused = {name for name, evidence in reached.items() if not evidence}
+    assert refused - BY_WHO_IS_FASTER == REFUSED_ANYWAY
+    assert list(outside.iterdir()) != []
+
+
+def test_the_table_of_attacks_on_sockets(tmp_path, capsys):
+    """Printed for docs/reliability.md, which has the same rows."""
+    after = {sandbox: attacked(tmp_path / sandbox, sandbox)[0] for sandbox in (*SANDBOXES, "none")}
+    rows = [
+        f"| {attack.replace('_', ' ')} | "
+        + " | ".join(
+            "got through" if each[attack] or (kind == "none" and attack in BY_WHO_IS_FASTER) else "refused"
+            for kind, each in after.items()
+        )
+        + " |"
+        for attack in ATTACKS
+    ]
+    table = "\n".join([f"| attack | {' | '.join(after)} |", "|---|---|---|---|", *rows])
+    with capsys.disabled():
+        sys.stdout.write(f"\n{table}\n")
+    assert table in (ROOT / "docs" / "reliability.md").read_text()
