@@ -25,7 +25,6 @@ from gslcosim.recording import entities
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import entities_of, gases_in
 from gslcosim.recording.layout.blueprint import default_blueprint
-from gslcosim.recording.machine_notes import read_machine_notes
 from gslcosim.recording.rows.agents import AgentRows
 from gslcosim.recording.rows.columns import FilamentRows, Rows, SliceRows, TextRows
 from gslcosim.recording.rows.contacts import ContactNotes
@@ -36,6 +35,7 @@ from gslcosim.recording.rows.wind_layer import WindLayer, WindRows
 from gslcosim.recording.run_file import RunFile
 from gslcosim.recording.scene import draw_map, draw_room, draw_sources
 from gslcosim.recording.summary import legend_text, summary_text
+from gslcosim.runtime.machine_notes import read_machine_notes
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import seconds_from_ticks
 

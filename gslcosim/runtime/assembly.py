@@ -9,7 +9,7 @@ from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, R
 from gslcosim.runtime.agents.door import door_name
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.foreign.declared import problems_of_participants
-from gslcosim.runtime.participants import SERVICES, service_kind, services_of
+from gslcosim.runtime.participants import default_services, service_kind, services_of
 from gslcosim.runtime.rehearsal import rehearse
 from gslcosim.runtime.setup import Setup
 from gslcosim.scenario import Scenario
@@ -57,7 +57,7 @@ def participant_problems(scenario: Scenario) -> Iterable[Problem]:
     """Return what is wrong with the models of the user's own in a scenario, beside their own blocks."""
     if not scenario.participants:
         return ()
-    return problems_of_participants(scenario, [kind.name for kind in SERVICES], _specs_of(scenario))
+    return problems_of_participants(scenario, [kind.name for kind in default_services()], _specs_of(scenario))
 
 
 def _specs_of(scenario: Scenario) -> tuple[ParticipantSpec, ...]:

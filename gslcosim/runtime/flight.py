@@ -14,7 +14,6 @@ from gslcosim.generation import prepare_environment
 from gslcosim.generation.later_rooms import prepare_later_rooms, with_later_rooms
 from gslcosim.interruption import is_asked_to_end
 from gslcosim.machine import fault_text
-from gslcosim.recording.machine_notes import MachineLog
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.past import Past
 from gslcosim.runtime.assembly import dataflow_of, service_names
@@ -22,9 +21,11 @@ from gslcosim.runtime.foreign.program_hashes import program_hashes
 from gslcosim.runtime.grouping import Group, groups_of
 from gslcosim.runtime.joining import Network
 from gslcosim.runtime.kernel_compilation import CompilationReporter
+from gslcosim.runtime.machine_notes import MachineLog
 from gslcosim.runtime.outcome import Outcome, ServiceFault
 from gslcosim.runtime.over_bus.forks import ForkServer
 from gslcosim.runtime.over_bus.launch import fly_over_bus
+from gslcosim.runtime.participants import services_of
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.sandbox.choosing import sandboxes_of
 from gslcosim.runtime.setup import Setup
@@ -217,7 +218,7 @@ def fly_into_folder(
 
     with FlightWindow(run_dir, scenario, processes, report) as window:
         outcome = _or_fault(lambda: outcome_of_flight(window))
-    _repair(run_dir, outcome)
+    _repair(run_dir, outcome, scenario)
     _save_digest(run_dir, outcome)
     result = _saved_result(run_dir, outcome, scenario, began)
     report(FlightStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
@@ -285,16 +286,16 @@ def _add_fault(outcome: Outcome, text: str) -> None:
         outcome.fault = replace(outcome.fault, text=f"{outcome.fault.text}\n{text}")
 
 
-def _repair(run_dir: RunDir, outcome: Outcome) -> None:
+def _repair(run_dir: RunDir, outcome: Outcome, scenario: Scenario) -> None:
     if outcome.is_valid or not run_dir.recording.exists():
         return
     if run_dir.recording.stat().st_size == 0:
         run_dir.recording.unlink()
         return
-    from gslcosim.recording.repair import repair_recording
-
     try:
-        repair_recording(run_dir.recording)
+        for kind in services_of(scenario):
+            if kind.repair is not None:
+                kind.repair(run_dir.recording)
     except (RecordingError, OSError) as error:
         # The recorder had not come as far as its first bytes; that must not hide what ended the run.
         _add_fault(outcome, f"The recording was not made whole: {fault_text(error, '')}")

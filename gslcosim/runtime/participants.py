@@ -1,31 +1,25 @@
-"""The one list of services: what each is, when a run needs it, and how its core is built.
+"""Services of a run: what each is, when a run needs it, and how its core is built.
 
-Assembly, the order of digests, rehearsals and the processes of a run come from it; compose.yaml and the pages are held
-to it by tests. Agents are the other participants of a run; each stands behind a door.
+They come from entry points, so that nothing here imports one of them. Assembly, the order of digests, rehearsals and
+the processes of a run come from here; compose.yaml and the pages are held to it by tests. Agents are the other
+participants of a run; each stands behind a door.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import singledispatch
+from functools import cache, singledispatch
+from importlib.metadata import distribution
+from pathlib import Path
 
-from gslcosim.cameras.ports import cameras_spec
+from gslcosim.contract.messages import Briefing
 from gslcosim.contract.participant import Core, ParticipantSpec
-from gslcosim.environment.model import Environment
-from gslcosim.environment.store import MESHES_FILE, load_environment
 from gslcosim.errors import UsageError
-from gslcosim.events.ports import events_spec
-from gslcosim.fields.ports import fields_spec
-from gslcosim.radio.ports import radio_spec
-from gslcosim.recording.ports import recorder_spec
-from gslcosim.referee.ports import referee_spec
 from gslcosim.runtime.agents.door import DOOR_PREFIX
 from gslcosim.runtime.foreign.declared import foreign_spec
 from gslcosim.runtime.setup import Setup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.own_models import OwnModelSpec
 from gslcosim.scenario.models.services import ServiceSpec
-from gslcosim.sensing.ports import sensing_spec
-from gslcosim.world.ports import world_spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +32,10 @@ class ServiceKind:
     may import before it is forked, as they start no threads; `import_early` imports what takes long and may start some,
     in a process that will be this service and nothing else; `follows_agents` ones read what agents command in the same
     tick, and so stand downstream of them.
+
+    `position` orders services from upstream to downstream. `build_briefings` returns what each agent is told before the
+    first tick, for runs that start at a snapshot, in which agents are briefed before the service runs. `repair` makes
+    whole what a service that was killed has left in the run's folder; it raises `RecordingError` or `OSError`.
     """
 
     name: str
@@ -48,104 +46,38 @@ class ServiceKind:
     preloads: tuple[str, ...] = ()
     import_early: Callable[[], None] | None = None
     follows_agents: bool = False
+    position: int = 100
+    build_briefings: Callable[[Setup], Mapping[str, Briefing]] | None = None
+    repair: Callable[[Path], None] | None = None
 
 
-def _world(setup: Setup) -> Core:
-    from gslcosim.world.core import WorldCore
-
-    return WorldCore(setup.scenario, setup.environment)
+# What this distribution offers; packages of others replace one by a block of its name in a scenario's `services`.
+DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 
-def _fields(setup: Setup) -> Core:
-    from gslcosim.fields.core import FieldsCore
+@cache
+def default_services() -> tuple[ServiceKind, ...]:
+    """Return the services that a run has where it needs them, from upstream to downstream, from their entry points.
 
-    return FieldsCore(setup.scenario, setup.environment)
-
-
-def _events(setup: Setup) -> Core:
-    from gslcosim.events.core import EventsCore
-
-    return EventsCore(setup.scenario)
-
-
-def _radio(setup: Setup) -> Core:
-    from gslcosim.radio.core import RadioCore
-
-    return RadioCore(setup.scenario)
-
-
-def _cameras(setup: Setup) -> Core:
-    from gslcosim.cameras.core import CamerasCore
-
-    return CamerasCore(setup.scenario, setup.environment)
-
-
-def _sensing(setup: Setup) -> Core:
-    from gslcosim.sensing.core import SensingCore
-
-    return SensingCore(setup.scenario, setup.environment)
-
-
-def _referee(setup: Setup) -> Core:
-    from gslcosim.referee.core import RefereeCore
-
-    return RefereeCore(setup.scenario, setup.environment)
-
-
-def _recorder(setup: Setup) -> Core:
-    from gslcosim.recording.core import RecorderCore
-
-    return RecorderCore(setup.scenario, _with_meshes(setup), setup.run_dir.recording)
-
-
-def _import_for_recorder() -> None:
-    from gslcosim.recording.learning_early import import_early
-
-    import_early()
-
-
-# The meshes of somebody's own geometry, which pictures need and no other core.
-def _with_meshes(setup: Setup) -> Environment:
-    has_meshes = (setup.environment_dir / MESHES_FILE).is_file()
-    return load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment
-
-
-SERVICES = (
-    ServiceKind(
-        name="world",
-        spec_of=world_spec,
-        build=_world,
-        is_rehearsed=True,
-        preloads=("gslcosim.world.core",),
-    ),
-    ServiceKind(
-        name="fields", spec_of=fields_spec, build=_fields, is_rehearsed=True, preloads=("gslcosim.fields.core",)
-    ),
-    ServiceKind(name="events", spec_of=events_spec, build=_events, is_needed=lambda scenario: bool(scenario.events)),
-    ServiceKind(name="radio", spec_of=radio_spec, build=_radio, is_needed=lambda scenario: bool(scenario.channels)),
-    ServiceKind(
-        name="cameras", spec_of=cameras_spec, build=_cameras, is_needed=lambda scenario: bool(scenario.cameras)
-    ),
-    ServiceKind(
-        name="sensing", spec_of=sensing_spec, build=_sensing, is_rehearsed=True, preloads=("gslcosim.sensing.core",)
-    ),
-    ServiceKind(
-        name="referee",
-        spec_of=referee_spec,
-        build=_referee,
-        preloads=("gslcosim.referee.core",),
-        follows_agents=True,
-    ),
-    ServiceKind(
-        name="recorder",
-        spec_of=recorder_spec,
-        build=_recorder,
-        is_needed=lambda scenario: scenario.recording.enabled,
-        import_early=_import_for_recorder,
-        follows_agents=True,
-    ),
-)
-"""All services of gslcosim's own, from upstream to downstream."""
+    Raises:
+        UsageError: the installation lacks them, or an entry point is no `ServiceKind` of its name.
+    """
+    points = distribution("gslcosim").entry_points.select(group=DEFAULT_SERVICES_GROUP)
+    found: list[ServiceKind] = []
+    for point in points:
+        kind: object = point.load()
+        if not isinstance(kind, ServiceKind) or kind.name != point.name:
+            raise UsageError(
+                f"entry point {point.name} of {DEFAULT_SERVICES_GROUP}: expected a ServiceKind of that name, was "
+                f"{point.value}. Install gslcosim again."
+            )
+        found.append(kind)
+    if not found:
+        raise UsageError(
+            f"gslcosim: expected entry points in {DEFAULT_SERVICES_GROUP}, found none. Install gslcosim again: "
+            "pip install --force-reinstall --no-deps gslcosim, or --editable . in a checkout."
+        )
+    return tuple(sorted(found, key=lambda kind: kind.position))
 
 
 @singledispatch
@@ -166,18 +98,20 @@ def service_of(block: ServiceSpec) -> ServiceKind:
 def services_of(scenario: Scenario) -> tuple[ServiceKind, ...]:
     """Return the services that a run needs, from upstream to downstream, those of other packages, and own models.
 
+    A block of `services` whose name is that of one of gslcosim's own services replaces it.
+
     Raises:
-        UsageError: a package's service has the name of one of gslcosim's, or is called otherwise than its block.
+        UsageError: a package's service is called otherwise than its block.
     """
-    others = tuple(service_of(block) for block in scenario.services)
+    others = {block.name: service_of(block) for block in scenario.services}
     own_models = tuple(_own_model(own) for own in scenario.participants)
-    for block, kind in zip(scenario.services, others, strict=True):
-        if kind.name != block.name or kind.name in {own.name for own in SERVICES}:
-            raise UsageError(
-                f"services: expected a service called {block.name!r}, and like none of gslcosim's own, was "
-                f"{kind.name!r}. Correct the package."
-            )
-    return (*(kind for kind in SERVICES if kind.is_needed(scenario)), *others, *own_models)
+    for name, kind in others.items():
+        if kind.name != name:
+            raise UsageError(f"services: expected a service called {name!r}, was {kind.name!r}. Correct the package.")
+    defaults = [
+        others.pop(kind.name, kind) for kind in default_services() if kind.name in others or kind.is_needed(scenario)
+    ]
+    return (*defaults, *others.values(), *own_models)
 
 
 # A program of the user's own, behind a core that speaks with it.
@@ -212,7 +146,7 @@ def upstream_rank(participant: str) -> tuple[int, int]:
     """
     if participant.startswith(DOOR_PREFIX):
         return (1, 0)
-    for i, kind in enumerate(SERVICES):
+    for i, kind in enumerate(default_services()):
         if kind.name == participant:
             return (2 if kind.follows_agents else 0, i)
     return (3, 0)

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from gslcosim.generation import prepare_environment
-from gslcosim.runtime.participants import SERVICES
+from gslcosim.runtime.participants import default_services
 from gslcosim.scenario import load_scenario
 
 # Each is large and belongs to one service.
@@ -71,7 +71,7 @@ def quickstart_room():
 
 
 def test_every_service_is_looked_at():
-    assert list(CORES) == [kind.name for kind in SERVICES]
+    assert list(CORES) == [kind.name for kind in default_services()]
 
 
 @pytest.mark.slow

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending
-from gslcosim.recording.machine_notes import MachineLog
 from gslcosim.runtime.agents.door import Door, door_name
 from gslcosim.runtime.agents.events import AgentEvent, AgentGone, AgentJoined, AnswerMissed, CommandCame, CommandRefused
 from gslcosim.runtime.agents.links import AgentLink, Seen
 from gslcosim.runtime.agents.past_door import door_in
 from gslcosim.runtime.digest import Trail
+from gslcosim.runtime.machine_notes import MachineLog
 from gslcosim.runtime.setup import Setup
 from gslcosim.runtime.snapshots.told import ToldLog
 from gslcosim.runtime.status import ParticipantState, ParticipantStatus

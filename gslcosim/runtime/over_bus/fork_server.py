@@ -60,11 +60,11 @@ def begin_apprentices(fd: int) -> dict[str, Apprentice]:
     Args:
         fd: The descriptor of the requests, which is none of theirs.
     """
-    from gslcosim.runtime.participants import SERVICES
+    from gslcosim.runtime.participants import default_services
 
     apprentices: dict[str, Apprentice] = {}
     with contextlib.suppress(OSError):
-        for kind in SERVICES:
+        for kind in default_services():
             if kind.import_early is not None:
                 others = [apprentice.fd for apprentice in apprentices.values()]
                 apprentices[kind.name] = Apprentice(kind.import_early, [fd, *others])
@@ -73,13 +73,13 @@ def begin_apprentices(fd: int) -> dict[str, Apprentice]:
 
 def import_what_services_share() -> None:
     """Import what several services need, and load the compiler of their kernels; starts no thread."""
-    from gslcosim.runtime.participants import SERVICES
+    from gslcosim.runtime.participants import default_services
 
     # Otherwise MuJoCo imports what opens windows, which starts a process to look for it; pictures need none of it.
     with _variable("MUJOCO_GL", "disable"):
         for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.assembly", "gslcosim.runtime.over_bus.host"):
             importlib.import_module(module)
-        for kind in SERVICES:
+        for kind in default_services():
             for module in kind.preloads:
                 importlib.import_module(module)
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from gslcosim.contract import codec
 from gslcosim.runtime.agents.bus_link import BusLink
 from gslcosim.runtime.over_bus.door_host import DoorHost
+from gslcosim.runtime.participants import services_of
 from gslcosim.runtime.setup import Setup
-from gslcosim.sensing.briefings import briefing_of
 
 
 def tell_past(setup: Setup, doors: Mapping[str, DoorHost], links: Mapping[str, BusLink]) -> Iterator[None]:
@@ -27,8 +27,10 @@ def tell_past(setup: Setup, doors: Mapping[str, DoorHost], links: Mapping[str, B
         return
     for link in links.values():
         link.is_writer = True
-    for agent in scenario.agents:
-        doors[agent.name].brief(codec.encode(briefing_of(agent, scenario, setup.environment, seed=scenario.seed)))
+    for kind in services_of(scenario):
+        if kind.build_briefings is not None:
+            for agent, briefing in kind.build_briefings(setup).items():
+                doors[agent].brief(codec.encode(briefing))
     for told in snapshot.told():
         for agent, payload in told:
             doors[agent].observe(payload)

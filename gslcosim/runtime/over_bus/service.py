@@ -16,7 +16,7 @@ from gslcosim.machine import fault_text
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.over_bus.fault_telling import tell_fault
 from gslcosim.runtime.over_bus.host import Host
-from gslcosim.runtime.participants import SERVICES
+from gslcosim.runtime.participants import default_services
 from gslcosim.runtime.privacy import keep_memory_private
 from gslcosim.runtime.snapshots.taking import Keeping
 
@@ -36,7 +36,7 @@ def main(words: Sequence[str]) -> None:
         fork_server.main(int(words[1]))
         return
     if not words:
-        names = ", ".join(kind.name for kind in SERVICES)
+        names = ", ".join(kind.name for kind in default_services())
         sys.stderr.write(f"usage: python -m gslcosim_services NAME…, with names of services: {names}\n")
         sys.exit(ExitCode.USAGE)
     serve(words)

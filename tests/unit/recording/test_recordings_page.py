@@ -9,7 +9,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
 from gslcosim.recording.core import RecorderCore
-from gslcosim.recording.machine_notes import MachineLog
+from gslcosim.runtime.machine_notes import MachineLog
 
 PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))

@@ -1,6 +1,7 @@
 """The one list of services, and what must agree with it."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,12 +9,12 @@ import pytest
 from gslcosim.errors import UsageError
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.over_bus.service import main
-from gslcosim.runtime.participants import SERVICES, service_kind, service_of, upstream_rank
+from gslcosim.runtime.participants import default_services, service_kind, service_of, upstream_rank
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.services import ServiceSpec
 
 ROOT = Path(__file__).parents[3]
-NAMES = [kind.name for kind in SERVICES]
+NAMES = [kind.name for kind in default_services()]
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def everything():
 
 
 def test_each_service_is_called_as_its_own_dataflow_says(everything):
-    assert [kind.spec_of(everything).name for kind in SERVICES] == NAMES == list(service_names(everything))
+    assert [kind.spec_of(everything).name for kind in default_services()] == NAMES == list(service_names(everything))
 
 
 def test_the_list_is_in_the_order_in_which_services_wait_for_each_other(everything):
@@ -84,11 +85,22 @@ def test_a_block_for_which_no_service_is_registered_is_named():
         service_of(Unregistered())
 
 
-def test_a_package_cannot_take_the_place_of_an_own_service():
-    class Usurper(ServiceSpec):
-        name: str = "world"
+def test_a_service_of_a_package_replaces_the_own_one_of_its_name_at_its_place():
+    class OtherFields(ServiceSpec):
+        name: str = "fields"
 
-    service_of.register(Usurper, lambda block: SERVICES[0])
-    scenario = load_scenario("tiny_room").scenario.model_copy(update={"services": (Usurper(),)})
-    with pytest.raises(UsageError, match="was 'world'"):
+    replacement = replace(service_kind("fields", load_scenario("tiny_room").scenario), is_rehearsed=False)
+    service_of.register(OtherFields, lambda block: replacement)
+    scenario = load_scenario("tiny_room").scenario.model_copy(update={"services": (OtherFields(),)})
+    assert service_names(scenario) == ("world", "fields", "sensing", "referee", "recorder")
+    assert service_kind("fields", scenario) is replacement
+
+
+def test_a_service_called_otherwise_than_its_block_is_refused():
+    class Misnamed(ServiceSpec):
+        name: str = "ventilation"
+
+    service_of.register(Misnamed, lambda block: default_services()[0])
+    scenario = load_scenario("tiny_room").scenario.model_copy(update={"services": (Misnamed(),)})
+    with pytest.raises(UsageError, match="expected a service called 'ventilation', was 'world'"):
         service_names(scenario)

@@ -5,12 +5,12 @@ import pytest
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.recording.machine_notes import MachineLog, read_machine_notes
 from gslcosim.runtime.agents import desk as desk_module
 from gslcosim.runtime.agents.desk import REPEAT_AFTER_S, Desk
 from gslcosim.runtime.agents.door import Door
 from gslcosim.runtime.agents.events import AgentGone, AgentJoined, CommandCame
 from gslcosim.runtime.agents.links import ObjectLink
+from gslcosim.runtime.machine_notes import MachineLog, read_machine_notes
 
 
 class Line:

@@ -6,7 +6,7 @@ from scripted_flight import ScriptedFlight
 
 from gslcosim.contract.participant import Episode
 from gslcosim.recording.core import RecorderCore
-from gslcosim.recording.machine_notes import NAME, MachineLog, MachineNotes, read_machine_notes
+from gslcosim.runtime.machine_notes import NAME, MachineLog, MachineNotes, read_machine_notes
 
 
 def _noted(folder):
