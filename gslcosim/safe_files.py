@@ -7,6 +7,7 @@ import secrets
 import stat
 from collections.abc import Iterator
 from pathlib import Path, PurePath
+from typing import BinaryIO
 
 # Absent on systems other than Linux and macOS, where links are followed as everywhere.
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
@@ -54,18 +55,31 @@ def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int
     return fd
 
 
-def read_regular_file(path: Path, *, max_bytes: int) -> bytes:
+def open_regular_file(path: Path) -> BinaryIO:
+    """Open a file for reading; what is no file, such as a pipe or a device, is never waited for.
+
+    Raises:
+        OSError: it cannot be opened, or is no file.
+    """
+    fd = os.open(path, os.O_RDONLY | _AT_ONCE | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            raise OSError(errno.EINVAL, "something that is no file", str(path))
+        return os.fdopen(fd, "rb")
+    except BaseException:
+        os.close(fd)
+        raise
+
+
+def read_regular_file(path: Path, *, max_bytes: int | None = None) -> bytes:
     """Return the content of a file; what is no file, such as a pipe or a device, is never waited for.
 
     Raises:
         OSError: it cannot be read, is no file, or is larger than `max_bytes`.
     """
-    fd = os.open(path, os.O_RDONLY | _AT_ONCE | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(fd, "rb") as file:
-        if not stat.S_ISREG(os.fstat(fd).st_mode):
-            raise OSError(errno.EINVAL, "something that is no file", str(path))
-        content = file.read(max_bytes + 1)
-    if len(content) > max_bytes:
+    with open_regular_file(path) as file:
+        content = file.read(-1 if max_bytes is None else max_bytes + 1)
+    if max_bytes is not None and len(content) > max_bytes:
         raise OSError(errno.EFBIG, f"more than {max_bytes} bytes", str(path))
     return content
 

@@ -168,14 +168,16 @@ def check_rendering() -> Iterator[Health]:
 
 def check_sandbox() -> Iterator[Health]:
     """Check which sandbox is the strongest for agents here."""
-    from gslcosim.runtime.sandbox.choosing import strongest_sandbox, why_there_is_no
+    from gslcosim.runtime.sandbox.choosing import open_gaps, strongest_sandbox, why_there_is_no
 
     kind = strongest_sandbox()
     reasons = [why_there_is_no("bubblewrap"), why_there_is_no("landlock")] if kind == "none" else []
     reasons += [why_there_is_no("bubblewrap")] if kind == "landlock" else []
     text = f"{kind}, as {' and '.join(reasons)}" if reasons else kind
+    gaps = [*open_gaps(kind), *(["sockets of other programs that have a path"] if kind == "landlock" else [])]
+    text += f"; open: {', '.join(gaps)}" if gaps else ""
     remedy = "Agents see less in bubblewrap. On Debian: apt-get install bubblewrap"
-    yield _graded("sandbox of agents", "OK" if kind == "bubblewrap" else "WARN", text, remedy)
+    yield _graded("sandbox of agents", "OK" if kind == "bubblewrap" and not gaps else "WARN", text, remedy)
 
 
 CHECKS: dict[str, Callable[[], Iterator[Health]]] = {

@@ -1,6 +1,7 @@
 """Points to sample from a csv file, and sampled values into one."""
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import UsageError
+from gslcosim.safe_files import open_regular_file
 
 COORDINATES = ("x_m", "y_m", "z_m")
 
@@ -21,7 +23,7 @@ def read_points(path: Path) -> NDArray[np.float64]:
         UsageError: the file cannot be read, has another header, no points, or a row that is not numbers.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with io.TextIOWrapper(open_regular_file(path), encoding="utf-8-sig", newline="") as file:
             rows = [(number, row) for number, row in enumerate(csv.reader(file, strict=True), 1) if any(row)]
     except OSError as error:
         raise _error(path, "a csv file that can be read", str(error.strerror)) from error

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
+from gslcosim.safe_files import read_regular_file
 
 # Far above what fits into memory with its wind; what is larger is a fault of the file.
 LARGEST_GRID_CELLS = 10**9
@@ -34,7 +35,7 @@ def read_content(path: Path) -> bytes:
         EnvironmentDataError: it cannot be read.
     """
     try:
-        return path.read_bytes()
+        return read_regular_file(path)
     except OSError as error:
         raise data_error(path, "a file that can be read", str(error.strerror)) from error
 

@@ -36,6 +36,7 @@ from gslcosim.environment.room import content_hash_of
 from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.quantities import Vec3
+from gslcosim.safe_files import read_regular_file
 
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE: Final = "environment.yaml"
@@ -255,7 +256,7 @@ def _load_header(folder: Path) -> _Header:
         found = f"a folder without {HEADER_FILE}" if folder.is_dir() else "no such folder"
         raise EnvironmentDataError(f"expected an environment folder, was {found}.\nFolder: {folder}")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular_file(path).decode()
         _check_nesting(text)
         values = yaml.load(text, Loader=_YAML_LOADER)
     # Numbers of thousands of digits and dates that there are not are no YAMLError.

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import MethodError
 from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS
+from gslcosim.safe_files import read_regular_file
 from gslcosim.yaml_core import CoreLoader
 
 CARD_FILE = "method.yaml"
@@ -191,7 +192,7 @@ def load_card(path: Path) -> MethodCard:
 def _loaded(path: Path, changed_ns: int, n_bytes: int) -> MethodCard:
     del changed_ns, n_bytes
     try:
-        fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
+        fields = yaml.load(read_regular_file(path).decode(), Loader=CoreLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise MethodError(f"expected a method card that can be read, got: {error}.\nFile: {path}") from error
     if not isinstance(fields, dict):

@@ -10,6 +10,7 @@ import numpy as np
 from gslcosim.errors import UsageError
 from gslcosim.extraction.ros_types import REMEDY, RosTypes, ros_types
 from gslcosim.real_flights.flight_log import FlightLog, LoggedValues, n_values_of
+from gslcosim.safe_files import open_regular_file
 
 _NS = 1e-9
 # What has a pose, in the order in which it is chosen where nobody says which.
@@ -97,7 +98,7 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]
     except ImportError as error:
         raise UsageError(f"mcap: expected the package, found none. Install it with: {REMEDY}") from error
     try:
-        with path.open("rb") as file:
+        with open_regular_file(path) as file:
             for schema, channel, message in make_reader(file).iter_messages():
                 if schema is not None and (schema.name in _POSES or schema.name in _VALUES):
                     told = types.store.deserialize_cdr(message.data, schema.name)

@@ -133,6 +133,7 @@ def fly(
         # What is repeated need not wait for any clock.
         paced_from_tick=repetition.past.until_tick if repetition is not None else 0,
         snapshot=repetition and repetition.snapshot,
+        sources=(loaded.path.absolute(), *loaded.included),
     )
     return result
 
@@ -164,6 +165,7 @@ def fly_into_folder(
     origin: Mapping[str, Any] | None = None,
     paced_from_tick: int | None = None,
     snapshot: Snapshot | None = None,
+    sources: tuple[Path, ...] = (),
 ) -> tuple[Outcome, FlightResult]:
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
 
@@ -179,6 +181,7 @@ def fly_into_folder(
         origin: What the manifest says of the run that is flown again.
         paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
         snapshot: Where it goes on; absent: it begins at tick 0.
+        sources: The files from which the scenario was resolved.
 
     Raises:
         MachineError: the folder cannot be made.
@@ -194,6 +197,7 @@ def fly_into_folder(
             environment_dir=environment_dir.resolve(),
             environment=with_later_rooms(load_environment(environment_dir), later_rooms),
             later_rooms=later_rooms,
+            sources=sources,
             directory=directory.absolute(),
             paced_from_tick=paced_from_tick,
             snapshot=snapshot,

@@ -10,6 +10,7 @@ from typing import Any
 
 from gslcosim.bus.port import Certificate, Join
 from gslcosim.errors import UsageError
+from gslcosim.safe_files import read_regular_file
 
 NEW_CERTIFICATE = (
     "A new pair: openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 365 -keyout key.pem "
@@ -142,7 +143,7 @@ class Network:
         if endpoint := self.public_endpoint:
             join = join.model_copy(update={"endpoint": endpoint})
             if self.tls is not None and endpoint.startswith("tls/"):
-                ca = (self.tls.ca or self.tls.certificate).read_text()
+                ca = read_regular_file(self.tls.ca or self.tls.certificate).decode()
                 needs_client = self.tls.client_ca is not None
                 join = join.model_copy(update={"tls_root_ca": ca, "needs_tls_client": needs_client})
         fields = join.model_dump(exclude_none=True)

@@ -174,7 +174,8 @@ class Children:
     ) -> "subprocess.Popen[bytes]":
         check_program(name, command, cwd)
         # Who starts a run from within another one must not hand its own place on.
-        environment = {key: value for key, value in os.environ.items() if not key.startswith(OUR_VARIABLES)}
+        around = os.environ if confinement is None else confinement.environment
+        environment = {key: value for key, value in around.items() if not key.startswith(OUR_VARIABLES)}
         environment |= variables
         line, descriptors, launch = [*ending_with_parent(), *command], keep, None
         if confinement is not None and is_launcher_possible():

@@ -23,7 +23,7 @@ class Setup:
     agents answer, where the run is a fork; services do not need it.
     `paced_from_tick` is the first tick that keeps the scenario's pace; absent: none does, as in a replay.
     `snapshot` is where the run goes on; absent: it begins at tick 0. `later_rooms` are the folders of what events make
-    of `environment`, by situation.
+    of `environment`, by situation. `sources` are the files from which the scenario was resolved, its own among them.
     """
 
     run_dir: RunDir
@@ -35,6 +35,7 @@ class Setup:
     paced_from_tick: int | None = None
     snapshot: Snapshot | None = None
     later_rooms: Mapping[Situation, Path] = field(default_factory=dict[Situation, Path])
+    sources: tuple[Path, ...] = ()
 
     @property
     def episode(self) -> Episode:
@@ -49,6 +50,8 @@ class Setup:
                 {"closed": each.closed, "i_wind": each.i_wind, "folder": str(folder)}
                 for each, folder in self.later_rooms.items()
             ]
+        if self.sources:
+            places["sources"] = [str(path) for path in self.sources]
         if self.directory is not None:
             places["directory"] = str(self.directory)
         if self.paced_from_tick is not None:
@@ -79,6 +82,7 @@ class Setup:
             environment_dir=environment_dir,
             environment=environment,
             later_rooms=later_rooms,
+            sources=tuple(Path(path) for path in saved.get("sources", ())),
             paced_from_tick=saved.get("paced_from_tick"),
             directory=Path(saved["directory"]) if "directory" in saved else None,
             snapshot=Snapshot.at(Path(saved["snapshot"]), scenario) if "snapshot" in saved else None,

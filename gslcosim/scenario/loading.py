@@ -48,13 +48,15 @@ MAX_BYTES = 2_000_000
 class LoadedScenario:
     """A valid scenario and where it came from.
 
-    `directory` is where the scenario's relative paths start; `text` is the file as read, without overrides.
+    `directory` is where the scenario's relative paths start; `text` is the file as read, without overrides. `included`
+    are other files that it was resolved from, such as the suite that flies it.
     """
 
     scenario: Scenario
     path: Path
     directory: Path
     text: str
+    included: tuple[Path, ...] = ()
 
     @property
     def name(self) -> str:
@@ -146,8 +148,9 @@ def find_scenario(source: str | Path) -> Path:
     path = Path(source)
     if path.is_file():
         return path
-    if path.is_dir():
-        raise ScenarioError(f"{source}: expected a scenario file, was a folder.")
+    if path.exists():
+        what = "a folder" if path.is_dir() else "a pipe or a device"
+        raise ScenarioError(f"{source}: expected a scenario file, was {what}.")
     bundled = bundled_scenarios()
     if str(source) in bundled:
         return bundled[str(source)]

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from gslcosim.errors import ScenarioError
 from gslcosim.quantities import Vec3
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.explain import problems_of
 from gslcosim.scenario.loading import Check, load_scenario
@@ -63,7 +64,7 @@ def load_recipe(
                 f"found none of them. {did_you_mean(source, names)}".rstrip()
             )
         return _from_scenario(source, overrides, checks, placer)
-    text = path.read_text(encoding="utf-8-sig") if is_layout_file else f"layout: {{kind: {source}}}"
+    text = read_regular_file(path).decode("utf-8-sig") if is_layout_file else f"layout: {{kind: {source}}}"
     return _from_layout(text, source, [each.removeprefix("environment.") for each in overrides])
 
 
@@ -86,7 +87,7 @@ def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check
 
 def _is_layout_file(path: Path) -> bool:
     try:
-        values = read_yaml(path.read_text(encoding="utf-8-sig"), source=str(path)).block
+        values = read_yaml(read_regular_file(path).decode("utf-8-sig"), source=str(path)).block
     except (OSError, UnicodeDecodeError):
         return False
     return values is not None and "layout" in values and "schema" not in values

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from gslcosim.errors import VehicleError
+from gslcosim.safe_files import read_regular_file
 from gslcosim.vehicles.facts import (
     KINDS,
     LEAST_ROTORS,
@@ -90,7 +91,7 @@ def read_vehicle(name: str, folder: Path) -> Vehicle:
 
 def _sections_of(name: str, path: Path) -> dict[str, Any]:
     try:
-        sections = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
+        sections = yaml.load(read_regular_file(path).decode(), Loader=CoreLoader)
     except OSError as error:
         raise _error(
             name, path, [f"expected a file that can be read, was one that cannot ({error.strerror})."]

@@ -8,20 +8,26 @@ import ctypes
 import json
 import os
 import re
+import secrets
 import shutil
 import socket
+import struct
 import subprocess
 import sys
+import tempfile
 import threading
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
+import numpy as np
 import pytest
 import yaml
-from flights import AGENTS, ROOT, TINY_ROOM, fly, fly_here
+from deadlines import PROCESS_S
+from flights import AGENTS, ROOT, TINY_ROOM, children_of, fly, fly_here, start
 
-from gslcosim._kernel_cache import cache_root
-from gslcosim.runtime.sandbox import choosing
+from gslcosim._kernel_cache import cache_root, key_path
+from gslcosim.runtime.sandbox import choosing, truth
 from gslcosim.runtime.sandbox.choosing import why_there_is_no
 from gslcosim.scenario.bundled import bundled_agents
 
@@ -40,7 +46,15 @@ sys.stdin.read()
 KNOWN_GAPS = {("landlock", "connect_to_unix_socket_of_others")}
 # What others refuse, whatever an agent is started in: the router, the launcher that ends its descendants, and root's
 # absence of a mask to take away.
-REFUSED_ANYWAY = {"join_as_a_service", "leave_a_daemon_behind", "reopen_inherited_files"}
+REFUSED_ANYWAY = {
+    "join_as_a_service",
+    "leave_a_daemon_behind",
+    "reopen_inherited_files",
+    "read_environment_of_the_user",
+}
+TOKEN_NAME = "TOKEN_OF_THE_USER"
+# Who may do nothing that others may not: nobody.
+ORDINARY = 65534
 # What nobody but root may do, so that it proves nothing elsewhere.
 ONLY_ROOT = {"use_rights_of_root", "change_settings_of_the_kernel"}
 
@@ -50,6 +64,7 @@ class Attacked:
     """What is left after a flight with the attacker."""
 
     reached: dict[str, str]
+    other: dict
     result: dict
     written: dict
     outside: Path
@@ -73,11 +88,20 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
                  "hall/occupancy.npy"):  # fmt: skip
         (work / name).parent.mkdir(exist_ok=True)
         (work / name).write_text("the source is at 1 2 3")
+    for name in ("notes.txt", "room.yaml.orig", "a/b/c/d/e/f/deep.json", "earlier.rrd", ".git/objects/ab/cdef"):
+        (work / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(TINY_ROOM, work / name)
+    (work / "kept_recording").write_bytes(b"RRF2 the source is at 1 2 3")
+    os.link(scenario, work / "linked")
+    (work / "named.py").symlink_to(scenario)
     with contextlib.ExitStack() as stack:
+        stack.enter_context(patch.dict(os.environ, {TOKEN_NAME: "secret"}))
+        other = stack.enter_context(_other_flight(work))
         victim, address = stack.enter_context(_victim())
         terminal = stack.enter_context(_terminal())
         key = stack.enter_context(_key())
         ports = stack.enter_context(_listening(outside))
+        shared = stack.enter_context(_shared_memory())
         told = {
             "runs": str(work / "runs"),
             "outside": str(outside),
@@ -91,7 +115,12 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
             "key": key,
             "secret": SECRET.partition("=")[2],
             "tnemugra": SECRET_ARGUMENT[::-1],
+            "temporary": tempfile.gettempdir(),
+            "token_name": TOKEN_NAME,
+            "has_private_folder": sandbox == "bubblewrap",
+            "other_flight": [*children_of(other.process.pid), other.process.pid],
             **ports,
+            **shared,
         }
         # A word that names a bundled agent once made the cache of kernels writable.
         words = [str(bundled_agents()["dung_beetle"])]
@@ -99,16 +128,64 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
         ended = fly(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         was_victim_signalled = victim.poll() is not None
+        is_memory_left = ctypes.CDLL(None).shmget(shared["system_v_left"], 64, 0) >= 0
+        other_ended = other.end()
     assert ended.result.get("valid") is True, (ended.errors, ended.result)
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
     told = [json.loads(line) for line in lines if line.startswith('{"attack"')]
+    reached = {line["attack"]: line["reached"] for line in told}
+    # In a namespace of its own it is made, and gone with it.
+    reached["leave_system_v_memory_behind"] *= is_memory_left
     return Attacked(
-        reached={line["attack"]: line["reached"] for line in told},
+        reached=reached,
+        other=other_ended.result,
         result=ended.result,
         written=json.loads((ended.run_dir / "result.json").read_text()),
         outside=outside,
         was_victim_signalled=was_victim_signalled,
     )
+
+
+@contextlib.contextmanager
+def _other_flight(work):
+    """Another run of the same user, beside the attacker's, as long as that lasts."""
+    flight = start(TINY_ROOM, work / "other_runs", "--pace", "1", "--set", "agents[0].sandbox=auto")
+    try:
+        flight.wait_until_flying()
+        yield flight
+    finally:
+        flight.abandon()
+
+
+@contextlib.contextmanager
+def _shared_memory():
+    """Memory, a queue and a semaphore of System V, a queue of POSIX and a socket of netlink of other programs."""
+    library, key, left = ctypes.CDLL(None, use_errno=True), *(secrets.randbelow(1 << 30) + 1 for _ in range(2))
+    library.shmat.restype = ctypes.c_void_p
+    make, remove, set_value = 0o1600, 0, 16
+    memory, queue, semaphore = library.shmget(key, 64, make), library.msgget(key, make), library.semget(key, 1, make)
+    place = library.shmat(memory, None, 0)
+    ctypes.memmove(place, SECRET.encode(), 32)
+    library.shmdt(ctypes.c_void_p(place))
+    text = struct.pack("l32s", 1, SECRET.encode())
+    for _ in range(2):
+        library.msgsnd(queue, text, 32, 0)
+    library.semctl(semaphore, 0, set_value, 7)
+    name = f"/gslcosim-test-{key}"
+    posix = library.mq_open(name.encode(), os.O_CREAT | os.O_RDWR, 0o600, None)
+    try:
+        with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, socket.NETLINK_USERSOCK) as netlink:
+            netlink.bind((0, 0))
+            yield {
+                "system_v_key": key, "system_v_left": left, "posix_queue": name, "netlink": netlink.getsockname()[0],
+            }  # fmt: skip
+    finally:
+        os.close(posix)
+        library.mq_unlink(name.encode())
+        library.msgctl(queue, remove, None)
+        library.semctl(semaphore, 0, remove)
+        for found in (memory, library.shmget(left, 64, 0)):
+            library.shmctl(found, remove, None)
 
 
 @contextlib.contextmanager
@@ -207,6 +284,8 @@ def test_the_run_is_as_if_nothing_had_been_tried(in_sandbox):
     assert after.written == after.result
     assert sorted(path.name for path in after.outside.iterdir()) == ["removable.txt", "s", "victim.txt"]
     assert not after.was_victim_signalled
+    assert after.other["valid"] is True
+    assert after.other["faults"] == []
 
 
 def test_without_a_sandbox_the_same_attacks_do_get_through(tmp_path):
@@ -327,6 +406,71 @@ def test_a_command_that_names_a_file_of_a_run_is_refused(tmp_path):
     assert allowed.exit_code == 1
 
 
+def test_a_folder_that_cannot_be_searched_to_its_end_is_refused(tmp_path, monkeypatch):
+    """It was searched in part, and what lay behind could be read."""
+    (tmp_path / "mine").mkdir()
+    for i in range(9):
+        (tmp_path / "mine" / f"{i}.py").touch()
+    (tmp_path / "mine" / "agent.py").write_text("raise SystemExit(3)\n")
+    start_by = {"command": [sys.executable, str(tmp_path / "mine" / "agent.py")], "door": "stdio"}
+    words = ("--set", f"agents[0].start={json.dumps(start_by)}")
+    assert fly_here(TINY_ROOM, tmp_path / "runs", *words).exit_code == 1
+    monkeypatch.setattr(truth, "MAX_ENTRIES", 9)
+    refused = fly_here(TINY_ROOM, tmp_path / "runs", *words)
+    assert refused.exit_code == 3
+    assert f"was more in {tmp_path}/mine. Move the program into a folder of its own" in refused.errors
+
+
+def test_a_program_where_runs_are_made_is_refused(tmp_path):
+    """Runs that begin later would be seen by it."""
+    (tmp_path / "agent.py").write_text("raise SystemExit(3)\n")
+    start_by = {"command": [sys.executable, str(tmp_path / "agent.py")], "door": "stdio"}
+    words = ("--set", f"agents[0].start={json.dumps(start_by)}")
+    refused = fly_here(TINY_ROOM, tmp_path, *words)
+    assert refused.exit_code == 3
+    assert "agents.beetle.start: expected a program in a folder of its own" in refused.errors
+    assert fly_here(TINY_ROOM, tmp_path / "runs", *words).exit_code == 1
+
+
+@pytest.mark.parametrize("sandbox", SANDBOXES)
+def test_what_the_scenario_was_resolved_from_is_hidden_by_its_path(tmp_path, sandbox):
+    """No search would know stored wind, which shows where obstacles and openings are."""
+    if reason := why_there_is_no(sandbox):
+        pytest.skip(f"{sandbox} cannot be tested here: {reason}")
+    np.save(tmp_path / "wind.npy", np.full((24, 20, 12, 3), 0.1, np.float32))
+    program = "try:\n  open('wind.npy', 'rb').read(1) and sys.exit(4)\nexcept OSError:\n  sys.exit(3)\n"
+    (tmp_path / "agent.py").write_text(f"import sys\n{program}")
+    (tmp_path / "wind.txt").write_text("not the wind")
+    values = yaml.safe_load(TINY_ROOM.read_text())
+    values["wind"] = {"solver": {"file": "wind.npy"}, "cell_m": 0.25}
+    (tmp_path / "room.yaml").write_text(yaml.safe_dump(values))
+    start_by = {"command": [sys.executable, str(tmp_path / "agent.py")], "door": "stdio"}
+    words = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
+    ended = fly_here(tmp_path / "room.yaml", tmp_path / "runs", *words)
+    assert "ended with exit code" in str(ended.result.get("faults")), ended.errors
+    # The file is empty where bubblewrap puts nothing in its place.
+    assert "exit code 4" not in str(ended.result["faults"])
+
+
+@pytest.mark.parametrize("sandbox", [*SANDBOXES, "none"])
+def test_only_what_the_scenario_names_of_our_environment_reaches_an_agent(tmp_path, monkeypatch, sandbox):
+    """Tokens of the user do not, with or without a sandbox."""
+    for name in ("A_TOKEN", "SSH_AUTH_SOCK", "PASSED_ON"):
+        monkeypatch.setenv(name, "of the user")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "agent.py").write_text(
+        "import os, sys\n"
+        "ours = {name for name, value in os.environ.items() if value == 'of the user'}\n"
+        "sys.exit(7 if ours == {'PASSED_ON'} and os.environ['NAMED'] == 'x' else 8)\n"
+    )
+    start_by = {"command": [sys.executable, str(tmp_path / "mine" / "agent.py")], "door": "stdio"}
+    if reason := why_there_is_no(sandbox):
+        pytest.skip(f"{sandbox} cannot be tested here: {reason}")
+    words = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
+    ended = fly_here(TINY_ROOM, tmp_path / "runs", *words, "--set", "agents[0].environment={PASSED_ON: , NAMED: x}")
+    assert "ended with exit code 7" in str(ended.result.get("faults")), ended.errors
+
+
 @pytest.mark.parametrize("folder", ["the cache", "kernels", "this Python", "gslcosim", "the runs", "all", "a link"])
 def test_a_folder_with_code_or_runs_is_not_for_writing(tmp_path, folder):
     """Whoever could write there would be run by the next service, or write the result."""
@@ -373,7 +517,12 @@ def test_an_agent_in_this_process_is_in_none_and_the_result_says_so(tmp_path):
     """What was demanded for it is refused."""
     ended = fly(TINY_ROOM, tmp_path, "--in-process")
     assert ended.result["sandboxes"] == {"beetle": "none: in this process"}
-    for change in ("agents[0].sandbox=landlock", "agents[0].sandbox=required", "agents[0].limits={cpu_s: 9}"):
+    for change in (
+        "agents[0].sandbox=landlock",
+        "agents[0].sandbox=required",
+        "agents[0].limits={cpu_s: 9}",
+        "agents[0].environment={A: b}",
+    ):
         refused = fly(TINY_ROOM, tmp_path / "refused", "--in-process", "--set", change)
         assert refused.exit_code == 2
         assert "was an object in this process" in refused.errors
@@ -392,25 +541,52 @@ def test_the_digest_is_the_same_in_every_sandbox(tmp_path):
 
 
 @pytest.mark.debian
-def test_an_ordinary_user_has_the_same_sandboxes(tmp_path):
-    """Tests run as root in containers, users do not."""
-    if os.getuid() != 0 or shutil.which("setpriv") is None:
+@pytest.mark.slow
+def test_an_ordinary_user_is_kept_as_root_is(tmp_path):
+    """Tests run as root in containers, users do not: the attacks, flown by an ordinary user."""
+    if os.getuid() != 0 or shutil.which("setpriv") is None or shutil.which("unshare") is None:
         pytest.skip("only root can become an ordinary user here")
-    call = ["setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups", "bwrap", "--unshare-all"]
-    call += [
-        "--die-with-parent",
-        "--cap-drop",
-        "ALL",
-        "--ro-bind",
-        "/",
-        "/",
-        "--proc",
-        "/proc",
-        "--dev",
-        "/dev",
-        "true",
-    ]
-    if why_there_is_no("bubblewrap"):
-        pytest.skip("bubblewrap does not work here")
-    tried = subprocess.run(call, capture_output=True, text=True, check=False)
-    assert tried.returncode == 0, tried.stderr
+    with tempfile.TemporaryDirectory(prefix="ordinary-") as name:
+        home = Path(name)
+        kernels = Path(os.environ["NUMBA_CACHE_DIR"])
+        shutil.copytree(kernels, home / "cache" / "numba" / kernels.name)
+        # Nothing is to be compiled again: root's kernels are trusted by others, with the key that they can read here.
+        shutil.copy(key_path(), home / "cache" / "kernels.key")
+        (home / "cache" / "kernels.key").chmod(0o644)
+        for folder in (home, home / "cache", home / "cache" / "numba"):
+            os.chown(folder, ORDINARY, ORDINARY)
+            folder.chmod(0o755)
+        call = [
+            "setpriv",
+            f"--reuid={ORDINARY}",
+            f"--regid={ORDINARY}",
+            "--clear-groups",
+            sys.executable,
+            "-m",
+            "pytest",
+        ]
+        call += ["-q", "-p", "no:cacheprovider", "--basetemp", str(home / "tests"), __file__]
+        call += ["-k", "attack_does_not_get_through or as_if_nothing_had_been_tried"]
+        variables = os.environ | {"HOME": str(home), "GSLCOSIM_CACHE": str(home / "cache")}
+        variables.pop("NUMBA_CACHE_DIR")
+        ran = subprocess.run(
+            [*_making_python_visible(home), *call], cwd=ROOT, env=variables, capture_output=True, text=True,
+            timeout=2 * PROCESS_S, check=False,
+        )  # fmt: skip
+    assert ran.returncode == 0, ran.stdout
+    assert "passed" in ran.stdout
+
+
+def _making_python_visible(folder):
+    """Return what precedes a command so that another user sees this Python in a home that is closed to others."""
+    base = Path(sys.base_prefix)
+    closed = next((each for each in reversed(base.parents) if not each.stat().st_mode & 0o001), None)
+    if closed is None:
+        return []
+    kept = folder / "python"
+    kept.mkdir()
+    script = (
+        f"mount --bind {base} {kept} && mount -t tmpfs -o mode=755 tmpfs {closed} && mkdir -p {base} && "
+        f'mount --bind {kept} {base} && exec "$@"'
+    )
+    return ["unshare", "--mount", "--propagation", "private", "sh", "-c", script, "sh"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.safe_files import append_to, open_for_writing, read_regular_file, replace_file
+from gslcosim.safe_files import append_to, open_for_writing, open_regular_file, read_regular_file, replace_file
 
 needs_links = pytest.mark.skipif(sys.platform == "win32", reason="Windows follows links")
 
@@ -93,3 +93,5 @@ def test_only_files_are_read_and_only_so_much(tmp_path):
     for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path):
         with pytest.raises(OSError, match=r"something that is no file|Is a directory"):
             read_regular_file(path, max_bytes=5)
+        with pytest.raises(OSError, match=r"something that is no file|Is a directory"):
+            open_regular_file(path)

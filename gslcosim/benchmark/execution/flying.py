@@ -72,7 +72,13 @@ def fly_trial(trial: Trial, environment_dir: Path, rooms: Rooms) -> Flown:
     compile_agent_kernels(scenario, trial.directory, is_one_process=True)
     watch = Watch(scenario)
     with _scratch_run_dir() as run_dir:
-        setup = Setup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)
+        setup = Setup(
+            run_dir=run_dir,
+            scenario=scenario,
+            environment_dir=environment_dir,
+            environment=environment,
+            sources=trial.sources,
+        )
         prepared = time.perf_counter()
         outcome = _outcome(setup, trial.directory, watch)
         flown = time.perf_counter()
@@ -101,7 +107,13 @@ def record_trial(trial: Trial, runs_dir: Path) -> FlightResult:
     """
     scenario = trial.resolved
     scenario = scenario.model_copy(update={"recording": scenario.recording.model_copy(update={"enabled": True})})
-    loaded = LoadedScenario(scenario=scenario, path=trial.directory / "suite", directory=trial.directory, text="")
+    loaded = LoadedScenario(
+        scenario=scenario,
+        path=trial.directory / "suite",
+        directory=trial.directory,
+        text="",
+        included=trial.sources,
+    )
     return fly(loaded, runs_dir=runs_dir, processes="one")
 
 

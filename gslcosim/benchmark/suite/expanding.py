@@ -11,6 +11,7 @@ from gslcosim.benchmark.suite.models import DrawSpec, ScenarioSpec, n_values
 from gslcosim.benchmark.suite.seeds import seed_of
 from gslcosim.benchmark.suite.trials import Case
 from gslcosim.errors import ScenarioError
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario.loading import find_scenario
 from gslcosim.scenario.yaml_tree import read_yaml
 
@@ -72,7 +73,7 @@ def _source(spec: ScenarioSpec, loaded: LoadedSuite) -> Path:
 
 
 def _name_in(path: Path) -> str:
-    block = read_yaml(path.read_text(encoding="utf-8-sig"), source=str(path)).block
+    block = read_yaml(read_regular_file(path).decode("utf-8-sig"), source=str(path)).block
     return str((block or {}).get("name", path.stem))
 
 

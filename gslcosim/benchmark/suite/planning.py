@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,11 +78,13 @@ def plan_of(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan
     Raises:
         ScenarioError: a scenario, value or entry is wrong, with the place in the suite.
     """
-    planner = _Planner()
+    owned = list(cases_of(loaded))
+    sources = (*_suite_files(loaded), *(case.source.absolute() for _, case in owned))
+    planner = _Planner(tuple(dict.fromkeys(sources)))
     trials: list[Trial] = []
     cases: list[Case] = []
     dropped: list[Dropped] = []
-    for owner, case in cases_of(loaded):
+    for owner, case in owned:
         found = planner.trials_of(loaded, owner, case, first_index=len(trials))
         if isinstance(found, Dropped):
             dropped.append(found)
@@ -105,11 +107,18 @@ def plan_of(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan
     )
 
 
+def _suite_files(loaded: LoadedSuite) -> Iterator[Path]:
+    yield loaded.path
+    for inner in loaded.included:
+        yield from _suite_files(inner)
+
+
 class _Planner:
     """Plans cases one after the other and remembers rooms and entries."""
 
-    def __init__(self) -> None:
+    def __init__(self, sources: tuple[Path, ...]) -> None:
         self.entries: dict[str, PlannedEntry] = {}
+        self._sources = sources
         self.moved: list[Moved] = []
         self._rooms: dict[str, str] = {}
 
@@ -172,6 +181,7 @@ class _Planner:
             room=resolved.room,
             tape=_tape_key(flown, resolved.room) if flown.gas.tape else None,
             case_hash=shared,
+            sources=self._sources,
         )
 
     def _entry(self, spec: EntrySpec, giver: LoadedSuite) -> PlannedEntry:

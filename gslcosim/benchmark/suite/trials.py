@@ -59,7 +59,7 @@ class Trial:
     """One flight of one entry in one case: everything that a worker needs, as plain data.
 
     `scenario_json` is the scenario as resolved, `directory` where its relative paths start, `room` the key of its
-    environment, `tape` that of its gas where it is on tape.
+    environment, `tape` that of its gas where it is on tape. `sources` are the suites and scenarios of its plan.
     """
 
     id: str
@@ -76,6 +76,7 @@ class Trial:
     room: str
     tape: str | None
     case_hash: str
+    sources: tuple[Path, ...] = ()
 
     @cached_property
     def resolved(self) -> Scenario:

@@ -9,6 +9,7 @@ from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites, find_s
 from gslcosim.benchmark.suite.models import SCHEMA, EntrySpec, ScenarioSpec, Suite
 from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.methods.card import MethodCard
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loading import find_scenario
 from gslcosim.scenario.models.scenario import StartSpec
@@ -103,7 +104,7 @@ def changed(loaded: LoadedSuite, **values: Any) -> LoadedSuite:
 
 def _schema_of(path: Path) -> str:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_regular_file(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ScenarioError(f"{path}: expected a file of UTF-8 text, was one that cannot be read.") from error
     return str((read_yaml(text, source=str(path)).block or {}).get("schema", ""))
@@ -111,7 +112,9 @@ def _schema_of(path: Path) -> str:
 
 def _suite_around(source: str, entry: EntrySpec, *, repetitions: int, seed: int | None) -> LoadedSuite:
     path = find_scenario(source).resolve()
-    name = str((read_yaml(path.read_text(encoding="utf-8-sig"), source=source).block or {}).get("name", path.stem))
+    name = str(
+        (read_yaml(read_regular_file(path).decode("utf-8-sig"), source=source).block or {}).get("name", path.stem)
+    )
     suite = Suite(
         schema=SCHEMA,
         name=name,

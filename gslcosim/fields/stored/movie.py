@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gslcosim.environment.grid import Grid
 from gslcosim.errors import EnvironmentDataError
 from gslcosim.fields.stored.frame import LARGEST_CENTRE_PPM, GasFrame
+from gslcosim.safe_files import open_regular_file
 
 MOVIE_SUFFIX = ".npz"
 _ARRAYS = ("time_s", "mixing_ratio_ppm", "origin_m", "cell_m")
@@ -75,7 +76,7 @@ class GasMovie:
 
 def _load(path: Path) -> dict[str, NDArray]:
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        with open_regular_file(path) as file, np.load(file, allow_pickle=False) as stored:
             missing = [name for name in _ARRAYS if name not in stored]
             arrays = {} if missing else {name: stored[name] for name in _ARRAYS}
     # A faulty archive raises what zipfile, zlib, the parser of heads or numpy's types do.

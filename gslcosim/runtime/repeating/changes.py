@@ -11,11 +11,11 @@ from gslcosim.scenario.dumping import plain_values
 from gslcosim.ticks import seconds_from_ticks
 
 # Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
-_OF_AGENTS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write"
+_OF_AGENTS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
 _FREE = re.compile(rf"agents\[\d+\]\.({_OF_AGENTS})\b.*|(recording|snapshots|restart|processes)\b.*|pace|name")
 _TIME_LIMIT = "referee.stop.time_limit_s"
 _MAY_BE_SET = (
-    "start, parameters, knows, seed, answer_within_s, sandbox, limits, may_read and may_write of agents, "
+    "start, parameters, knows, seed, answer_within_s, sandbox, limits, may_read, may_write and environment of agents, "
     f"recording, snapshots, restart, processes, pace, events at times after it, and {_TIME_LIMIT}"
 )
 # By the beginning of a path: why it is part of the past.

@@ -161,7 +161,8 @@ def _loaded(past: PastRun, overrides: Sequence[str], checks: Sequence[Check]) ->
             note = "Relative paths of agents start in the run's folder, as it does not say where it was flown."
             raise ScenarioError(f"{error}\n{note}") from error
         raise
-    return LoadedScenario(scenario=scenario, path=file, directory=past.directory, text=text)
+    run = past.run_dir.path.absolute()
+    return LoadedScenario(scenario=scenario, path=file, directory=past.directory, text=text, included=(run,))
 
 
 def _check_agents(fork: Fork) -> None:

@@ -55,7 +55,8 @@ def bubblewrap_command(
             places[path] = ["--ro-bind", str(path), str(path)]
     empty: list[str] = []
     for path in cell.hidden:
-        if any(path.is_relative_to(folder) for folder in cell.reads) and path not in places:
+        # A link leads to what is hidden in its own place.
+        if any(path.is_relative_to(folder) for folder in cell.reads) and path not in places and not path.is_symlink():
             places[path] = ["--tmpfs", str(path)] if path.is_dir() else ["--ro-bind", "/dev/null", str(path)]
             empty += ["--remount-ro", str(path)] if path.is_dir() else []
     for path in (*cell.writes, *cell.sockets):

@@ -1,13 +1,12 @@
 """What an agent's process needs to see: this machine's programs, its own folder, its door, and nothing of the run."""
 
 import os
-import re
 import shutil
 import site
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,20 +19,7 @@ from gslcosim.user_state import user_state_folder
 
 # Read-only for every agent, where they exist.
 SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/etc", "/opt", "/nix", "/sys/devices/system")
-# A folder of an agent is searched for scenarios and runs so far, and no farther.
-MAX_DEPTH, MAX_ENTRIES, MAX_SCENARIO_BYTES = 4, 5000, 1 << 20
-_NOT_SEARCHED = {".git", ".venv", "venv", "node_modules", "__pycache__", "site-packages", "target"}
-_SCENARIO_FILES = (".yaml", ".yml", ".json")
-# Files with passwords of other processes are none of its business either.
-_IS_TRUTH = re.compile(rb'gslcosim/(scenario|suite|results?|maps|environment)/|"password"')
-# What stands together in the folder of a run, of results of a suite, and of a room with its wind.
-_SIGNS_OF_TRUTH = (
-    ("scenario.yaml", "manifest.json"),
-    ("suite.yaml", "manifest.json"),
-    ("environment.yaml", "occupancy.npy"),
-)
-# Results keep the programs that were flown.
-_PROGRAMS = "agents"
+_OPTIONAL = "/opt"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,28 +86,7 @@ def python_folders() -> list[Path]:
 def code_folders() -> list[Path]:
     """Return the folders from which processes of every run read code, which no agent may change."""
     kernels = [Path(os.environ[NUMBA_VARIABLE])] if NUMBA_VARIABLE in os.environ else []
-    return [*python_folders(), cache_root(), *kernels, *(Path(folder) for folder in SYSTEM if folder != "/opt")]
-
-
-def truth_within(folders: Iterable[Path]) -> list[Path]:
-    """Return the scenarios, suites, results, runs and rooms that lie in folders, however they are named.
-
-    Args:
-        folders: They are searched a few levels deep.
-    """
-    return [found for folder in folders for found in _truth(folder, MAX_DEPTH, [MAX_ENTRIES])]
-
-
-def lies_in_truth(folder: Path) -> bool:
-    """Return whether a folder is, or lies in, that of a run, of results of a suite or of a room.
-
-    Args:
-        folder: The programs that results keep do not count as part of them.
-    """
-    around = [folder.resolve(), *folder.resolve().parents]
-    return any(
-        _holds_run_results_or_room(place) and not folder.resolve().is_relative_to(place / _PROGRAMS) for place in around
-    )
+    return [*python_folders(), cache_root(), *kernels, *(Path(folder) for folder in SYSTEM if folder != _OPTIONAL)]
 
 
 def always_hidden() -> list[Path]:
@@ -134,23 +99,24 @@ def always_hidden() -> list[Path]:
 
 
 def is_system(path: Path) -> bool:
-    """Return whether a place is read by every agent anyway."""
-    return any(path.is_relative_to(folder) for folder in SYSTEM)
+    """Return whether a place is part of the system, which every agent reads; people keep their own things in /opt."""
+    return any(path.is_relative_to(folder) for folder in SYSTEM if folder != _OPTIONAL)
 
 
 def readable_pieces(cell: AgentCell) -> tuple[list[Path], list[Path]]:
     """Return what may be read, and what may be listed, where nothing within a folder can be taken from it again.
 
-    A folder with something hidden in it is read by its other entries. Only names can be seen then.
+    A folder with something hidden in it is read by its other entries. Only names can be seen then. All are real places,
+    for what is allowed is the place to which a link leads: a link in such a folder is none.
 
     Args:
         cell: What is to be seen.
     """
     reads: list[Path] = []
     lists: list[Path] = []
-    for folder in cell.reads:
-        within = [path for path in cell.hidden if path.is_relative_to(folder)]
-        _add_pieces(folder, within, reads, lists)
+    hidden = {path.resolve() for path in cell.hidden}
+    for folder in dict.fromkeys(path.resolve() for path in cell.reads):
+        _add_pieces(folder, [path for path in hidden if path.is_relative_to(folder)], reads, lists)
     return reads, lists
 
 
@@ -161,38 +127,8 @@ def _add_pieces(folder: Path, hidden: list[Path], reads: list[Path], lists: list
         reads.append(folder)
         return
     lists.append(folder)
-    for entry in sorted(folder.iterdir()):
+    for entry in sorted(entry for entry in folder.iterdir() if not entry.is_symlink()):
         _add_pieces(entry, [path for path in hidden if path.is_relative_to(entry)], reads, lists)
-
-
-def _truth(folder: Path, depth: int, left: list[int]) -> Iterator[Path]:
-    try:
-        entries = sorted(folder.iterdir())
-    except OSError:
-        return
-    if _holds_run_results_or_room(folder):
-        yield folder
-        return
-    for entry in entries:
-        left[0] -= 1
-        if left[0] < 0:
-            return
-        if entry.is_dir() and not entry.is_symlink():
-            if depth and entry.name not in _NOT_SEARCHED:
-                yield from _truth(entry, depth - 1, left)
-        elif entry.suffix in _SCENARIO_FILES and _holds_truth(entry):
-            yield entry
-
-
-def _holds_run_results_or_room(folder: Path) -> bool:
-    return any(all((folder / name).is_file() for name in names) for names in _SIGNS_OF_TRUTH)
-
-
-def _holds_truth(path: Path) -> bool:
-    try:
-        return path.stat().st_size <= MAX_SCENARIO_BYTES and _IS_TRUTH.search(path.read_bytes()) is not None
-    except OSError:
-        return False
 
 
 def _with_target(path: Path) -> list[Path]:

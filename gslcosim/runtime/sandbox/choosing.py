@@ -49,6 +49,11 @@ class Confined(Protocol):
         """Folders that it may change."""
         ...
 
+    @property
+    def environment(self) -> dict[str, str | None] | None:
+        """Variables of its environment beside those that every program needs."""
+        ...
+
 
 def why_there_is_no(kind: SandboxKind) -> str:
     """Return what keeps a sandbox from working on this machine, empty when it works."""
@@ -125,7 +130,18 @@ def _sandbox_started(agent: Confined) -> str:
     kind = sandbox_kind(agent)
     if agent.limits.are_given and not is_launcher_possible():
         raise UsageError(f"{agent.place}.limits: expected Linux for limits, was another system. Leave them out.")
-    return f"landlock {landlock.version()}" if kind == "landlock" else kind
+    gaps = open_gaps(kind)
+    name = f"landlock {landlock.version()}" if kind == "landlock" else kind
+    return f"{name} (open: {', '.join(gaps)})" if gaps else name
+
+
+def open_gaps(kind: SandboxKind) -> list[str]:
+    """Return in words what a sandbox leaves open on this machine that it closes on others."""
+    if kind == "landlock":
+        return landlock.missing_protections(landlock.version())
+    if kind == "bubblewrap" and not seccomp.is_possible():
+        return ["keys of the user, perf, watching of files and io_uring are not refused on this kind of processor"]
+    return []
 
 
 def _check_nothing_is_demanded(agent: AgentSpec) -> None:
@@ -138,6 +154,7 @@ def _check_nothing_is_demanded(agent: AgentSpec) -> None:
     wanted = {
         "sandbox": {"required": "a sandbox", "auto": "", "none": ""}.get(agent.sandbox, agent.sandbox),
         "limits": "bounds" if agent.limits.are_given else "",
+        "environment": "variables" if agent.environment else "",
     }
     for key, value in wanted.items():
         if value:

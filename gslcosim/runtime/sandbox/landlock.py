@@ -16,13 +16,18 @@ _PATH_BENEATH, _NET_PORT = 1, 2
 _PR_SET_NO_NEW_PRIVS = 38
 
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
-TRUNCATE, IOCTL_DEV = 1 << 14, 1 << 15
+MAKE_SOCKET, TRUNCATE, IOCTL_DEV = 1 << 9, 1 << 14, 1 << 15
 READ = EXECUTE | READ_FILE | READ_DIR
 # Rights that mean something for a file, not only for a folder.
 _OF_FILES = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
 # What each version of Landlock can refuse; the last goes on for later ones.
 _FILE_RIGHTS = (0, (1 << 13) - 1, (1 << 14) - 1, (1 << 15) - 1, (1 << 15) - 1, (1 << 16) - 1)
 _TCP_SINCE, _SCOPES_SINCE = 4, 6
+_CLOSED_SINCE = (
+    (3, "files of the user can be cut to nothing"),
+    (_TCP_SINCE, "with door: tcp any port can be reached"),
+    (_SCOPES_SINCE, "other processes of the user can be signalled, and reached by sockets without a path"),
+)
 _BIND_AND_CONNECT, _CONNECT = 3, 2
 _ABSTRACT_SOCKETS_AND_SIGNALS = 3
 
@@ -32,6 +37,15 @@ def version() -> int:
     if sys.platform != "linux":
         return 0
     return max(0, _syscall(_CREATE_RULESET, None, 0, _VERSION_FLAG))
+
+
+def missing_protections(abi: int) -> list[str]:
+    """Return in words what a version of Landlock leaves open that later ones close.
+
+    Args:
+        abi: The version, at least 1.
+    """
+    return [text for since, text in _CLOSED_SINCE if abi < since]
 
 
 def confine(
@@ -48,7 +62,7 @@ def confine(
     Args:
         reads: Files and folders to read and execute.
         lists: Folders whose names may be listed, with all below.
-        writes: Folders to do anything in.
+        writes: Folders to do anything in, but to make sockets.
         files_rw: Files and devices to read and write.
         tcp_ports: Ports to connect to.
         is_about_files: Whether files are confined at all, or the network alone.
@@ -67,7 +81,8 @@ def confine(
         return
     ruleset = _checked(_syscall(_CREATE_RULESET, attributes, len(attributes), 0))
     if is_about_files:
-        for paths, allowed in ((reads, READ), (lists, READ_DIR), (writes, rights)):
+        # Landlock knows no connection to a socket's path, so nobody makes one where another agent could connect.
+        for paths, allowed in ((reads, READ), (lists, READ_DIR), (writes, rights & ~MAKE_SOCKET)):
             for path in paths:
                 _allow(ruleset, path, allowed & rights)
         for path in files_rw:

@@ -40,11 +40,12 @@ _LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB",
 
 @dataclass(frozen=True, kw_only=True)
 class Confinement:
-    """How one process of agents is kept: in which cell, if any, and by which limits."""
+    """How one process of agents is kept: in which cell, if any, by which limits, and with which environment."""
 
     kind: str = "none"
     cell: AgentCell | None = None
     limits: AgentLimitsSpec = field(default_factory=AgentLimitsSpec)
+    environment: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 def is_launcher_possible() -> bool:
@@ -148,8 +149,8 @@ def _filter_of(cell: AgentCell) -> list[int]:
     if not seccomp.is_possible():
         return []
     code = seccomp.program(
-        os.uname().machine, allows_unix=True, allows_tcp=True, is_about_files=False,
-        is_about_sockets=cell.tcp_port is not None,
+        os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
+        has_own_network=cell.tcp_port is None,
     )  # fmt: skip
     made = _file_in_memory(code)
     # Away from the numbers that the launcher gives to pipes.
@@ -185,7 +186,6 @@ def _closed_by_landlock(cell: AgentCell, *, has_pipes: bool) -> Mapping[str, Any
         "seccomp": {
             "allows_unix": not has_pipes and cell.tcp_port is None,
             "allows_tcp": cell.tcp_port is not None,
-            "is_about_files": True,
         },
     }
 

@@ -1,5 +1,6 @@
-"""A filter of system calls for what Landlock cannot refuse: sockets of the network, and changes of what is not theirs.
+"""A filter of system calls for what Landlock and namespaces cannot refuse.
 
+These are sockets of the network, ways past files from one process to another, and changes of what belongs to others.
 Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is no filter, and `is_possible` says
 so. The instructions are those of classic BPF, see `man 2 seccomp`.
 """
@@ -20,33 +21,73 @@ _NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD = 0, 4, 16, 24, 32
 _UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
 _STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
 _X32 = 0x40000000
+# Commands of fcntl by which a process is told what others do with a file: leases, and changes in a folder.
+_WATCHING_COMMANDS = (1024, 1026)
 
-# By machine: its number, `socket`, calls that are always refused, those that change what belongs to others, and calls
-# that may only be about the caller itself (0).
-_MACHINES: dict[str, tuple[int, int, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = {
-    "x86_64": (
-        0xC000003E,
-        41,
-        # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup
-        (248, 249, 250, 298, 321, 425),
+
+class _Numbers:
+    # The numbers of system calls of one kind of machine.
+
+    def __init__(
+        self,
+        *,
+        architecture: int,
+        socket: int,
+        fcntl: int,
+        always: tuple[int, ...],
+        shared: tuple[int, ...],
+        of_others: tuple[int, ...],
+        only_self: tuple[int, ...],
+    ) -> None:
+        self.architecture = architecture
+        self.socket = socket
+        self.fcntl = fcntl
+        # Refused in each sandbox.
+        self.always = always
+        # Memory, queues and semaphores that last beyond their processes: bubblewrap has a namespace of them.
+        self.shared = shared
+        # Changes of what belongs to others.
+        self.of_others = of_others
+        # May only be about the caller itself (0).
+        self.only_self = only_self
+
+
+_MACHINES = {
+    "x86_64": _Numbers(
+        architecture=0xC000003E,
+        socket=41,
+        fcntl=72,
+        # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup, syslog, open_by_handle_at
+        # inotify_init, inotify_init1, inotify_add_watch, fanotify_init, fanotify_mark
+        always=(248, 249, 250, 298, 321, 425, 103, 304, 253, 294, 254, 300, 301),
+        # shmget, shmat, shmctl, semget, semop, semctl, semtimedop, msgget, msgsnd, msgrcv, msgctl, mq_open, mq_unlink
+        shared=(29, 30, 31, 64, 65, 66, 220, 68, 69, 70, 71, 240, 241),
         # chmod, fchmod, chown, fchown, lchown, setxattr, lsetxattr, fsetxattr, removexattr, lremovexattr,
         # fremovexattr, fchownat, fchmodat, fchmodat2, setxattrat, removexattrat, setpriority, ioprio_set
-        (90, 91, 92, 93, 94, 188, 189, 190, 197, 198, 199, 260, 268, 452, 463, 466, 141, 251),
+        # utime, utimes, futimesat, utimensat, file_setattr
+        of_others=(
+            90, 91, 92, 93, 94, 188, 189, 190, 197, 198, 199, 260, 268, 452, 463, 466, 141, 251,
+            132, 235, 261, 280, 469,
+        ),
         # sched_setparam, sched_setscheduler, sched_setaffinity, prlimit64, sched_setattr
-        (142, 144, 203, 302, 314),
+        only_self=(142, 144, 203, 302, 314),
     ),
-    "aarch64": (
-        0xC00000B7,
-        198,
-        # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup
-        (217, 218, 219, 241, 280, 425),
+    "aarch64": _Numbers(
+        architecture=0xC00000B7,
+        socket=198,
+        fcntl=25,
+        # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup, syslog, open_by_handle_at
+        # inotify_init1, inotify_add_watch, fanotify_init, fanotify_mark
+        always=(217, 218, 219, 241, 280, 425, 116, 265, 26, 27, 262, 263),
+        # shmget, shmctl, shmat, semget, semctl, semtimedop, semop, msgget, msgctl, msgrcv, msgsnd, mq_open, mq_unlink
+        shared=(194, 195, 196, 190, 191, 192, 193, 186, 187, 188, 189, 180, 181),
         # setxattr, lsetxattr, fsetxattr, removexattr, lremovexattr, fremovexattr, fchmod, fchmodat, fchownat, fchown,
-        # fchmodat2, setxattrat, removexattrat, setpriority, ioprio_set
-        (5, 6, 7, 14, 15, 16, 52, 53, 54, 55, 452, 463, 466, 140, 30),
+        # fchmodat2, setxattrat, removexattrat, setpriority, ioprio_set, utimensat, file_setattr
+        of_others=(5, 6, 7, 14, 15, 16, 52, 53, 54, 55, 452, 463, 466, 140, 30, 88, 469),
         # sched_setparam, sched_setscheduler, sched_setaffinity, prlimit64, sched_setattr
-        (118, 119, 122, 261, 274),
+        only_self=(118, 119, 122, 261, 274),
     ),
-}
+}  # fmt: skip
 
 
 def is_possible() -> bool:
@@ -54,24 +95,19 @@ def is_possible() -> bool:
     return sys.platform == "linux" and os.uname().machine in _MACHINES
 
 
-def filter_calls(*, allows_unix: bool, allows_tcp: bool, is_about_files: bool) -> None:
-    """Refuse sockets but of the kinds that are named, for this process and all that it will start.
-
-    Keys of the user, watching others by perf, programs in the kernel and io_uring, by which a filter can be passed by,
-    are always refused, and programs for another kind of machine do not run.
+def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
+    """Refuse what Landlock does not know, for this process and all that it will start; see `program`.
 
     Args:
         allows_unix: Whether unix sockets are allowed.
         allows_tcp: Whether TCP is.
-        is_about_files: Whether changing the rights and owners of files, and the limits and scheduling of other
-            processes, is refused as well.
 
     Raises:
         OSError: the kernel refuses.
     """
     if not is_possible():
         return
-    code = program(os.uname().machine, allows_unix=allows_unix, allows_tcp=allows_tcp, is_about_files=is_about_files)
+    code = program(os.uname().machine, allows_unix=allows_unix, allows_tcp=allows_tcp, is_beside_namespaces=False)
     give_up_new_privileges()
     instructions = ctypes.create_string_buffer(code, len(code))
     described = struct.pack("<HxxxxxxQ", len(code) // 8, ctypes.addressof(instructions))
@@ -81,37 +117,47 @@ def filter_calls(*, allows_unix: bool, allows_tcp: bool, is_about_files: bool) -
 
 
 def program(
-    machine: str, *, allows_unix: bool, allows_tcp: bool, is_about_files: bool, is_about_sockets: bool = True
+    machine: str, *, allows_unix: bool, allows_tcp: bool, is_beside_namespaces: bool, has_own_network: bool = False
 ) -> bytes:
-    """Return the instructions of the filter; see `filter_calls`.
+    """Return the instructions of the filter.
+
+    Always refused are keys of the user, watching others by perf, by inotify, fanotify and leases, programs in the
+    kernel, the kernel's log, files by their handles, and io_uring, by which a filter can be passed by; programs for
+    another kind of machine do not run.
 
     Args:
         machine: The kind of processor.
-        allows_unix: As there.
-        allows_tcp: As there.
-        is_about_files: As there.
-        is_about_sockets: Whether sockets are refused at all.
+        allows_unix: Whether unix sockets are allowed.
+        allows_tcp: Whether TCP is.
+        is_beside_namespaces: Whether namespaces keep files, processes and System V's memory apart already; otherwise
+            that memory, queues, semaphores, and changes of rights, owners, times and of other processes are refused.
+        has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.
     """
-    architecture, socket, always, refused, only_self = _MACHINES[machine]
+    numbers = _MACHINES[machine]
     code = [
         _step(_LOAD, _ARCHITECTURE),
-        _step(_EQUAL, architecture, 1, 0),
+        _step(_EQUAL, numbers.architecture, 1, 0),
         _step(_RETURN, _REFUSE),
         _step(_LOAD, _NUMBER),
         _step(_AT_LEAST, _X32, 0, 1),
         _step(_RETURN, _REFUSE),
     ]
-    for number in (*always, *(refused if is_about_files else ())):
+    for number in (*numbers.always, *(() if is_beside_namespaces else (*numbers.shared, *numbers.of_others))):
         code += [_step(_EQUAL, number, 0, 1), _step(_RETURN, _REFUSE)]
-    if is_about_files:
-        for number in only_self:
-            # Not this one: over the next five.
-            code += [_step(_EQUAL, number, 0, 4), _step(_LOAD, _FIRST), _step(_EQUAL, 0, 1, 0)]
-            code += [_step(_RETURN, _REFUSE), _step(_RETURN, _ALLOW)]
-    if not is_about_sockets:
-        return b"".join([*code, _step(_RETURN, _ALLOW)])
-    code += [_step(_EQUAL, socket, 1, 0), _step(_RETURN, _ALLOW), _step(_LOAD, _FIRST)]
-    for family in (_NETLINK, *((_UNIX,) if allows_unix else ())):
+    # Not this one: over the next ones.
+    code += [_step(_EQUAL, numbers.fcntl, 0, 2 + 2 * len(_WATCHING_COMMANDS)), _step(_LOAD, _SECOND)]
+    for command in _WATCHING_COMMANDS:
+        code += [_step(_EQUAL, command, 0, 1), _step(_RETURN, _REFUSE)]
+    code += [_step(_RETURN, _ALLOW)]
+    for number in () if is_beside_namespaces else numbers.only_self:
+        code += [_step(_EQUAL, number, 0, 4), _step(_LOAD, _FIRST), _step(_EQUAL, 0, 1, 0)]
+        code += [_step(_RETURN, _REFUSE), _step(_RETURN, _ALLOW)]
+    code += [_step(_EQUAL, numbers.socket, 1, 0), _step(_RETURN, _ALLOW), _step(_LOAD, _FIRST)]
+    families = [_UNIX] if allows_unix else []
+    if has_own_network:
+        # There are none in which others could be reached, as those to the machine that runs a virtual one.
+        families += [_INTERNET, _INTERNET_6, _NETLINK]
+    for family in families:
         code += [_step(_EQUAL, family, 0, 1), _step(_RETURN, _ALLOW)]
     if allows_tcp:
         # Each jump that fails ends at the last instruction of all. Landlock knows TCP, but no other kind of stream.

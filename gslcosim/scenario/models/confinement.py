@@ -2,9 +2,34 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Positive, Spec
+
+# What a run tells its processes there.
+_OUR_PREFIX = "GSLCOSIM_"
+
+
+def _without_ours(variables: "dict[str, str | None]") -> "dict[str, str | None]":
+    if ours := next((name for name in variables if name.startswith(_OUR_PREFIX)), None):
+        raise broken_rule(
+            key=ours,
+            expected="variables of the agent's own",
+            found=f"one that begins with {_OUR_PREFIX}",
+            remedy="gslcosim sets those itself. Leave it out.",
+        )
+    return variables
+
+
+EnvironmentVariables = Annotated[
+    dict[
+        Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,127}$")],
+        Annotated[str, Field(max_length=32_768, pattern=r"^[^\x00]*$")] | None,
+    ],
+    Field(max_length=100),
+    AfterValidator(_without_ours),
+]
 
 SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
 

@@ -7,7 +7,7 @@ from pydantic import Field, StringConstraints, model_validator
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.contract.participation import VENTILATION, own_port
 from gslcosim.contract.ventilation import WIND
-from gslcosim.scenario.models.confinement import AgentLimitsSpec, SandboxChoice
+from gslcosim.scenario.models.confinement import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
 from gslcosim.scenario.models.rules import broken_rule
 from gslcosim.scenario.models.spec import Name, Positive, Spec
 
@@ -69,6 +69,9 @@ class OwnModelSpec(Spec):
     limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="the bounds of what its processes use")
     may_read: tuple[str, ...] = Field(default=(), description="folders that it sees besides its own")
     may_write: tuple[str, ...] = Field(default=(), description="folders that it may change")
+    environment: EnvironmentVariables | None = Field(
+        default=None, description="variables of its environment by name; one without a value is passed on from ours"
+    )
 
     @property
     def place(self) -> str:

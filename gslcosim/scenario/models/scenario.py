@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import VehicleError
 from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.confinement import AgentLimitsSpec, SandboxChoice
+from gslcosim.scenario.models.confinement import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
 from gslcosim.scenario.models.event_kinds import Event
 from gslcosim.scenario.models.gas import Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
@@ -305,7 +305,8 @@ class AgentSpec(Spec):
     `sandbox` is what its process is started in: `auto` is the strongest that the machine has, `required` the same but
     an error where that is none or the agent has no process here, `bubblewrap` and `landlock` demand one, `none` starts
     it without. It sees its own folder and no run; `may_read` and `may_write` name more folders. `limits` bounds what it
-    uses.
+    uses. Of the environment it has `PATH`, `LANG`, `LC_*`, `TZ`, `HOME`, `TMPDIR` and numbers of threads;
+    `environment` names more variables.
     """
 
     name: Name = Field(description="what the agent is called")
@@ -333,6 +334,9 @@ class AgentSpec(Spec):
     limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="the bounds of what its processes use")
     may_read: tuple[str, ...] = Field(default=(), description="folders that it sees besides its own")
     may_write: tuple[str, ...] = Field(default=(), description="folders that it may change")
+    environment: EnvironmentVariables | None = Field(
+        default=None, description="variables of its environment by name; one without a value is passed on from ours"
+    )
 
     @property
     def place(self) -> str:

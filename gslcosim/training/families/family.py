@@ -19,6 +19,7 @@ from gslcosim.fields.gas_setup import gas_seed
 from gslcosim.fields.models.filament_gas import taped_plume
 from gslcosim.generation import prepare_environment
 from gslcosim.rng import stream
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario.bundled import bundled_folder
 from gslcosim.scenario.loading import LoadedScenario, find_scenario
 from gslcosim.scenario.problems import Problem
@@ -59,7 +60,7 @@ class Family:
     @property
     def identity(self) -> str:
         """A hash of all that decides the cases: the family as resolved, and its scenario."""
-        text = f"{self.spec.model_dump_json()}\n{self.scenario.read_text(encoding='utf-8-sig')}"
+        text = f"{self.spec.model_dump_json()}\n{read_regular_file(self.scenario).decode('utf-8-sig')}"
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
     def cases(self, split: Split, n: int, *, report: Told = lambda done, total: None) -> list[LoadedScenario]:

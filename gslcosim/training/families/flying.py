@@ -74,6 +74,7 @@ class CaseFlight:
             id=f"{self.entry.name}/{name}", index=0, case=name, scenario=case.name, family=self.family, varied="{}",
             repetition=0, entry=self.entry.name, is_control=False, scenario_json=json.dumps(plain_values(flown)),
             directory=directory, room="", tape=None, case_hash=name,
+            sources=(case.path.absolute(),),
         )  # fmt: skip
 
 

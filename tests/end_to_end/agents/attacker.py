@@ -13,6 +13,7 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -24,7 +25,7 @@ LIBRARY = ctypes.CDLL(None, use_errno=True)
 CLONE_NEWUSER, CLONE_NEWNS, PTRACE_SEIZE = 0x10000000, 0x20000, 0x4206
 # Numbers of system calls on every kind of machine, then by kind of machine.
 PIDFD_OPEN, PIDFD_GETFD = 434, 438
-KEYCTL, PERF_EVENT_OPEN = (219, 241) if os.uname().machine == "aarch64" else (250, 298)
+KEYCTL, PERF_EVENT_OPEN, SYSLOG = (219, 241, 116) if os.uname().machine == "aarch64" else (250, 298, 103)
 SEARCH, READ, USER_KEYRING = 10, 11, -4
 SHARED_BYTES = 160 << 20
 
@@ -47,7 +48,8 @@ def read_bundled_scenario():
 
 def read_run_folder():
     names = ("scenario.yaml", "setup.json", "manifest.json")
-    return _text_of(*(path for name in names for path in RUNS.glob(f"*/{name}")))
+    others = RUNS.with_name("other_runs")
+    return _text_of(*(path for name in names for folder in (RUNS, others) for path in folder.glob(f"*/{name}")))
 
 
 def read_run_folder_by_its_name():
@@ -371,8 +373,142 @@ def read_results_of_suites():
     return _text_of(*(folder / name for name in ("rows.jsonl", "manifest.json", "maps.json")))
 
 
+def read_copies_of_scenario():
+    folder = Path(__file__).parent
+    return _text_of(folder / "notes.txt", folder / "room.yaml.orig", folder / "a/b/c/d/e/f/deep.json")
+
+
+def read_other_names_of_scenario():
+    folder = Path(__file__).parent
+    return _text_of(folder / "linked", folder / "named.py")
+
+
+def read_recordings_beside_it():
+    return _text_of(Path(__file__).parent / "earlier.rrd", Path(__file__).parent / "kept_recording")
+
+
+def read_earlier_versions():
+    return _text_of(Path(__file__).parent / ".git" / "objects" / "ab" / "cdef")
+
+
 def read_rooms_beside_it():
     return _text_of(Path(__file__).parent / "hall" / "occupancy.npy")
+
+
+def read_system_v_memory():
+    LIBRARY.shmat.restype = ctypes.c_void_p
+    found = LIBRARY.shmget(TOLD["system_v_key"], 64, 0)
+    place = LIBRARY.shmat(found, None, 0o10000) if found >= 0 else None
+    return repr(ctypes.string_at(place, 8)) if place not in (None, ctypes.c_void_p(-1).value) else ""
+
+
+def take_from_system_v_queues():
+    class Message(ctypes.Structure):
+        _fields_ = (("kind", ctypes.c_long), ("text", ctypes.c_char * 64))
+
+    message, queue = Message(), LIBRARY.msgget(TOLD["system_v_key"], 0)
+    no_wait = 0o4000
+    got = LIBRARY.msgrcv(queue, ctypes.byref(message), 64, 0, no_wait) if queue >= 0 else -1
+    return repr(message.text) if got > 0 else ""
+
+
+def read_system_v_semaphores():
+    get_value = 12
+    found = LIBRARY.semget(TOLD["system_v_key"], 1, 0)
+    return str(LIBRARY.semctl(found, 0, get_value)) if found >= 0 else ""
+
+
+def leave_system_v_memory_behind():
+    # For the next trial; taken away by the test.
+    return "made" if LIBRARY.shmget(TOLD["system_v_left"], 64, 0o1600) >= 0 else ""
+
+
+def open_posix_queues():
+    opened = LIBRARY.mq_open(TOLD["posix_queue"].encode(), os.O_RDONLY | os.O_NONBLOCK)
+    return "opened" if opened >= 0 else ""
+
+
+def pass_by_netlink():
+    # A socket of the kind by which processes speak with each other, not with the kernel.
+    with contextlib.suppress(OSError), socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, 2) as sender:
+        sender.sendto(b"by the agent", (TOLD["netlink"], 0))
+        return "sent"
+    return ""
+
+
+def watch_files_of_others():
+    watching, modified = LIBRARY.inotify_init1(os.O_NONBLOCK), 0x2 | 0x1
+    return "watched" if watching >= 0 and LIBRARY.inotify_add_watch(watching, b"/usr/bin/env", modified) >= 0 else ""
+
+
+def watch_folders_of_others():
+    import fcntl
+
+    folder = os.open("/usr", os.O_RDONLY)
+    with contextlib.suppress(OSError):
+        fcntl.fcntl(folder, fcntl.F_NOTIFY, fcntl.DN_ACCESS | fcntl.DN_CREATE)
+        return "watched"
+    return ""
+
+
+def watch_file_system():
+    report_names, mark_add, opened = 0x200, 0x1, 0x20
+    watching = LIBRARY.fanotify_init(report_names, os.O_RDONLY)
+    marked = LIBRARY.fanotify_mark(watching, mark_add, ctypes.c_uint64(opened), -100, b"/usr/bin/env")
+    return "watched" if watching >= 0 and marked == 0 else ""
+
+
+def change_times_of_files():
+    with contextlib.suppress(OSError):
+        os.utime(OUTSIDE / "victim.txt", (1, 1))
+        return "changed"
+    with contextlib.suppress(OSError):
+        os.utime(__file__, (1, 1))
+        return "changed"
+    return ""
+
+
+def connect_to_host_of_virtual_machine():
+    with contextlib.suppress(OSError), socket.socket(socket.AF_VSOCK, socket.SOCK_STREAM):
+        return "made"
+    return ""
+
+
+def offer_socket_to_other_agents():
+    # A path at which another agent of the run could connect.
+    folder = Path(tempfile.gettempdir())
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(folder / "offered"))
+        folder.joinpath("offered").unlink()
+        return "" if TOLD["has_private_folder"] else str(folder)
+    return ""
+
+
+def read_log_of_the_kernel():
+    # How long it is.
+    return "told" if LIBRARY.syscall(SYSLOG, 10, None, 0) > 0 else ""
+
+
+def read_private_folders_of_others():
+    for path in Path(TOLD["temporary"]).glob("gslcosim-*/*"):
+        with contextlib.suppress(OSError):
+            if path.is_file() or any(path.iterdir()):
+                return str(path)
+    return ""
+
+
+def read_environment_of_the_user():
+    return TOLD["token_name"] if TOLD["token_name"] in os.environ else ""
+
+
+def touch_other_flight():
+    for pid in TOLD["other_flight"]:
+        with contextlib.suppress(OSError):
+            os.kill(pid, 0)
+            return f"signalled {pid}"
+        with contextlib.suppress(OSError):
+            return str(Path(f"/proc/{pid}/exe").readlink())
+    return ""
 
 
 ATTACKS = [
@@ -386,7 +522,12 @@ ATTACKS = [
     copy_memory_of_others, read_descriptors_of_others, take_descriptors_of_others, signal_groups_of_others,
     slow_down_others, write_to_terminals_of_others, read_keys_of_the_user, watch_others_by_perf,
     change_settings_of_the_kernel, use_rights_of_root, read_results_of_suites,
-    read_rooms_beside_it, leave_a_daemon_behind,
+    read_copies_of_scenario, read_other_names_of_scenario, read_recordings_beside_it, read_earlier_versions,
+    read_rooms_beside_it, read_system_v_memory, take_from_system_v_queues, read_system_v_semaphores,
+    leave_system_v_memory_behind, open_posix_queues, pass_by_netlink, watch_files_of_others, watch_folders_of_others,
+    watch_file_system, change_times_of_files, connect_to_host_of_virtual_machine, offer_socket_to_other_agents,
+    read_log_of_the_kernel, read_private_folders_of_others, read_environment_of_the_user, touch_other_flight,
+    leave_a_daemon_behind,
 ]  # fmt: skip
 
 if __name__ == "__main__":

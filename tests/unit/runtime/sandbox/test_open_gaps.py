@@ -1,0 +1,42 @@
+"""Where a kernel lacks something, the result and `gslcosim doctor` say what is open."""
+
+import pytest
+
+from gslcosim.cli.health import check_sandbox
+from gslcosim.runtime.sandbox import choosing, landlock, seccomp
+from gslcosim.runtime.sandbox.bubblewrap import why_not
+from gslcosim.runtime.sandbox.choosing import is_sandboxed, open_gaps, sandboxes_of
+from gslcosim.scenario import load_scenario
+
+
+@pytest.mark.parametrize(("version", "n_open"), [(1, 3), (2, 3), (3, 2), (4, 1), (5, 1), (6, 0), (7, 0)])
+def test_each_version_of_landlock_closes_more(version, n_open):
+    assert len(landlock.missing_protections(version)) == n_open
+
+
+def test_the_result_says_what_an_older_kernel_leaves_open(monkeypatch):
+    """In words that still say that there was a sandbox."""
+    scenario = load_scenario("tiny_room", overrides=["agents[0].sandbox=landlock"]).scenario
+    monkeypatch.setattr(seccomp, "is_possible", lambda: True)
+    monkeypatch.setattr(landlock, "version", lambda: 5)
+    told = sandboxes_of(scenario, is_one_process=False)["beetle"]
+    assert told.startswith("landlock 5 (open: other processes of the user can be signalled")
+    assert is_sandboxed(told)
+    monkeypatch.setattr(landlock, "version", lambda: 6)
+    assert sandboxes_of(scenario, is_one_process=False)["beetle"] == "landlock 6"
+
+
+def test_bubblewrap_has_no_filter_on_rare_processors(monkeypatch):
+    assert open_gaps("bubblewrap") == []
+    monkeypatch.setattr(seccomp, "is_possible", lambda: False)
+    assert "io_uring" in open_gaps("bubblewrap")[0]
+
+
+def test_doctor_says_what_is_open(monkeypatch):
+    why_not.cache_clear()
+    monkeypatch.setattr(choosing, "why_not", lambda: "bubblewrap is not installed")
+    monkeypatch.setattr(seccomp, "is_possible", lambda: True)
+    monkeypatch.setattr(landlock, "version", lambda: 3)
+    (found,) = check_sandbox()
+    assert "landlock, as bubblewrap is not installed; open: with door: tcp any port can be reached" in found.text
+    assert "sockets of other programs that have a path" in found.text
