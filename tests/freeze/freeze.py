@@ -326,8 +326,7 @@ def write(arguments: argparse.Namespace) -> int:
 def check(arguments: argparse.Namespace) -> int:
     """Compute and compare; return the exit code: 0 where nothing differs."""
     if not arguments.frozen.is_file():
-        sentence = f"{arguments.frozen}: expected what `make freeze` writes, found no such file. Run `make freeze` first."
-        print(sentence, file=sys.stderr)
+        print(f"{arguments.frozen}: expected the file of `make freeze`, found none. Run that first.", file=sys.stderr)
         return 2
     machine, frozen = machine_type(), Frozen.load(arguments.frozen)
     told = differing(frozen.machine, machine)
