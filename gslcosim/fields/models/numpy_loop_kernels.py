@@ -11,6 +11,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from gslcosim.c_call_kernels import call_address
 from gslcosim.errors import ModelError
 
 _INT64 = ir.IntType(64)
@@ -50,19 +51,22 @@ def _call_loop(builder: ir.IRBuilder, address, values):
         args = builder.alloca(_INT64, n)
         numbers = builder.alloca(_INT64, 1 + n)
     for i in range(n):
-        place = builder.gep(places, [ir.Constant(ir.IntType(32), i)])
+        place = _item(builder, places, ir.DoubleType(), i)
         if i < len(values):
             builder.store(values[i], place)
-        builder.store(builder.ptrtoint(place, _INT64), builder.gep(args, [ir.Constant(ir.IntType(32), i)]))
-        step = builder.gep(numbers, [ir.Constant(ir.IntType(32), 1 + i)])
+        builder.store(builder.ptrtoint(place, _INT64), _item(builder, args, _INT64, i))
+        step = _item(builder, numbers, _INT64, 1 + i)
         builder.store(ir.Constant(_INT64, 8), step)
     builder.store(ir.Constant(_INT64, 1), numbers)
     function_type = ir.FunctionType(ir.VoidType(), [_INT64] * 4)
-    function = builder.inttoptr(address, function_type.as_pointer())
-    steps = builder.gep(numbers, [ir.Constant(ir.IntType(32), 1)])
+    steps = _item(builder, numbers, _INT64, 1)
     pointers = [builder.ptrtoint(pointer, _INT64) for pointer in (args, numbers, steps)]
-    builder.call(function, [*pointers, ir.Constant(_INT64, 0)])
-    return builder.load(builder.gep(places, [ir.Constant(ir.IntType(32), n - 1)]))
+    call_address(builder, address, function_type, [*pointers, ir.Constant(_INT64, 0)])
+    return builder.load(_item(builder, places, ir.DoubleType(), n - 1), typ=ir.DoubleType())
+
+
+def _item(builder: ir.IRBuilder, array: ir.Value, item_type: ir.Type, i: int) -> ir.Value:
+    return builder.gep(array, [ir.Constant(ir.IntType(32), i)], source_etype=item_type)
 
 
 @intrinsic

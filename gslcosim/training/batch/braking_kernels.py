@@ -3,8 +3,7 @@
 
 import math
 
-import numba
-
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.space_kernels import array_at, is_edge_ahead, is_open_ahead
 from gslcosim.world.paths.quickest_kernels import GROWTH, SHORTEST_S, plan_inplace
 from gslcosim.world.paths.trajectory_kernels import polynomial_at
@@ -19,13 +18,13 @@ _HAIR = 1.0 + 1e-9
 _FAR_TOO_LONG_S = 1000.0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def seconds_of(ticks, tick_ns):
     """Return the simulated time of a number of ticks [s]; see `gslcosim.ticks.seconds_from_ticks`."""
     return ticks * tick_ns / _NS_PER_S
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def state_after_inplace(state, path, t_s):
     """Write the state of a path after a time: rows position [m], velocity [m/s], acceleration [m/s^2].
 
@@ -46,7 +45,7 @@ def state_after_inplace(state, path, t_s):
         state[0, axis], state[1, axis], state[2, axis], _ = polynomial_at(path.coefficients, axis, t_s)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def fly_at_inplace(path, case, start, end, u, v, w, tick):
     """Take the quickest path to a velocity.
 
@@ -74,13 +73,13 @@ def fly_at_inplace(path, case, start, end, u, v, w, tick):
         path.end_world_m[axis], _, _, _ = polynomial_at(coefficients, axis, duration_s)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def motion_inplace(state, path, case, tick):
     """Write the state of a path at the end of a tick; see `state_after_inplace`."""
     state_after_inplace(state, path, seconds_of(tick - path.start_tick, case.tick_ns))
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def longest_stop_s(case, velocity_m_s, acceleration_m_s2):
     """Return a time [s] that the quickest stop does not take longer than; infinity where that is not seen at once.
 
@@ -117,7 +116,7 @@ def longest_stop_s(case, velocity_m_s, acceleration_m_s2):
     return longest_s if slows and size * longest_s < 2.4 * speed else math.inf
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def must_brake(path, case, room, work, tick):
     """Return whether a vehicle that began to brake a tick later would stop where it must not; see `guidance.edges`.
 

@@ -6,9 +6,10 @@ A stream is four unsigned 64-bit numbers: the state of PCG64, high and low half,
 
 import math
 
-import numba
 import numpy as np
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
+
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 
 _U = np.uint64
 _LOW = _U(0xFFFFFFFF)
@@ -33,7 +34,7 @@ _STIRLING = np.array(
 _TAIL, _TAIL_INVERSE = float(ziggurat_nor_r), float(ziggurat_nor_inv_r)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _high_of_product(a, b):
     a0, a1, b0, b1 = a & _LOW, a >> _32, b & _LOW, b >> _32
     middle = a1 * b0 + ((a0 * b0) >> _32)
@@ -41,7 +42,7 @@ def _high_of_product(a, b):
     return a1 * b1 + (middle >> _32) + (other >> _32)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _advance_inplace(stream):
     high, low = stream[0], stream[1]
     new_low = low * _MULTIPLIER_LOW
@@ -52,7 +53,7 @@ def _advance_inplace(stream):
     stream[1] = total
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def next_bits_inplace(stream):
     """Return the next 64 bits of a stream (PCG64, XSL RR output).
 
@@ -68,13 +69,13 @@ def next_bits_inplace(stream):
     return (mixed >> turn) | (mixed << ((_U(64) - turn) & _63))
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def next_uniform_inplace(stream):
     """Return the next number of `Generator.random`, in [0, 1)."""
     return np.float64(next_bits_inplace(stream) >> _11) * _TO_UNIT
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def next_normal_inplace(stream):
     """Return the next number of `Generator.standard_normal`.
 
@@ -104,7 +105,7 @@ def next_normal_inplace(stream):
             return x
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def next_poisson_inplace(stream, mean):
     """Return the next number of `Generator.poisson`.
 
@@ -143,7 +144,7 @@ def next_poisson_inplace(stream, mean):
 
 
 # Of numpy: Zhang and Jin 1996, Computation of Special Functions.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _log_gamma(x):
     if x == 1.0 or x == 2.0:
         return 0.0
@@ -162,7 +163,7 @@ def _log_gamma(x):
     return result
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _hashed(value, constant):
     value ^= constant
     constant = (constant * _MULT_A) & _LOW
@@ -170,13 +171,13 @@ def _hashed(value, constant):
     return value ^ (value >> _16), constant
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _mixed(x, y):
     result = (((_MIX_LEFT * x) & _LOW) - ((_MIX_RIGHT * y) & _LOW)) & _LOW
     return result ^ (result >> _16)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def seed_inplace(stream, seed, name):
     """Begin the stream that `gslcosim.rng.stream(seed, name)` begins.
 
@@ -246,7 +247,7 @@ def seed_inplace(stream, seed, name):
     _advance_inplace(stream)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _told(value, constant):
     value ^= constant
     constant = (constant * _MULT_B) & _LOW
@@ -254,7 +255,7 @@ def _told(value, constant):
     return value ^ (value >> _16), constant
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def scrambled(seed, i_search, n_begun):
     """Return 64 random bits that follow from three whole numbers alone: what a search draws at its reset.
 
@@ -268,7 +269,7 @@ def scrambled(seed, i_search, n_begun):
     return _finished(bits + (_U(n_begun) + _ONE) * _U(0x9E3779B97F4A7C15))
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _finished(bits):
     bits = (bits ^ (bits >> _U(30))) * _U(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> _U(27))) * _U(0x94D049BB133111EB)

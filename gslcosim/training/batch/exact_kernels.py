@@ -3,12 +3,12 @@
 
 import math
 
-import numba
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 
 _SPLIT = 134217729.0  # 2^27 + 1
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False, inline="always")
+@reference_free_njit(inline="always")
 def _add_square(x, total, a, b, c):
     # Adds x^2 to a sum kept in one large and three small parts.
     t = x * _SPLIT
@@ -26,7 +26,7 @@ def _add_square(x, total, a, b, c):
     return total, a, b, c
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def norm3(x, y, z):
     """Return sqrt(x^2 + y^2 + z^2), the same as `math.hypot(x, y, z)` and as `math.dist` of points so far apart.
 
@@ -65,7 +65,7 @@ def norm3(x, y, z):
     return (h + rest / (2.0 * h)) / scale
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def norm2(x, y):
     """Return sqrt(x^2 + y^2), the same as `math.hypot(x, y)`.
 
@@ -75,7 +75,7 @@ def norm2(x, y):
     return norm3(x, y, 0.0)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def exact_sum(values, n, parts):
     """Return the sum of the first n values, rounded once, the same as `math.fsum`.
 

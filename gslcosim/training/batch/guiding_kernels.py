@@ -6,8 +6,6 @@ Paths are planned by the kernels of `gslcosim.world.paths`; what is here is the 
 
 import math
 
-import numba
-
 from gslcosim.training.batch.batch_records import (
     CRUISE,
     FLYING,
@@ -25,6 +23,7 @@ from gslcosim.training.batch.braking_kernels import (
     seconds_of,
 )
 from gslcosim.training.batch.exact_kernels import norm3
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.space_kernels import array_at, copy_inplace, is_place_refused
 from gslcosim.world.paths.quickest_kernels import plan_inplace
 from gslcosim.world.paths.trajectory_kernels import (
@@ -41,7 +40,7 @@ _BACK_OFF_M = 0.1
 _TO_POINT = False
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _fly_to_inplace(path, case, start, end, place_m, tick):
     # The quickest path that rests at a place.
     for axis in range(3):
@@ -55,13 +54,13 @@ def _fly_to_inplace(path, case, start, end, place_m, tick):
         path.end_velocity_world_m_s[axis] = 0.0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _forget_legs(search):
     search.has_leg = 0
     search.has_target = 0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _stop(search, path, case, work, tick):
     resting = (
         path.end_velocity_world_m_s[0] == 0.0
@@ -78,7 +77,7 @@ def _stop(search, path, case, work, tick):
         fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _hold(search, path, case, work, tick, hold_ticks):
     search.goal = NO_TASK
     if search.phase == TAKING_OFF:
@@ -88,7 +87,7 @@ def _hold(search, path, case, work, tick, hold_ticks):
     search.phase = HOLDING
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
     search.has_leg = 1
     search.leg_end_m[0], search.leg_end_m[1], search.leg_end_m[2] = x_m, y_m, z_m
@@ -98,7 +97,7 @@ def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
     search.phase = FLYING
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _swings_out(path, case, state):
     speed2 = state[1, 0] ** 2 + state[1, 1] ** 2 + state[1, 2] ** 2
     if speed2 == 0.0:
@@ -107,7 +106,7 @@ def _swings_out(path, case, state):
     return farthest_aside_m(path.coefficients, path.duration_s, path.end_world_m) > allowed_m
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _follow_leg(search, path, case, work, tick):
     if not search.is_preparing:
         search.prepares_since_tick = tick
@@ -123,7 +122,7 @@ def _follow_leg(search, path, case, work, tick):
     search.keeps_velocity = 0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def take_off(search, path, case, work):
     """Leave the start at the first tick; see `Conduct.take_off`."""
     path.is_armed = 1
@@ -133,12 +132,12 @@ def take_off(search, path, case, work):
     search.notice = 0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _is_equal(a, b):
     return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _is_refused(search, path, case, room, work, tick, task, vector):
     if task == GO_TO:
         return is_place_refused(room, case.radius_m, vector[0], vector[1], vector[2])
@@ -154,7 +153,7 @@ def _is_refused(search, path, case, room, work, tick, task, vector):
     return must_brake(planned, case, room, work, tick)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _copy_path(to, path):
     to.start_tick = path.start_tick
     to.duration_s = path.duration_s
@@ -165,7 +164,7 @@ def _copy_path(to, path):
     copy_inplace(to.end_velocity_world_m_s, path.end_velocity_world_m_s)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def hear(search, path, case, room, work, tick, task, vector):
     """Do a task of the agent, keep it for after take-off, or refuse it; see `Guide._hear`.
 
@@ -211,19 +210,19 @@ def hear(search, path, case, room, work, tick, task, vector):
             search.phase = FLYING
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _is_over(path, case, tick):
     return seconds_of(tick - path.start_tick, case.tick_ns) >= path.duration_s - SAME_S
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _arrive(search, tick):
     search.phase = HOLDING
     search.hold_until_tick = tick + (search.leg_hold_ticks if search.has_leg else 0)
     search.has_leg = 0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _notice_arrival(search, path, case, room, tick):
     if not _is_over(path, case, tick):
         return
@@ -236,7 +235,7 @@ def _notice_arrival(search, path, case, room, tick):
 
 
 # See `arrival.give_up`: it rests a little back from where it got stuck.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _give_up(search, path, case, room, tick, distance_m):
     p, end = search.position_m, path.end_world_m
     back = _BACK_OFF_M / distance_m if distance_m > _ARRIVED_WITHIN_M else 0.0
@@ -256,7 +255,7 @@ def _give_up(search, path, case, room, tick, distance_m):
     _arrive(search, tick)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def end_tick(search, path, case, room, work, tick):
     """Notice arrivals and edges, begin a task that was kept, and decide whether the agent is asked; see `Guide`.
 

@@ -1,8 +1,6 @@
 """What the referee makes of one search; see `gslcosim.referee`."""
 # pyright: basic, reportCallIssue=false
 
-import numba
-
 from gslcosim.training.batch.batch_records import (
     COLLISION,
     NEAREST_SOURCE,
@@ -13,17 +11,18 @@ from gslcosim.training.batch.batch_records import (
 )
 from gslcosim.training.batch.braking_kernels import seconds_of
 from gslcosim.training.batch.exact_kernels import norm3
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.space_kernels import is_in_room
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _distance_m(case, sources_m, i, p):
     source_m = sources_m[case.first_source + i]
     rise_m = 0.0 if case.is_horizontal else p[2] - source_m[2]
     return norm3(p[0] - source_m[0], p[1] - source_m[1], rise_m)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def judge_inplace(search, case, room, sources_m, tick):
     """Judge a tick when its commands are known, and keep the score.
 

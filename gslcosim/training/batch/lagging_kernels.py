@@ -1,15 +1,15 @@
 """How a rotorcraft flies in a batch where that is asked for: a point mass whose force lags what its control wants."""
 # pyright: basic, reportCallIssue=false
 
-import numba
 import numpy as np
 
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.space_kernels import array_at, is_hit, wind_at_inplace
 from gslcosim.world.physics.flight_kernels import path_force_inplace
 from gslcosim.world.physics.rotor_kernels import drag_force
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
     """Fly a rotorcraft for a tick as a point mass that is upright.
 

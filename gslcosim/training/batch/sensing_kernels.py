@@ -3,7 +3,6 @@
 
 import math
 
-import numba
 import numpy as np
 
 from gslcosim.sensing.ray_kernels import distance_among_boxes
@@ -31,6 +30,7 @@ from gslcosim.training.batch.batch_records import (
 )
 from gslcosim.training.batch.drawing_kernels import next_normal_inplace, next_poisson_inplace
 from gslcosim.training.batch.exact_kernels import exact_sum, norm2
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.space_kernels import array_at, copy_inplace
 
 # See `gslcosim.sensing.models.mox` and `gslcosim.search.learned.observing`.
@@ -44,7 +44,7 @@ _HITS = 3.0
 _AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def steady_ratio(instrument, n_gases, ppm):
     """Return Rs/R0 that a MOX sensor settles to in a mixture; see `gslcosim.sensing.models.mox.steady_ratio`.
 
@@ -61,7 +61,7 @@ def steady_ratio(instrument, n_gases, ppm):
     return max(ratio, _LEAST_RATIO)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _wrapped(angle_rad):
     while angle_rad > math.pi:
         angle_rad -= 2.0 * math.pi
@@ -70,7 +70,7 @@ def _wrapped(angle_rad):
     return angle_rad
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _read_wind_inplace(instrument, gauge, sample, raw):
     # Gases first, then wind, then how the mount moves.
     u, v = sample[MOST_GASES] - sample[MOST_GASES + 3], sample[MOST_GASES + 1] - sample[MOST_GASES + 4]
@@ -88,7 +88,7 @@ def _read_wind_inplace(instrument, gauge, sample, raw):
     raw[1] = _wrapped(direction_rad)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _read_mox(instrument, gauge, n_gases, sample):
     if not gauge.has_begun:
         gauge.ratio = instrument.air_ratio
@@ -100,7 +100,7 @@ def _read_mox(instrument, gauge, n_gases, sample):
 
 
 # See `gslcosim.sensing.models.ppm_sensors`, of which each is one branch here.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
     kind = instrument.kind
     if kind == PID:
@@ -134,7 +134,7 @@ def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
     return ppm
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
     boxes_m = array_at(room.ray_boxes_m, (room.n_ray_boxes, 6), np.float64)
     n_bins = room.ray_shape[0] * room.ray_shape[1] * room.ray_shape[2]
@@ -158,7 +158,7 @@ def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
             raw[n] = min(max(noisy_m, 0.0), limit_m) if raw[n] < limit_m else limit_m
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _sample_inplace(instrument, memory, tick, n_gases, work):
     # Writes what the instrument sees now: gas, wind and how it moves, as they were `delay_ticks` ago.
     sample, n = work.sample, instrument.place
@@ -179,7 +179,7 @@ def _sample_inplace(instrument, memory, tick, n_gases, work):
     copy_inplace(sample, memory[at : at + SAMPLE_LENGTH])
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases, work):
     """Read an instrument at the end of a tick.
 
@@ -225,7 +225,7 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
     gauge.is_warming_up = tick < instrument.warm_up_ticks
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
     limit = instrument.max_value
     for k in range(instrument.n_values):
@@ -239,13 +239,13 @@ def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
         gauge.values[k] = value
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def amount(ppm):
     """Return a mixing ratio as a number between -1 and 1; see `gslcosim.search.learned.observing.amount`."""
     return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def estimated_ppm(instrument, resistance_ohm):
     """Return the mixing ratio at which a MOX sensor settles; see `gslcosim.sensing.models.mox.estimated_ppm`."""
     ratio = max(resistance_ohm / instrument.r0_ohm, 1e-12)
@@ -255,12 +255,12 @@ def estimated_ppm(instrument, resistance_ohm):
     return math.exp(min(exponent, 700.0))
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _show(numbers, i, value):
     numbers[i] = min(max(value, -1.0), 1.0)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def tell_reading_inplace(numbers, instrument, gauge):
     """Write the numbers of a reading into an observation; see `gslcosim.search.learned.observing`.
 
@@ -297,7 +297,7 @@ def tell_reading_inplace(numbers, instrument, gauge):
             _show(numbers, i + k, _RANGE_M / (_RANGE_M + max(values[k], 0.0)))
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def tell_pose_inplace(numbers, search, case, time_s):
     """Write place, attitude, velocity, time and notice into an observation, its first ten numbers."""
     for axis in range(3):

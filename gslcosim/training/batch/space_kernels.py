@@ -4,14 +4,15 @@
 import math
 from typing import Any
 
-import numba
 import numpy as np
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from gslcosim.environment.wind_kernels import trilinear_wind
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 
 _SOLID = 1
 # What a vehicle may stray from its reference while it brakes; see `gslcosim.world.paths.space`.
@@ -42,26 +43,26 @@ def array_at(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
         for length in reversed(lengths[1:]):
             strides.insert(0, builder.mul(strides[0], length))
         array: Any = make_array(array_type)(context, builder)
-        data = builder.inttoptr(arguments[0], data_type.as_pointer())
+        data = builder.inttoptr(arguments[0], ir.PointerType())
         populate_array(array, data=data, shape=lengths, strides=strides, itemsize=item_size, meminfo=None)
         return array._getvalue()
 
     return signature, codegen
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def copy_inplace(to, values):
     """Copy numbers one by one: kernels of the batch count no references, so numba may make no arrays in them."""
     for k in range(len(to)):
         to[k] = values[k]
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _cell(coordinate_m, origin_m, cell_m):
     return math.floor((coordinate_m - origin_m) / cell_m)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _is_solid_at(room, x_m, y_m, z_m, least):
     # The cell that holds a place, or the nearest of the grid: above it always, below it where `least` is 0.
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
@@ -72,7 +73,7 @@ def _is_solid_at(room, x_m, y_m, z_m, least):
     return occupancy[i, j, k] == _SOLID
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def is_place_refused(room, radius_m, x_m, y_m, z_m):
     """Return whether a vehicle cannot be sent to a place; see `FlightSpace.refusal`.
 
@@ -94,7 +95,7 @@ def is_place_refused(room, radius_m, x_m, y_m, z_m):
     return _is_solid_at(room, x_m, y_m, z_m, 0)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
     """Return whether a vehicle that would stop at a place must brake now; see `FlightSpace.edge_ahead`.
 
@@ -117,7 +118,7 @@ def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
     return moves and _is_solid_at(room, stop_m[0], stop_m[1], stop_m[2], 0)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def is_open_ahead(room, radius_m, state, longest_s):
     """Return whether `is_edge_ahead` is false wherever a vehicle stops that takes no longer than a time to it.
 
@@ -156,7 +157,7 @@ def is_open_ahead(room, radius_m, state, longest_s):
     return n_solid == 0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _stops_between(state, axis, longest_s):
     place_m = state[0, axis]
     by_speed = longest_s * state[1, axis] * 0.5
@@ -165,7 +166,7 @@ def _stops_between(state, axis, longest_s):
     return place_m + low - _ROUNDING_M, place_m + high + _ROUNDING_M
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def is_in_room(room, position_m):
     """Return whether a place (3,) is in the room, or no further out than floors and walls give way."""
     for axis in range(3):
@@ -175,7 +176,7 @@ def is_in_room(room, position_m):
     return True
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def touches(room, radius_m, position_m):
     """Return whether a ball touches one of the room's boxes.
 
@@ -194,7 +195,7 @@ def touches(room, radius_m, position_m):
     return False
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def is_hit(room, radius_m, half_height_m, position_m):
     """Return whether an upright disc is in one of the room's boxes.
 
@@ -213,7 +214,7 @@ def is_hit(room, radius_m, half_height_m, position_m):
 
 
 # Which members of the list of boxes may be near.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _near_boxes(room, position_m) -> Any:
     i = _cell(position_m[0], room.near_origin_m[0], room.near_block_m)
     j = _cell(position_m[1], room.near_origin_m[1], room.near_block_m)
@@ -227,7 +228,7 @@ def _near_boxes(room, position_m) -> Any:
 
 
 # How far a place is from a box along each axis.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _gaps_m(room, n, position_m) -> Any:
     members = array_at(room.near_members, n + 1, np.int32)
     boxes_m = array_at(room.boxes_m, (room.n_boxes, 6), np.float64)
@@ -239,7 +240,7 @@ def _gaps_m(room, n, position_m) -> Any:
     )
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
     """Write the room's wind (3,) [m/s] at a time since the sources opened [s] and a place, world frame [m]."""
     n_frames = room.wind_shape[0]

@@ -1,7 +1,6 @@
 """Searches from question to question: vehicle, gas, sensors and referee, tick by tick, each search for itself."""
 # pyright: basic, reportCallIssue=false
 
-import numba
 import numpy as np
 
 from gslcosim.fields.models.formula_plume_kernels import PLUME, steady_ppm
@@ -26,6 +25,7 @@ from gslcosim.training.batch.exact_kernels import norm3
 from gslcosim.training.batch.guiding_kernels import end_tick, hear, take_off
 from gslcosim.training.batch.judging_kernels import judge_inplace
 from gslcosim.training.batch.lagging_kernels import fly_lagged_tick
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.sensing_kernels import read_inplace, tell_pose_inplace, tell_reading_inplace
 from gslcosim.training.batch.space_kernels import array_at, copy_inplace, touches, wind_at_inplace
 from gslcosim.training.batch.tape_kernels import add_tape_inplace
@@ -34,7 +34,7 @@ from gslcosim.world.physics.flight_kernels import path_force_inplace
 from gslcosim.world.physics.records import CONSTANTS
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _fly_tick(search, path, vehicle, case, room, tick, first):
     # A point robot is a mass that its force moves; MuJoCo's semi-implicit Euler step of a free body, to the bit.
     # Returns false at the first step in which it touches something.
@@ -53,7 +53,7 @@ def _fly_tick(search, path, vehicle, case, room, tick, first):
     return True
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _leave_start(search, case, start_rows, tick):
     row = start_rows[case.first_start_row + tick]
     for axis in range(3):
@@ -63,14 +63,14 @@ def _leave_start(search, case, start_rows, tick):
     search.is_bumped = row[7] != 0.0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _note_path(search):
     p, q = search.position_m, search.tick_start_m
     search.path_length_m += norm3(p[0] - q[0], p[1] - q[1], p[2] - q[2])
 
 
 # Upright, and without turning.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _place_sensors(search, places_m, work):
     p, v = search.position_m, search.velocity_m_s
     world_m = array_at(work.places_m, (work.n_places, 3), np.float64)
@@ -83,7 +83,7 @@ def _place_sensors(search, places_m, work):
     work.rotation[0] = work.rotation[4] = work.rotation[8] = 1.0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m):
     x_m, y_m, z_m = place_m[0], place_m[1], place_m[2]
     ppm = array_at(work.ppm, (work.n_places, MOST_GASES), np.float64)[n]
@@ -110,7 +110,7 @@ def _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m):
         )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
     time_s = case.warm_up_s + seconds_of(tick, case.tick_ns)
     places_m = array_at(work.places_m, (work.n_places, 3), np.float64)
@@ -125,7 +125,7 @@ def _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tic
         read_inplace(instrument, gauges[k], memory, search, room, tick, case.tick_s, case.n_gases, work)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vector):
     # From the end of a tick, which is judged, to the next question, the end, or the first touch.
     i_case = search.case
@@ -164,7 +164,7 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
             return
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _tell(numbers, search, gauges, cases):
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
@@ -174,7 +174,7 @@ def _tell(numbers, search, gauges, cases):
         tell_reading_inplace(numbers, instruments[i_case, k], gauges[k])
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     gravity_m_s2 = array_at(cases.vehicles, cases.n_cases, CONSTANTS)[i_case].gravity_m_s2
@@ -219,7 +219,7 @@ def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
         gauge.first_ppm = gauge.second_ppm = 0.0
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches, works, observations):
     """Fly searches to their next questions or ends, or to where they touch something.
 

@@ -3,7 +3,6 @@
 
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
@@ -14,17 +13,18 @@ from gslcosim.fields.reading.concentration_kernels import (
     is_seen,
     share_of_filament_ppm,
 )
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.space_kernels import array_at
 
 _ONE = np.uint64(1)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _column(coordinate_m, origin_m, column_m, n):
     return min(max(int((coordinate_m - origin_m) / column_m), 0), n - 1)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members, sorted_numbers, largest_sigma_m):
     """Sort the filaments of each frame of a tape into columns of space, in their order.
 
@@ -69,7 +69,7 @@ def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members
 
 
 # In single precision, for many at a time; `margin_m2` is more than rounding adds.
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _tell_nearby_inplace(is_nearby, xs_m, ys_m, zs_m, sigmas_m, x_m, y_m, z_m, cutoff_sigma, margin_m2):
     for m in range(len(xs_m)):
         dx, dy, dz, reach = x_m - xs_m[m], y_m - ys_m[m], z_m - zs_m[m], cutoff_sigma * sigmas_m[m]
@@ -85,7 +85,7 @@ def _trailing_zeros(typingctx: Any, bits: Any) -> Any:
     return bits(bits), codegen
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _numbers_of(tape, at, n):
     numbers, row = tape.sorted_numbers + at * 4, tape.n_rows * 4
     return (
@@ -94,7 +94,7 @@ def _numbers_of(tape, at, n):
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
     """Write where those filaments of a frame stand that are within their cut-off of a place; return how many.
 
@@ -165,7 +165,7 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
     return n_hits
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, gas_of_source, work, ppm):
     """Add what the filaments of a frame contribute at a place; the same sum as `add_filaments_at_points_inplace`.
 

@@ -3,13 +3,12 @@
 
 import math
 
-import numba
-
 from gslcosim.fields.models.formula_plume_kernels import along_and_across, plume_ppm, spreads_at
 from gslcosim.training.batch.drawing_kernels import next_normal_inplace, seed_inplace
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def begin_paths_inplace(wanders, memory, case, names, seed):
     """Begin the paths of a search's plumes at their first knots; see `gaussian_plume.WanderingPath`.
 
@@ -28,7 +27,7 @@ def begin_paths_inplace(wanders, memory, case, names, seed):
         memory[case.first_knot + w * case.n_knots] = next_normal_inplace(wanders[w].stream)
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _extend_inplace(wander, memory, case, first, n):
     step = math.sqrt(1.0 - case.wander_rho**2)
     while wander.n_knots < n:
@@ -38,7 +37,7 @@ def _extend_inplace(wander, memory, case, first, n):
         wander.n_knots += 1
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def _path_at(memory, case, first, time_s):
     position = time_s / case.knot_s
     i = int(position)
@@ -47,7 +46,7 @@ def _path_at(memory, case, first, time_s):
     return ((1.0 - a) * memory[first + i % case.n_knots] + a * memory[first + (i + 1) % case.n_knots]) / scale
 
 
-@numba.njit(cache=True, nogil=True, _nrt=False)
+@reference_free_njit()
 def meandering_ppm(plume, i_plume, wanders, memory, case, tick, x_m, y_m, z_m):
     """Return the mixing ratio of a meandering plume [ppm by volume]; see `gaussian_plume.MeanderingPlume`.
 

@@ -9,6 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from gslcosim.c_call_kernels import call_address
 from gslcosim.errors import ModelError
 
 
@@ -32,8 +33,7 @@ def call_step(typingctx, function_address, model_address, data_address):
     def codegen(context, builder, _signature, arguments):
         address = context.get_value_type(types.intp)
         function_type = ir.FunctionType(ir.VoidType(), [address, address])
-        function = builder.inttoptr(arguments[0], function_type.as_pointer())
-        builder.call(function, [arguments[1], arguments[2]])
+        call_address(builder, arguments[0], function_type, [arguments[1], arguments[2]])
         return context.get_dummy_value()
 
     return signature, codegen

@@ -1,0 +1,30 @@
+"""Calls of C functions by their address in compiled kernels."""
+# pyright: basic
+
+from typing import Any
+
+from llvmlite import ir
+
+
+class _FunctionAt:
+    # Pointers have no type of what they point to, and llvmlite asks what it calls for its own.
+    def __init__(self, pointer: Any, function_type: ir.FunctionType) -> None:
+        self.type = pointer.type
+        self.function_type = function_type
+        self.get_reference = pointer.get_reference
+
+
+def call_address(builder: ir.IRBuilder, address: Any, function_type: ir.FunctionType, arguments: list[Any]) -> Any:
+    """Emit the call of the C function at an address; return its result.
+
+    Args:
+        builder: llvmlite's, where the call goes.
+        address: Integer of the size of a pointer.
+        function_type: Type of the function.
+        arguments: Of the types that the function has.
+
+    Held by:
+        tests/unit/world/physics/test_mujoco_kernels.py
+        tests/unit/fields/models/test_numpy_loop_kernels.py
+    """
+    return builder.call(_FunctionAt(builder.inttoptr(address, ir.PointerType()), function_type), arguments)

@@ -1,0 +1,30 @@
+"""Compilation of kernels that count no references to arrays, with a plain fallback."""
+# pyright: basic
+
+import os
+from typing import Any
+
+import numba
+from numba.core import cpu
+
+# Tests set it, with a cache of their own: numba keeps kernels of both kinds under one name.
+COUNTING_VARIABLE = "GSLCOSIM_COUNT_REFERENCES"
+# The option is numba's own and not documented; a version without it counts.
+COUNTS_REFERENCES = COUNTING_VARIABLE in os.environ or not hasattr(cpu.CPUTargetOptions, "_nrt")
+_OPTIONS: dict[str, Any] = {} if COUNTS_REFERENCES else {"_nrt": False}
+
+
+def reference_free_njit(**options: Any) -> Any:
+    """Compile a kernel as `numba.njit` does, into its cache and without the lock of Python, counting no references.
+
+    Counting references to shared arrays took two fifths of a batch's time, and threads waited for each other at the
+    counters. Such a kernel may make no arrays, and call only kernels that make none. With counting it gives the same
+    bits.
+
+    Args:
+        options: Further options of `numba.njit`.
+
+    Held by:
+        tests/integration/training/test_reference_free_kernels.py
+    """
+    return numba.njit(cache=True, nogil=True, **_OPTIONS, **options)

@@ -1,0 +1,57 @@
+"""Kernels of batches that count references give the same bits as those that do not."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from deadlines import BUILD_S
+
+from gslcosim.training.batch.reference_free_kernels import COUNTING_VARIABLE
+
+FLOWN = """
+import hashlib
+import numpy as np
+from gslcosim.training.batch import BatchSearchEnv
+from gslcosim.training.batch.reference_free_kernels import COUNTS_REFERENCES
+from gslcosim.training.learning_task import LearningTask
+
+print(COUNTS_REFERENCES)
+HALL = (
+    "agents[0].mode=lockstep", "environment.layout.size_m=[12,10,4]", "referee.success.within_m=0.05",
+    "gas.sources=[{position_m: [1.5, 1.5, 1], filaments_per_s: 10}]", "agents[0].vehicle.start_m=[6,5,0.2]",
+    "agents[0].vehicle.search_height_m=1.5", "referee.stop.time_limit_s=200",
+)
+for plume, vehicle, flying in (("gaussian_plume", "iris", "first_order"), ("meandering_plume", "holonomic", "point")):
+    overrides = (*HALL, f"gas.model={plume}", f"agents[0].vehicle.model={vehicle}")
+    case = LearningTask(scenario="tiny_room", overrides=overrides).loaded(3)
+    more = {"flying": flying} if flying != "point" else {}
+    batch = BatchSearchEnv([case], 4, action="velocity", n_threads=2, **more)
+    digest, rng = hashlib.sha256(), np.random.default_rng(2)
+    observed, _ = batch.reset(seed=1)
+    for _ in range(150):
+        digest.update(np.ascontiguousarray(observed).tobytes())
+        observed, rewards, *_ = batch.step(rng.uniform(-1, 1, (4, 2)).astype(np.float32))
+        digest.update(np.ascontiguousarray(rewards).tobytes())
+    batch.close()
+    print(digest.hexdigest())
+"""
+
+
+def flown(**variables):
+    call = [sys.executable, "-c", FLOWN]
+    done = subprocess.run(
+        call, env=os.environ | variables, capture_output=True, text=True, check=False, timeout=BUILD_S
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(2 * BUILD_S)  # all kernels are compiled with references, for this test alone
+def test_both_give_the_same_bits(tmp_path):
+    without, *usual = flown()
+    counting, *others = flown(**{COUNTING_VARIABLE: "1", "GSLCOSIM_CACHE": str(tmp_path)})
+    assert (without, counting) == ("False", "True")
+    assert usual == others
+    assert len(set(usual)) == 2
