@@ -1,9 +1,9 @@
 """A folder of results: its files, its lock, and its tables, which are always whole."""
 
-import fcntl
 import json
 import os
 import shutil
+import sys
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +17,10 @@ from gslcosim.benchmark.store.journal import Entry, cannot_write, read_journal
 from gslcosim.benchmark.store.tracks import SERIES, packed, unpacked
 from gslcosim.errors import UsageError
 from gslcosim.machine import machine_error, remedy_of
+
+if sys.platform != "win32":
+    import fcntl
+
 
 RESULTS_SCHEMA = "gslcosim/results/1"
 
@@ -68,7 +72,8 @@ class ResultsFolder:
             ) from error
         with lock:
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if sys.platform != "win32":
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 holder = path.read_text(encoding="utf-8").strip() or "?"
                 raise UsageError(

@@ -5,7 +5,6 @@ of them is run once in a small room of ours, as an object in a process that runs
 """
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import platform
@@ -24,6 +23,9 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.loading import load_scenario, resolve_values
+
+if sys.platform != "win32":
+    import fcntl
 
 LIMIT_S = 600.0
 ROOM = "tiny_room"
@@ -74,7 +76,8 @@ def _compile_in_process_of_its_own(name: str) -> None:
 def _locked(path: Path) -> Generator[None]:
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        if sys.platform != "win32":
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
         os.close(descriptor)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gslcosim._kernel_cache import NUMBA_VARIABLE
 from gslcosim.runtime.sandbox.cells import SYSTEM, AgentCell
-from gslcosim.runtime.sandbox.launcher import PIPES_AT
+from gslcosim.runtime.sandbox.pipes import PIPES_AT
 
 PROBE_LIMIT_S = 5.0
 SCRATCH_BYTES = 256 << 20

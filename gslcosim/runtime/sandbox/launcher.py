@@ -17,14 +17,13 @@ import time
 from typing import Any
 
 from gslcosim.runtime.sandbox import capabilities, landlock, seccomp
+from gslcosim.runtime.sandbox.pipes import PIPES_AT
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 LOOK_EVERY_S = 0.05
 # Less than the supervisor waits before it kills us and can no longer know what we have adopted.
 GRACE_S = 1.0
 COULD_NOT_START = 127
-# Above the descriptors that a shell can name in one digit.
-PIPES_AT = (8, 9)
 _WATCHED = (signal.SIGCHLD, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")

@@ -1,6 +1,5 @@
 """Starting a process by way of the launcher: what the launcher is told, and what it tells in the end."""
 
-import fcntl
 import hashlib
 import json
 import os
@@ -15,9 +14,12 @@ from gslcosim._kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
 from gslcosim.runtime.sandbox import seccomp
 from gslcosim.runtime.sandbox.bubblewrap import bubblewrap_command, variables_in_bubblewrap
 from gslcosim.runtime.sandbox.cells import AgentCell, readable_pieces
-from gslcosim.runtime.sandbox.launcher import PIPES_AT
+from gslcosim.runtime.sandbox.pipes import PIPES_AT
 from gslcosim.scenario.models.confinement import AgentLimitsSpec
 from gslcosim.scratch import no_temporary_directory
+
+if sys.platform != "win32":
+    import fcntl
 
 # The packages around the launcher stay empty: what they import would cost as much as all the rest.
 _CODE = """
