@@ -5,10 +5,14 @@ BIN := .venv/bin
 # Many processes start for a test: without bytecode each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
+# The versions that development and CI use; `make LOCK=` takes the newest that pyproject.toml allows.
+LOCK ?= requirements.lock
+INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--constraint $(LOCK))
+
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check golden docs contract setup bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check golden docs contract setup lock bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -25,9 +29,9 @@ test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missi
 	$(BIN)/pytest -q -n 2 -rs -m "not end_to_end and $(LEFT_OUT)"
 	$(BIN)/pytest -q -n 2 -rs --dist loadscope -m "end_to_end and $(LEFT_OUT)"
 
-check: .venv/ready-check      # style, types, layers, spelling
+check: .venv/ready-check      # style, types, layers, spelling, imports that are not declared
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
-	$(BIN)/lint-imports --no-logo && $(BIN)/pyright
+	$(BIN)/lint-imports --no-logo && $(BIN)/deptry . && $(BIN)/pyright
 
 bench: .venv/ready-test-all      # how fast it is on this machine
 	@set -e; for script in $(filter-out %/bench_against.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
@@ -116,15 +120,20 @@ contract: .venv/ready-dev   # rewrite the published contract; review the diff
 
 setup: .venv/ready-check .venv/ready-test-all  # everything for development
 
-.venv/ready: pyproject.toml
+lock: .venv/ready           # write requirements.lock anew: the newest versions that pyproject.toml allows; review the diff
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(BIN)/uv pip compile pyproject.toml --universal --upgrade --python-version 3.11 --extra dev --extra check --extra test-all \
+		--no-emit-index-url --no-annotate --no-header --quiet --output-file requirements.lock
+
+.venv/ready: pyproject.toml setup.py $(LOCK)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
 	@echo "Setting up .venv (once, about half a minute)"
-	@$(PYTHON) -m venv .venv && $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . && touch $@
+	@$(PYTHON) -m venv .venv && $(BIN)/python $(INSTALL) --editable . && touch $@
 
 # What the extras dev, check and test-all name.
 .venv/ready-dev .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready
 	@echo "Installing the extra $* into .venv (once)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]' && touch $@
+	@$(BIN)/python $(INSTALL) --editable '.[$*]' && touch $@
 
 # Nothing of ours: what the extra names, and no more.
 PEERS = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["peers"])

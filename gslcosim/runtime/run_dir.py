@@ -24,6 +24,7 @@ from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import RunFolderError
 from gslcosim.machine import machine_error, machine_text, remedy_of
+from gslcosim.runtime.installed_packages import compare_with_lock, installed_versions, versions_hash
 from gslcosim.safe_files import append_to, open_for_writing, replace_file
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
@@ -135,6 +136,7 @@ class RunDir:
         Raises:
             RunFolderError: it cannot be written.
         """
+        versions = installed_versions()
         manifest = {
             "run_id": self.run_id,
             "seed": seed,
@@ -148,6 +150,8 @@ class RunDir:
             "git": _git_revision(),
             "python": sys.version.split()[0],
             "packages": {name: package_version(name) for name in PACKAGES},
+            "installed_sha256": versions_hash(versions),
+            "lock": compare_with_lock(versions),
             "platform": platform.platform(),
             "cpu_flags": cpu_flags(),
         }

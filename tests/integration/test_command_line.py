@@ -1,10 +1,12 @@
 """The command line over a real flight in this process."""
 
+import hashlib
 import json
 
 import pytest
 
 from gslcosim.cli.main import main
+from gslcosim.runtime.installed_packages import LOCK_FILE, compare_with_lock, installed_versions, versions_hash
 
 pytestmark = pytest.mark.slow
 
@@ -30,6 +32,15 @@ def test_a_flight_leaves_a_run_that_the_other_commands_find(fly, tmp_path, capsy
     assert main(["compare", ids[0], ids[1], "--runs-dir", str(tmp_path)]) == 0
     assert main(["compare", ids[0], ids[2], "--runs-dir", str(tmp_path)]) == 5
     capsys.readouterr()
+
+
+def test_the_manifest_names_what_is_installed_and_the_lock_file(fly, tmp_path):
+    _, result = fly("--set", "referee.stop.time_limit_s=1")
+    manifest = json.loads((tmp_path / result["run_id"] / "manifest.json").read_text())
+    versions = installed_versions()
+    assert manifest["installed_sha256"] == versions_hash(versions)
+    assert manifest["lock"] == compare_with_lock(versions)
+    assert manifest["lock"]["sha256"] == hashlib.sha256(LOCK_FILE.read_bytes()).hexdigest()
 
 
 def test_the_resolved_scenario_of_a_run_flies_the_same_run_again(fly, tmp_path, capsys):
