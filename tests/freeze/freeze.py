@@ -325,6 +325,9 @@ def write(arguments: argparse.Namespace) -> int:
 
 def check(arguments: argparse.Namespace) -> int:
     """Compute and compare; return the exit code: 0 where nothing differs."""
+    if not arguments.frozen.is_file():
+        print(f"{arguments.frozen}: expected the file of `make freeze`, found none. Run that first.", file=sys.stderr)
+        return 2
     machine, frozen = machine_type(), Frozen.load(arguments.frozen)
     told = differing(frozen.machine, machine)
     jobs = comparable_jobs(chosen_jobs(arguments.only), frozen.machine, machine)
