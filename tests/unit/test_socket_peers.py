@@ -18,7 +18,7 @@ CALL = """
 import os, socket, sys, threading, time
 from gslcosim.runtime.sandbox import landlock, seccomp
 def confine():
-    seccomp.filter_calls(allows_unix=True, allows_tcp=False, is_about_files=True)
+    seccomp.filter_calls(allows_unix=True, allows_tcp=False)
 def call():
     caller = socket.socket(socket.AF_UNIX)
     caller.connect(sys.argv[1])
@@ -68,7 +68,7 @@ import sys, socket
 from gslcosim.errors import UsageError
 from gslcosim.runtime.sandbox import seccomp
 from gslcosim.socket_peers import check_peer
-seccomp.filter_calls(allows_unix=True, allows_tcp=False, is_about_files=True)
+seccomp.filter_calls(allows_unix=True, allows_tcp=False)
 listener = socket.socket(socket.AF_UNIX)
 listener.bind(sys.argv[1])
 listener.listen()
