@@ -24,10 +24,9 @@ class LongYamlError(yaml.MarkedYAMLError):
     """A YAML text has more values and keys than `MAX_NODES`."""
 
 
-class CoreLoader(yaml.SafeLoader):
-    """Composes nodes with YAML 1.2's core schema in place of PyYAML's YAML 1.1."""
+class BoundedLoader(yaml.SafeLoader):
+    """Reads YAML 1.1 as PyYAML does, and refuses texts that nobody has written."""
 
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
     _n_levels = 0
     _n_nodes = 0
 
@@ -48,6 +47,12 @@ class CoreLoader(yaml.SafeLoader):
         node = cast("Any", super()).compose_node(parent, index)
         self._n_levels -= 1
         return node
+
+
+class CoreLoader(BoundedLoader):
+    """Composes nodes with YAML 1.2's core schema in place of PyYAML's YAML 1.1."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
 
 def _resolve(kind: str, pattern: str, first_characters: list[str]) -> None:

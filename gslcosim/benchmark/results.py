@@ -8,7 +8,6 @@ from typing import Any, Self
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from gslcosim.benchmark.statistics.estimates import Estimate
@@ -96,10 +95,9 @@ class Results:
 
     def tracks(self) -> pa.Table:
         """Return the tracks of these rows, as `gslcosim.benchmark.store.columns.TRACK_COLUMNS` has them."""
-        path = ResultsFolder(self.folder).tracks
-        if not path.is_file():
+        table = ResultsFolder(self.folder).track_table()
+        if table is None:
             return TRACKS.empty_table()
-        table = pq.read_table(path)
         return table.filter(_compute.is_in(table["trial"], value_set=self.trials["trial"].combine_chunks()))
 
     def success(self, entry: str) -> Estimate:

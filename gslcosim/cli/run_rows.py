@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.errors import UsageError
+from gslcosim.machine import reason_of
 from gslcosim.run_data.run_facts import RunFacts, facts_of, is_run
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunFacts))
@@ -25,7 +26,7 @@ def rows_of(folders: Sequence[Path], tell: Callable[[int], None] | None = None) 
         tell: Is told how many have been read, now and then.
 
     Raises:
-        UsageError: a folder is none, or its results are damaged.
+        UsageError: a folder is none, or cannot be read.
     """
     facts: list[RunFacts] = []
     for folder in folders:
@@ -34,9 +35,8 @@ def rows_of(folders: Sequence[Path], tell: Callable[[int], None] | None = None) 
         if is_results(folder):
             facts += _trials_of(folder)
             continue
-        found = [folder] if is_run(folder) else sorted(path for path in folder.iterdir() if path.is_dir())
-        for path in found:
-            facts.append(facts_of(path))
+        for path in _folders_in(folder):
+            facts.append(_facts_or_why_not(path))
             if tell is not None and len(facts) % 500 == 0:
                 tell(len(facts))
     rows = [_as_row(one) for one in facts]
@@ -48,6 +48,23 @@ def rows_of(folders: Sequence[Path], tell: Callable[[int], None] | None = None) 
 def is_results(folder: Path) -> bool:
     """Return whether a folder is one of results of the benchmark."""
     return (folder / "manifest.json").is_file() and any((folder / name).is_file() for name in _TABLES)
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    if is_run(folder):
+        return [folder]
+    try:
+        return sorted(path for path in folder.iterdir() if path.is_dir())
+    except OSError as error:
+        raise UsageError(f"{folder}: expected a folder of runs that can be read, was {reason_of(error)}.") from error
+
+
+# One folder that cannot be read, or is gone by now, is no reason to show none.
+def _facts_or_why_not(path: Path) -> RunFacts:
+    try:
+        return facts_of(path)
+    except OSError as error:
+        return RunFacts(run=path.name, folder=str(path), state="foreign", outcome=reason_of(error))
 
 
 # Not `dataclasses.asdict`, which copies each value.
@@ -76,8 +93,12 @@ def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
 def _trials_of(folder: Path) -> list[RunFacts]:
     from gslcosim.benchmark.results import Results
 
-    results = Results.load(folder)
-    version = str(results.manifest.get("gslcosim", ""))
+    try:
+        results = Results.load(folder)
+        version = str(results.manifest.get("versions", {}).get("gslcosim", ""))
+    except UsageError as error:
+        text = str(error).partition("\nFile: ")[0]
+        return [RunFacts(run=folder.name, folder=str(folder), state="broken", outcome=text)]
     return [_trial(row, folder, version) for row in results.trials.to_pylist()]
 
 

@@ -1,9 +1,7 @@
 """Several runs for one view: what each is, and where they part."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from gslcosim.cli.run_dirs import DIGEST
 from gslcosim.environment.store import load_environment
@@ -54,10 +52,10 @@ def record_run_at(recording: Path, path: Path, at_s: float, *, is_still: bool) -
 
 
 def _how_it_went(past: PastRun) -> str:
-    result: Any = json.loads((past.run_dir.path / "result.json").read_text(encoding="utf-8"))
-    reason = str(result.get("end_reason", "")).replace("_", " ")
+    result = past.run_dir.load_result()
+    reason = result["end_reason"].replace("_", " ")
     agents = "".join(
-        f"; {agent['name']}: {str(agent['outcome']).replace('_', ' ')}, {agent['path_length_m']:.1f} m flown, ends "
+        f"; {agent['name']}: {agent['outcome'].replace('_', ' ')}, {agent['path_length_m']:.1f} m flown, ends "
         f"{agent['final_distance_m']:.2f} m from the source"
         for agent in result.get("agents", ())
     )

@@ -35,6 +35,7 @@ from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, V
 from gslcosim.environment.room import content_hash_of
 from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
 from gslcosim.errors import EnvironmentDataError
+from gslcosim.foreign_json import describe_validation_errors
 from gslcosim.quantities import Vec3
 from gslcosim.safe_files import read_regular_file
 
@@ -51,6 +52,8 @@ _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 # Three levels are needed; names may hold brackets that are not closed, which count as well.
 _DEEPEST = 1000
+# Boxes and meshes of a large building.
+_MAX_HEADER_BYTES = 64_000_000
 
 
 class _Part(BaseModel):
@@ -256,11 +259,11 @@ def _load_header(folder: Path) -> _Header:
         found = f"a folder without {HEADER_FILE}" if folder.is_dir() else "no such folder"
         raise EnvironmentDataError(f"expected an environment folder, was {found}.\nFolder: {folder}")
     try:
-        text = read_regular_file(path).decode()
+        text = read_regular_file(path, max_bytes=_MAX_HEADER_BYTES).decode()
         _check_nesting(text)
         values = yaml.load(text, Loader=_YAML_LOADER)
     # Numbers of thousands of digits and dates that there are not are no YAMLError.
-    except (yaml.YAMLError, ValueError) as error:
+    except (OSError, yaml.YAMLError, ValueError, RecursionError) as error:
         raise EnvironmentDataError(f"{HEADER_FILE}: expected YAML, was {error}.\nFile: {path}") from error
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         found = repr(values.get("format")) if isinstance(values, dict) else type(values).__name__
@@ -268,9 +271,7 @@ def _load_header(folder: Path) -> _Header:
     try:
         return _Header.model_validate(values)
     except ValidationError as error:
-        lines = [
-            f"{HEADER_FILE}: {'.'.join(map(str, e['loc']))}: {e['msg']}, was {e['input']!r}" for e in error.errors()
-        ]
+        lines = [f"{HEADER_FILE}: {problem}." for problem in describe_validation_errors(error)]
         raise EnvironmentDataError("\n".join([*lines, f"File: {path}"])) from error
 
 

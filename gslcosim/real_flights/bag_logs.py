@@ -80,20 +80,20 @@ def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]
     if path.suffix == ".mcap":
         yield from _of_mcap(path, types)
         return
-    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.highlevel import AnyReader
 
     try:
         with AnyReader([path], default_typestore=types.store) as bag:
             wanted = [c for c in bag.connections if c.msgtype in _POSES or c.msgtype in _VALUES]
             for connection, time_ns, data in bag.messages(connections=wanted):
                 yield connection.topic, connection.msgtype, time_ns, bag.deserialize(data, connection.msgtype)
-    except AnyReaderError as error:
-        raise UsageError(f"{path}: expected a bag of ROS, {error}") from error
+    # Of a reader that has an error for each part of a file, and not for all of them.
+    except Exception as error:
+        raise UsageError(f"{path}: expected a bag of ROS, was something else ({error}).") from error
 
 
 def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError as error:
         raise UsageError(f"mcap: expected the package, found none. Install it with: {REMEDY}") from error
@@ -103,8 +103,8 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]
                 if schema is not None and (schema.name in _POSES or schema.name in _VALUES):
                     told = types.store.deserialize_cdr(message.data, schema.name)
                     yield channel.topic, schema.name, message.log_time, told
-    except (OSError, McapError) as error:
-        raise UsageError(f"{path}: expected an MCAP file, {error}") from error
+    except Exception as error:
+        raise UsageError(f"{path}: expected an MCAP file, was something else ({error}).") from error
 
 
 def _pose_topic(kinds: Mapping[str, str], wanted: str | None, path: Path) -> str:

@@ -7,12 +7,13 @@ from typing import Any
 import pyarrow as pa
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
-from rerun.chunk import Chunk, RrdReader
+from rerun.chunk import Chunk
 
 from gslcosim.environment.model import Environment
 from gslcosim.errors import RecordingError
 from gslcosim.recording import entities
 from gslcosim.recording.layout.blueprint import default_blueprint
+from gslcosim.recording.reading.stored_rows import read_chunks
 from gslcosim.recording.run_file import TICK_TIMELINE, TIME_TIMELINE, RunFile
 from gslcosim.recording.summary import title
 from gslcosim.scenario import Scenario
@@ -37,7 +38,7 @@ def record_from_tick(
     Raises:
         RecordingError: the recording cannot be read, or ends before.
     """
-    chunks = read_chunks(recording)
+    chunks = shown_chunks(recording)
     last_tick = max((last for chunk in chunks if (last := _last_tick(chunk)) is not None), default=0)
     if tick > last_tick:
         at_s, end_s = (seconds_from_ticks(each, scenario.tick_ns) for each in (tick, last_tick))
@@ -59,17 +60,13 @@ def record_from_tick(
         file.close()
 
 
-def read_chunks(recording: Path) -> list[Chunk]:
+def shown_chunks(recording: Path) -> list[Chunk]:
     """Return all chunks of a recording but its properties.
 
     Raises:
         RecordingError: it cannot be read.
     """
-    try:
-        chunks = RrdReader(recording).store().stream().to_chunks()
-    except (OSError, RuntimeError, ValueError) as error:
-        raise RecordingError(f"recording: expected one that can be read, was {error}.\nFile: {recording}") from error
-    return [chunk for chunk in chunks if not str(chunk.entity_path).startswith("/__")]
+    return [chunk for chunk in read_chunks(recording) if not str(chunk.entity_path).startswith("/__")]
 
 
 def _played(blueprint: rrb.Blueprint, tick: int, last_tick: int, tick_ns: int) -> rrb.Blueprint:

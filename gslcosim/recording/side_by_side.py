@@ -15,7 +15,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.errors import RecordingError
 from gslcosim.quantities import Vec3
 from gslcosim.recording import colors, entities
-from gslcosim.recording.at_time import read_chunks
+from gslcosim.recording.at_time import shown_chunks
 from gslcosim.recording.colors import GasScale
 from gslcosim.recording.entities import entities_of, gases_in
 from gslcosim.recording.layout.blueprint import default_blueprint
@@ -180,7 +180,7 @@ def _chunks_of(
     recording: Path, names: Mapping[str, str], *, is_first: bool, meets_at: Meeting | None = None
 ) -> Iterator[Chunk]:
     letter = next(iter(names.values())).partition("_")[0]
-    chunks = read_chunks(recording)
+    chunks = shown_chunks(recording)
     shift_ticks = 0 if meets_at is None else meets_at.tick - _first_contact(chunks, recording)
     for unshifted in chunks:
         chunk = _shifted(unshifted, shift_ticks, meets_at)
@@ -195,7 +195,7 @@ def _chunks_of(
 
 
 def _meeting(run: RecordedRun) -> Meeting:
-    tick = _first_contact(read_chunks(run.recording), run.recording)
+    tick = _first_contact(shown_chunks(run.recording), run.recording)
     return Meeting(tick=tick, tick_ns=run.scenario.tick_ns)
 
 

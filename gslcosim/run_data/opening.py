@@ -1,6 +1,5 @@
 """A run read back as arrays."""
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -69,8 +68,9 @@ class RunData:
         self.folder = folder
         self.run_id = self._past.run_dir.run_id
         self.scenario: Scenario = self._past.scenario
-        self.result: Mapping[str, Any] | None = _json_or_none(folder / "result.json")
-        self.manifest: Mapping[str, Any] = _json_or_none(folder / "manifest.json") or {}
+        has_result = (folder / "result.json").is_file()
+        self.result: Mapping[str, Any] | None = self._past.run_dir.load_result() if has_result else None
+        self.manifest: Mapping[str, Any] = self._past.run_dir.load_manifest()
         if not self._past.run_dir.recording.is_file():
             raise UsageError(
                 f"{self.run_id}: expected a run with a recording.rrd, found none. Record it now: "
@@ -273,7 +273,3 @@ def _method_of(agent: AgentSpec, agents: Sequence[AgentSpec]) -> str:
     if start.command is None:
         return start.method or "attached"
     return program_name(start.command)
-
-
-def _json_or_none(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None

@@ -1,17 +1,20 @@
 """What the small files of a run's folder say of it: read for thousands of runs in a second or two.
 
-Nothing but the standard library is imported, and no YAML is parsed: `scenario.yaml` of a run is as we wrote it.
+No large package is imported, and no YAML is parsed: `scenario.yaml` of a run is as we wrote it.
 """
 
 import contextlib
-import json
+import math
 import os
 import re
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
+
+from gslcosim.foreign_json import ForeignFileError, JsonObject, read_json
+from gslcosim.safe_files import read_regular_file
 
 State = Literal["ended", "running", "broken", "foreign"]
 RESULT_SCHEMA = "gslcosim/result/1"
@@ -24,6 +27,8 @@ _START = re.compile(r"^    (python|attach|process_of|method): (.+)$", re.MULTILI
 _COMMAND = re.compile(r"^    command:\n((?:    - .*\n)+)", re.MULTILINE)
 _MANIFEST, _RESULT, _SCENARIO = "manifest.json", "result.json", "scenario.yaml"
 _S_PER_H = 3600.0
+_MAX_SCENARIO_BYTES = 20_000_000
+_MAX_SEED_DIGITS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +99,7 @@ def facts_of(folder: Path, *, now_s: float | None = None) -> RunFacts:
         run=folder.name,
         folder=str(folder),
         state="ended" if has_result else "broken",
-        outcome=str(result["end_reason"]) if has_result else _what_lacks(sizes),
+        outcome=str(result.get("end_reason", "")) if has_result else _what_lacks(sizes),
         scenario=str(result.get("scenario") or _first(_NAME, text)),
         method=methods_in(text),
         seed=_whole(result.get("seed", manifest.get("seed", _first(_SEED, text)))),
@@ -169,17 +174,16 @@ def _json(path: Path, sizes: Mapping[str, int]) -> dict[str, Any]:
     if path.name not in sizes:
         return {}
     try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+        return read_json(path, JsonObject)
+    except ForeignFileError:
         return {}
-    return cast("dict[str, Any]", content) if isinstance(content, dict) else {}
 
 
 def _text(path: Path, sizes: Mapping[str, int]) -> str:
     if path.name not in sizes:
         return ""
     try:
-        return path.read_text(encoding="utf-8", errors="replace")
+        return read_regular_file(path, max_bytes=_MAX_SCENARIO_BYTES).decode(errors="replace")
     except OSError:
         return ""
 
@@ -194,11 +198,13 @@ def _numbers(agents: Iterable[Mapping[str, Any]], key: str) -> list[float]:
 
 
 def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and math.isfinite(value) else None
 
 
 def _whole(value: Any) -> int | None:
-    return int(value) if str(value).isdigit() else None
+    text = str(value)
+    return int(text) if text.isdecimal() and len(text) <= _MAX_SEED_DIGITS else None
 
 
 def _first(pattern: re.Pattern[str], text: str) -> str:

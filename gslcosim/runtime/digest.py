@@ -7,9 +7,12 @@ from array import array
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypedDict
+from typing import Annotated, TypedDict
+
+import msgspec
 
 from gslcosim.errors import UsageError
+from gslcosim.foreign_json import FROM_A_COPY, JsonObject, checked_value, read_json
 from gslcosim.machine import machine_error
 from gslcosim.runtime.participants import upstream_rank
 from gslcosim.safe_files import replace_file
@@ -24,6 +27,19 @@ class TrailFields(TypedDict):
 
     ticks: list[int]
     links: str
+
+
+# A run of a million ticks has some 500 MB.
+_MAX_BYTES = 8_000_000_000
+
+
+class _PortTrail(TrailFields):
+    participant: str
+
+
+class _DigestFile(TypedDict):
+    final_tick: Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)]
+    ports: dict[str, _PortTrail]
 
 
 @dataclass
@@ -58,8 +74,16 @@ class Trail:
 
     @classmethod
     def from_fields(cls, fields: TrailFields) -> "Trail":
-        """Return the chain from `as_fields`."""
-        return cls(array("q", fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
+        """Return the chain from `as_fields`.
+
+        Raises:
+            ValueError: its links are no Base64, or not as many as its ticks.
+            OverflowError: a tick has more than 64 bits.
+        """
+        trail = cls(array("q", fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
+        if len(trail.links) != len(trail.ticks) * LINK_BYTES:
+            raise ValueError(f"{len(trail.links)} bytes of links for {len(trail.ticks)} ticks")
+        return trail
 
 
 @dataclass(frozen=True)
@@ -114,24 +138,19 @@ class RunDigest:
         Raises:
             UsageError: the file is missing or is not a digest.
         """
+        read = read_json(path, JsonObject, max_bytes=_MAX_BYTES)
+        if read.get("schema") != SCHEMA:
+            found = str(read.get("schema"))[:80]
+            raise UsageError(f"{path.name}: expected {SCHEMA}, was {found!r}. {FROM_A_COPY}\nFile: {path}")
+        content = checked_value(read, _DigestFile, place=f"{path.parent.name}/{path.name}")
+        ports = content["ports"]
         try:
-            content = json.loads(path.read_text())
-            if content["schema"] != SCHEMA:
-                raise ValueError(f"schema {content['schema']!r}, expected {SCHEMA!r}")
-            ports = content["ports"]
-            return cls(
-                content["final_tick"],
-                {port: ports[port]["participant"] for port in ports},
-                {port: Trail.from_fields(ports[port]) for port in ports},
-            )
-        except FileNotFoundError as error:
+            trails = {port: Trail.from_fields(fields) for port, fields in ports.items()}
+        except (ValueError, OverflowError) as error:
             raise UsageError(
-                f"digest.json: expected a run directory that holds it, found none.\nFile: {path}"
+                f"{path.name}: expected ticks with a link each, was {error}. {FROM_A_COPY}\nFile: {path}"
             ) from error
-        except (ValueError, KeyError, TypeError) as error:
-            raise UsageError(
-                f"digest.json: expected {SCHEMA}, found something else ({error}).\nFile: {path}"
-            ) from error
+        return cls(content["final_tick"], {port: ports[port]["participant"] for port in ports}, trails)
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,26 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
-from gslcosim.safe_files import open_for_writing, write_all
+import msgspec
+
+from gslcosim.foreign_json import ForeignFileError, parse_json
+from gslcosim.safe_files import open_for_writing, read_regular_file, write_all
 
 NAME = "machine.log"
+
+
+_MAX_BYTES = 1_000_000_000
+
+
+class _Note(TypedDict, total=False):
+    tick: Annotated[int, msgspec.Meta(ge=-1, lt=1 << 62)]
+    agent: str
+    decided_ms: float
+    participant: str
+    fault: str
+    sandboxes: dict[str, str]
 
 
 class MachineLog:
@@ -67,7 +82,7 @@ class MachineNotes:
 def read_machine_notes(folder: Path) -> MachineNotes:
     """Return what was noted in the folder of a run: nothing where nothing was, or where the file is elsewhere."""
     try:
-        lines = (folder / NAME).read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = read_regular_file(folder / NAME, max_bytes=_MAX_BYTES).splitlines()
     except OSError:
         return MachineNotes()
     decisions: dict[str, list[tuple[int, float]]] = {}
@@ -75,13 +90,13 @@ def read_machine_notes(folder: Path) -> MachineNotes:
     sandboxes: dict[str, str] = {}
     for line in lines:
         # Of a file that was cut off, or that an agent has written into, only what is one of our lines counts.
-        with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
-            note: Any = json.loads(line)
+        with contextlib.suppress(ForeignFileError):
+            note = parse_json(line, _Note, place=NAME)
+            tick = note.get("tick", 0)
             if "decided_ms" in note:
-                decision = (int(note["tick"]), float(note["decided_ms"]))
-                decisions.setdefault(str(note["agent"]), []).append(decision)
+                decisions.setdefault(note.get("agent", ""), []).append((tick, note["decided_ms"]))
             elif "fault" in note:
-                faults.append((int(note["tick"]), str(note["participant"]), str(note["fault"])))
+                faults.append((tick, note.get("participant", ""), note["fault"]))
             else:
-                sandboxes |= {str(name): str(told) for name, told in note["sandboxes"].items()}
+                sandboxes |= note.get("sandboxes", {})
     return MachineNotes(decisions_ms=decisions, faults=sorted(faults), sandboxes=sandboxes)

@@ -13,9 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Required, TypedDict
 
+import msgspec
 import yaml
+from pydantic import ValidationError
 
 import gslcosim
 from gslcosim._code_identity import COMPUTING_PACKAGES
@@ -23,10 +25,12 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
 from gslcosim.errors import RunFolderError
-from gslcosim.machine import machine_error, machine_text, remedy_of
+from gslcosim.foreign_json import FROM_A_COPY, ForeignFileError, describe_validation_errors, read_json
+from gslcosim.machine import machine_error, machine_text, reason_of, remedy_of
 from gslcosim.runtime.installed_packages import compare_with_lock, installed_versions, versions_hash
-from gslcosim.safe_files import append_to, open_for_writing, replace_file
+from gslcosim.safe_files import append_to, open_for_writing, read_regular_file, replace_file
 from gslcosim.scenario.models.scenario import Processes, Scenario
+from gslcosim.yaml_core import BoundedLoader
 
 # Room kept free for the result: where a disk runs full in flight, this is what can still be written.
 RESERVE = ".reserve"
@@ -34,6 +38,69 @@ INPUTS = "inputs.log"
 RESERVE_BYTES = 32 * 1024
 # What computes a flight, and what carries and records it.
 PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
+
+
+# `result.json` has a few kB for each agent; a scenario as resolved has all defaults.
+_MAX_SCENARIO_BYTES = 20_000_000
+PathText = Annotated[str, msgspec.Meta(pattern="^[^\\x00]+$", max_length=4000)]
+
+
+class ForkOrigin(TypedDict):
+    """The run that a run was forked of, and the tick at which it was."""
+
+    run: str
+    tick: int
+
+
+class RunManifest(TypedDict, total=False):
+    """What is read of `manifest.json`; what was not written by the version that reads it may be missing."""
+
+    run_id: str
+    seed: int
+    environment_hash: str
+    contract_hash: str
+    gslcosim: str
+    git: str | None
+    fork_of: ForkOrigin
+    imported_from: object
+
+
+class AgentResult(TypedDict, total=False):
+    """What is read of an agent's figures in `result.json`."""
+
+    name: Required[str]
+    outcome: Required[str]
+    time_to_source_s: float | None
+    path_length_m: Required[float]
+    final_distance_m: Required[float]
+
+
+class RunResult(TypedDict, total=False):
+    """What is read of `result.json`."""
+
+    end_reason: Required[str]
+    sim_time_s: float
+    ticks: int
+    digest: str | None
+    agents: list[AgentResult]
+
+
+class LaterRoom(TypedDict):
+    """A room that events make, in `setup.json`."""
+
+    closed: list[str]
+    i_wind: int
+    folder: PathText
+
+
+class SetupPlaces(TypedDict, total=False):
+    """What is read of `setup.json`."""
+
+    environment: Required[PathText]
+    directory: PathText
+    later_rooms: list[LaterRoom]
+    paced_from_tick: int | None
+    snapshot: PathText
 
 
 @dataclass(frozen=True)
@@ -105,8 +172,44 @@ class RunDir:
         return self.path / INPUTS
 
     def load_scenario(self) -> Scenario:
-        """Read the scenario as resolved; its agents' relative paths start elsewhere."""
-        return Scenario.model_validate(yaml.safe_load(self.scenario.read_text()))
+        """Read the scenario as resolved; its agents' relative paths start elsewhere.
+
+        Raises:
+            ForeignFileError: it cannot be read, or is none.
+        """
+        place = f"{self.run_id}/{self.scenario.name}"
+        try:
+            text = read_regular_file(self.scenario, max_bytes=_MAX_SCENARIO_BYTES).decode()
+            return Scenario.model_validate(yaml.load(text, Loader=BoundedLoader))
+        except (OSError, ValueError, yaml.YAMLError) as error:
+            raise ForeignFileError(
+                f"{place}: expected the scenario as resolved, was {_why_no_scenario(error)}. {FROM_A_COPY}\n"
+                f"File: {self.scenario}"
+            ) from error
+
+    def load_manifest(self) -> RunManifest:
+        """Read `manifest.json`.
+
+        Raises:
+            ForeignFileError: it cannot be read, or is none.
+        """
+        return read_json(self.path / "manifest.json", RunManifest)
+
+    def load_result(self) -> RunResult:
+        """Read `result.json`.
+
+        Raises:
+            ForeignFileError: it cannot be read, or is none.
+        """
+        return read_json(self.path / "result.json", RunResult)
+
+    def load_setup(self) -> SetupPlaces:
+        """Read `setup.json`.
+
+        Raises:
+            ForeignFileError: it cannot be read, or is none.
+        """
+        return read_json(self.setup, SetupPlaces)
 
     def log(self, participant: str) -> Path:
         """Return the log file of a participant."""
@@ -219,6 +322,14 @@ class RunDir:
                 os.posix_fallocate(fd, 0, RESERVE_BYTES)
             finally:
                 os.close(fd)
+
+
+def _why_no_scenario(error: OSError | ValueError | yaml.YAMLError) -> str:
+    if isinstance(error, OSError):
+        return reason_of(error)
+    if isinstance(error, ValidationError):
+        return f"another ({describe_validation_errors(error)[0]})"
+    return "no YAML" if isinstance(error, yaml.YAMLError) else "no UTF-8 text"
 
 
 def _as_json(content: Mapping[str, Any]) -> str:

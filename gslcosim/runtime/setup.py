@@ -62,10 +62,14 @@ class Setup:
 
     @classmethod
     def load(cls, path: Path) -> "Setup":
-        """Read what `save` wrote into a run directory."""
+        """Read what `save` wrote into a run directory.
+
+        Raises:
+            ForeignFileError: a file of it cannot be read, or is something else.
+        """
         run_dir = RunDir(path)
         scenario = run_dir.load_scenario()
-        saved = json.loads(run_dir.setup.read_text())
+        saved = run_dir.load_setup()
         environment_dir = Path(saved["environment"])
         environment = load_environment(environment_dir)
         later_rooms = {

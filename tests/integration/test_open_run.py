@@ -76,5 +76,5 @@ def test_a_run_without_recording_says_how_to_record_it(copied):
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path):
-    with pytest.raises(UsageError, match=r"expected a run with a manifest\.json"):
+    with pytest.raises(UsageError, match=r"expected a folder with manifest\.json"):
         gslcosim.open_run(tmp_path)

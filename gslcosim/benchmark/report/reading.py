@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
 from numpy.typing import NDArray
 
@@ -25,6 +24,9 @@ from gslcosim.yaml_core import CoreLoader
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+_TRACK_COLUMNS = (
+    "trial", "agent", "t_s", "distance_m", "x_m", "y_m", "belief_distance_m", "belief_mass_near",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +181,7 @@ def read_material(results_dir: Path, mark: VerificationMark | None = None) -> Ma
         entries=entries,
         rows=_rows(table, entries),
         maps=_maps(folder.read_json(folder.maps), folder.maps),
-        tracks=_tracks(folder.tracks),
+        tracks=folder.track_table(_TRACK_COLUMNS),
         mark=mark,
     )
 
@@ -192,16 +194,6 @@ def _suite(path: Path) -> Mapping[str, Any]:
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise UsageError(f"{path}: expected the suite as YAML, was a damaged file. Take it from a copy.") from error
     return content if isinstance(content, dict) else {}
-
-
-def _tracks(path: Path) -> pa.Table | None:
-    if not path.is_file():
-        return None
-    try:
-        return pq.read_table(path, columns=["trial", "agent", "t_s", "distance_m", "x_m", "y_m", "belief_distance_m",
-                                            "belief_mass_near"])  # fmt: skip
-    except (OSError, pa.ArrowException) as error:
-        raise UsageError(f"{path}: expected a table of tracks, was a damaged file. Take it from a copy.") from error
 
 
 def _entries(manifest: Mapping[str, Any], table: pa.Table, mark: VerificationMark | None) -> tuple[FlownEntry, ...]:

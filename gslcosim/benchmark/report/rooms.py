@@ -1,7 +1,6 @@
 """What is drawn over the rooms' plans: success by start, and tracks."""
 
 import base64
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from gslcosim.benchmark.report.curves import flights
 from gslcosim.benchmark.report.reading import Floats, Ints, Material, RoomMap
 from gslcosim.benchmark.statistics.estimates import Estimate
 from gslcosim.benchmark.statistics.rates import wilson
+from gslcosim.foreign_json import JsonObject, parse_json
 
 QUANTUM_M = 0.02
 """Resolution of the tracks on the page [m]."""
@@ -83,17 +83,14 @@ def rooms_of(material: Material) -> tuple[DrawnRoom, ...]:
 
 # The rows of each map: those whose values hold the map's.
 def _parts(varied: Floats, here: Ints, maps: Sequence[RoomMap]) -> list[tuple[RoomMap | None, Ints]]:
-    values = [json.loads(text or "{}") for text in varied[here]]
-    wanted = [json.loads(room.varied) for room in maps]
+    values = [parse_json(text or "{}", JsonObject, place="trials: varied") for text in varied[here]]
+    wanted = [parse_json(room.varied, JsonObject, place="maps.json: varied") for room in maps]
     place = [
-        next((k for k, want in enumerate(wanted) if want.items() <= _hashable(value, want)), 0) for value in values
+        next((k for k, want in enumerate(wanted) if all(value.get(key) == want[key] for key in want)), 0)
+        for value in values
     ]
     parts = [(room, here[np.array(place) == k]) for k, room in enumerate(maps)]
     return [(room, some) for room, some in parts if some.size]
-
-
-def _hashable(value: Mapping[str, object], want: Mapping[str, object]) -> object:
-    return {key: value.get(key) for key in want}.items() if value else {}.items()
 
 
 def _mapped(label: str, room: RoomMap, some: Ints) -> DrawnRoom:

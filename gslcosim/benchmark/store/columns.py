@@ -105,6 +105,12 @@ TRIAL_COLUMNS = (
     Column(SANDBOX, _TEXT, "what agents were started in: bubblewrap, landlock with its version, none and why"),
 )
 
+REQUIRED_COLUMNS = (
+    "trial", "case", "scenario", "family", "varied", "repetition", "entry", "is_control", "seed", "gas_seed",
+    "n_robots", "environment_hash", "time_limit_s", "status", "outcome", "success", "time_s", "score",
+)  # fmt: skip
+"""Those that have a value in each row, of trials without a result too."""
+
 _SERIES = pa.list_(pa.float32())
 
 TRACK_COLUMNS = (

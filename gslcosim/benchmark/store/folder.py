@@ -7,22 +7,126 @@ import sys
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Required, TypedDict, cast
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gslcosim.benchmark.store.columns import TRACKS, TRIALS
+from gslcosim.benchmark.store.columns import REQUIRED_COLUMNS, TRACKS, TRIALS
 from gslcosim.benchmark.store.journal import Entry, cannot_write, read_journal
 from gslcosim.benchmark.store.tracks import SERIES, packed, unpacked
 from gslcosim.errors import UsageError
+from gslcosim.foreign_json import JsonObject, read_json
 from gslcosim.machine import machine_error, remedy_of
 
 if sys.platform != "win32":
     import fcntl
 
-
+# Maps of hundreds of rooms.
+_MAX_BYTES = 1_000_000_000
 RESULTS_SCHEMA = "gslcosim/results/1"
+
+
+class FlownEntryFacts(TypedDict, total=False):
+    """What is read of an entry in `manifest.json`."""
+
+    name: Required[str]
+    title: str | None
+    family: str | None
+    language: str | None
+    knows: object
+    parameters: dict[str, object] | None
+    agent_hash: str | None
+    submission: str | None
+    verified: bool | None
+
+
+class SessionFacts(TypedDict, total=False):
+    """What is read of the wall times of a call that flew some of a suite."""
+
+    started_at: Required[str]
+    jobs: Required[int]
+    total_s: float | None
+    preparing_s: float | None
+    flying_s: float | None
+    n_trials: int | None
+    busy_share: float | None
+    flying_share: float | None
+    peak_worker_mb: float | None
+    reference_loop_s: float | None
+
+
+class WallFacts(TypedDict, total=False):
+    """What is read of the wall times of all calls together."""
+
+    started_at: str | None
+    jobs: int | None
+    total_s: float | None
+    preparing_s: float | None
+    flying_s: float | None
+    busy_share: float | None
+
+
+class MachineFacts(TypedDict, total=False):
+    """What is read of the machine that flew a suite."""
+
+    cpu: str | None
+    cores: int | None
+    platform: str | None
+    reference_loop_s: float | None
+
+
+class VerifiedFacts(TypedDict):
+    """How many flights of a sample came out the same."""
+
+    sample: int
+    same: int
+    at: str
+
+
+class DroppedCase(TypedDict):
+    """A case that could not be flown."""
+
+    case: str
+    reason: str
+
+
+class ResultsManifest(TypedDict, total=False):
+    """What is read of `manifest.json` of results."""
+
+    suite: str | None
+    title: str | None
+    question: str | None
+    seed: int | None
+    suite_hash: str | None
+    software_hash: str | None
+    sandbox: str | None
+    versions: dict[str, str] | None
+    machine: MachineFacts | None
+    entries: list[FlownEntryFacts]
+    n_planned: int | None
+    dropped: list[DroppedCase] | None
+    anchors: dict[str, str | None] | None
+    wall: WallFacts | None
+    sessions: list[SessionFacts]
+    verified: VerifiedFacts | None
+    merged_from: list[str] | None
+
+
+class RoomMapFacts(TypedDict):
+    """What tells maps apart in `maps.json`; the rest is read by the report."""
+
+    scenario: str
+    varied: str
+
+
+class RoomMaps(TypedDict, total=False):
+    """What is read of `maps.json`."""
+
+    maps: list[RoomMapFacts]
+
+
+_KINDS: dict[str, Any] = {"manifest.json": ResultsManifest, "maps.json": RoomMaps}
 
 
 class ResultsFolder:
@@ -126,14 +230,20 @@ class ResultsFolder:
         """Return a JSON file of the folder; empty where there is none.
 
         Raises:
-            UsageError: it is damaged.
+            ForeignFileError: it cannot be read, or is something else.
         """
         if not path.is_file():
             return {}
-        try:
-            return cast("dict[str, Any]", json.loads(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError) as error:
-            raise UsageError(f"{path}: expected a JSON file, was a damaged one. Take it from a copy.") from error
+        return cast("dict[str, Any]", read_json(path, _KINDS.get(path.name, JsonObject), max_bytes=_MAX_BYTES))
+
+    def track_table(self, columns: Sequence[str] = TRACKS.names) -> pa.Table | None:
+        """Return columns of the tracks; None where there are none.
+
+        Raises:
+            UsageError: they cannot be read.
+        """
+        schema = pa.schema([TRACKS.field(name) for name in columns])
+        return _table(self.tracks, schema, required=columns) if self.tracks.is_file() else None
 
     def put_aside(self) -> Path:
         """Move what is here into a folder of its own, `earlier-1` or the next that is free; return it."""
@@ -148,12 +258,20 @@ class ResultsFolder:
 
 
 def _rows(path: Path, schema: pa.Schema) -> list[dict[str, Any]]:
+    required = REQUIRED_COLUMNS if schema is TRIALS else schema.names
+    return cast("list[dict[str, Any]]", _table(path, schema, required=required).to_pylist())
+
+
+def _table(path: Path, schema: pa.Schema, *, required: Sequence[str]) -> pa.Table:
     try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
+        with pq.ParquetFile(path) as file:
+            table = file.read()
+    except (OSError, pa.ArrowException, ValueError) as error:
         raise UsageError(
             f"{path}: expected a table of results, was a file that cannot be read ({error}). Take it from a copy."
         ) from error
+    if schema is not TRIALS and set(schema.names) <= set(table.schema.names):
+        table = table.select(schema.names)
     if table.schema.names != schema.names:
         missing = sorted(set(schema.names) - set(table.schema.names))
         raise UsageError(
@@ -161,7 +279,14 @@ def _rows(path: Path, schema: pa.Schema) -> list[dict[str, Any]]:
             f"{f'without {missing[0]}' if missing else 'with others'}. Fly the suite again, or use the version that "
             "wrote it (manifest.json has it)."
         )
-    return cast("list[dict[str, Any]]", table.to_pylist())
+    for field in schema:
+        column = table.column(field.name)
+        if column.type != field.type or (column.null_count and field.name in required):
+            found = "one without a value in each row" if column.type == field.type else f"one of {column.type}"
+            raise UsageError(
+                f"{path}: {field.name}: expected a column of {field.type}, was {found}. Take the file from a copy."
+            )
+    return table
 
 
 def _tracks_by_trial(path: Path) -> dict[str, bytes]:

@@ -3,14 +3,20 @@
 import base64
 import json
 import os
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Required, TypedDict
 
+import pyarrow as pa
+
+from gslcosim.benchmark.store.columns import REQUIRED_COLUMNS, TRIAL_COLUMNS
+from gslcosim.benchmark.store.tracks import unpacked
 from gslcosim.errors import MachineError
+from gslcosim.foreign_json import ForeignFileError, read_json_lines
 from gslcosim.machine import machine_error, remedy_of
 
 
@@ -20,6 +26,23 @@ class Entry:
 
     row: dict[str, Any]
     tracks: bytes | None
+
+
+_FLY_AGAIN = "Delete the line: its trial is flown again by the same bench run."
+_PYTHON_TYPES: dict[pa.DataType, Any] = {pa.string(): str, pa.int64(): int, pa.float64(): float, pa.bool_(): bool}
+_EMPTY_ROW: dict[str, Any] = dict.fromkeys((column.name for column in TRIAL_COLUMNS), None)
+_typed_dict: Any = TypedDict
+_TrialRow = _typed_dict(
+    "_TrialRow",
+    {
+        column.name: Required[_PYTHON_TYPES[column.type]]
+        if column.name in REQUIRED_COLUMNS
+        else _PYTHON_TYPES[column.type] | None
+        for column in TRIAL_COLUMNS
+    },
+    total=False,
+)
+_JournalLine = _typed_dict("_JournalLine", {"row": _TrialRow, "tracks": str | None})
 
 
 class Journal:
@@ -68,15 +91,24 @@ class Journal:
 
 
 def read_journal(path: Path) -> Iterator[Entry]:
-    """Yield the rows of a journal, in the order in which they came; nothing where there is none."""
+    """Yield the rows of a journal, in the order in which they came; nothing where there is none.
+
+    Raises:
+        ForeignFileError: it cannot be read, or a line is no row of this version.
+    """
     if not path.is_file():
         return
-    with path.open("rb") as file:
-        for line in file:
-            if line.endswith(b"\n"):
-                fields = json.loads(line)
-                tracks = fields["tracks"]
-                yield Entry(fields["row"], tracks and base64.b64decode(tracks))
+    for number, fields in enumerate(read_json_lines(path, _JournalLine, remedy=_FLY_AGAIN), 1):
+        try:
+            tracks = base64.b64decode(fields["tracks"], validate=True) if fields["tracks"] else None
+            if tracks is not None:
+                unpacked(tracks)
+        except (ValueError, zlib.error) as error:
+            raise ForeignFileError(
+                f"{path.parent.name}/{path.name}:{number}: tracks: expected packed tracks, was {error}. "
+                f"{_FLY_AGAIN}\nFile: {path}"
+            ) from error
+        yield Entry({**_EMPTY_ROW, **fields["row"]}, tracks)
 
 
 def _drop_torn_line(path: Path) -> None:

@@ -1,10 +1,10 @@
 """Tracks of a trial as bytes, for the journal, and as rows of `tracks.parquet`."""
 
 import zlib
-from collections.abc import Mapping
 from typing import Any
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,8 +24,16 @@ def packed(tracks: Tracks) -> bytes:
 
 
 def unpacked(payload: bytes) -> Tracks:
-    """Return the tracks that `packed` has made bytes of."""
-    agents: Mapping[str, list[bytes]] = _msgpack.unpackb(zlib.decompress(payload))
+    """Return the tracks that `packed` has made bytes of.
+
+    Raises:
+        ValueError: the bytes are something else.
+        zlib.error: they are not compressed.
+    """
+    try:
+        agents = msgspec.msgpack.decode(zlib.decompress(payload), type=dict[str, list[bytes]])
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ValueError(str(error)) from error
     return {
         name: {key: np.frombuffer(part, dtype="<f4") for key, part in zip(SERIES, parts, strict=True)}
         for name, parts in agents.items()

@@ -206,32 +206,23 @@ def _scenario(source: str) -> "tuple[Scenario, Path]":
 
 
 def _run_fields(folder: Path, gas: str | None) -> "Fields":
-    import yaml
-    from pydantic import ValidationError
-
     from gslcosim.fields.offline.sampling import RoomFields
-    from gslcosim.scenario import Scenario
+    from gslcosim.runtime.run_dir import RunDir
 
-    path = folder / "scenario.yaml"
-    try:
-        scenario = Scenario.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (yaml.YAMLError, UnicodeDecodeError, ValidationError) as error:
-        raise UsageError(
-            f"{folder}: expected a run with the scenario as resolved, was {error}.\nFile: {path}"
-        ) from error
+    scenario = RunDir(folder).load_scenario()
     return RoomFields(_environment_of_run(folder, scenario), scenario, gas=gas)
 
 
 # The one that the run had; when the cache was cleared since, the same one made anew.
 def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
-    import json
-
     from gslcosim.environment.store import load_environment
+    from gslcosim.foreign_json import ForeignFileError
     from gslcosim.generation import prepare_environment
+    from gslcosim.runtime.run_dir import RunDir
 
     try:
-        return load_environment(Path(json.loads((folder / "setup.json").read_text(encoding="utf-8"))["environment"]))
-    except (OSError, ValueError, KeyError, TypeError, EnvironmentDataError):
+        return load_environment(Path(RunDir(folder).load_setup()["environment"]))
+    except (ForeignFileError, EnvironmentDataError):
         return load_environment(prepare_environment(scenario, scenario_dir=folder))
 
 

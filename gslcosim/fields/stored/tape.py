@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from llvmlite.binding import get_host_cpu_name
@@ -33,6 +33,7 @@ from gslcosim.errors import EnvironmentDataError, ModelError
 from gslcosim.fields.filament.downwash import Jets
 from gslcosim.fields.filament.plume import FilamentPlume, Filaments
 from gslcosim.fields.timing import gas_timing
+from gslcosim.foreign_json import ForeignFileError, read_json
 from gslcosim.scenario import Scenario
 from gslcosim.ticks import ticks_from_seconds
 
@@ -83,6 +84,13 @@ class TapeSchedule:
         return min(frame, self.n_frames - 1)
 
 
+class _TapeHead(TypedDict):
+    format: str
+    n_frames: int
+    n_filaments: int
+    n_sources: int
+
+
 class GasTape:
     """A tape in a folder, read-only and memory-mapped."""
 
@@ -93,7 +101,7 @@ class GasTape:
             EnvironmentDataError: it is missing, damaged, or of another format.
         """
         try:
-            head = json.loads((folder / _HEAD).read_text(encoding="utf-8"))
+            head = read_json(folder / _HEAD, _TapeHead)
             self._first = np.load(folder / _FIRST, allow_pickle=False)
             self._filaments = _mapped(folder / _FILAMENTS)
             self._sources = _mapped(folder / _SOURCES) if head["n_sources"] > 1 else None
@@ -104,7 +112,7 @@ class GasTape:
                 and int(self._first[-1]) == head["n_filaments"]
                 and (self._sources is None or len(self._sources) == head["n_filaments"])
             )
-        except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+        except (OSError, ValueError, EOFError, ForeignFileError) as error:
             raise EnvironmentDataError(
                 f"gas tape: expected a whole one, was not ({error}). Folder: {folder}"
             ) from error

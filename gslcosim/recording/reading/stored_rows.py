@@ -50,7 +50,7 @@ class StoredRows:
         self._path = path
         self._moving: dict[str, list[Chunk]] = defaultdict(list)
         self._still: dict[str, list[Chunk]] = defaultdict(list)
-        for chunk in _chunks(path):
+        for chunk in read_chunks(path):
             kind = self._still if chunk.is_static else self._moving
             kind[str(chunk.entity_path).removeprefix("/")].append(chunk)
 
@@ -84,7 +84,12 @@ class StoredRows:
         return None
 
 
-def _chunks(path: Path) -> list[Chunk]:
+def read_chunks(path: Path) -> list[Chunk]:
+    """Return all chunks of a recording.
+
+    Raises:
+        RecordingError: there is none, it was cut off, or it is none of ours.
+    """
     if not path.is_file():
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
     if not has_end(path):

@@ -1,13 +1,13 @@
 """Two runs compared: where they part, and whether one is a fork of the other."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
 
 from gslcosim.contract import keys
 from gslcosim.contract.event_notes import EVENTS
+from gslcosim.foreign_json import ForeignFileError
 from gslcosim.runtime.digest import Divergence, RunDigest, first_divergence
+from gslcosim.runtime.run_dir import ForkOrigin, RunDir
 
 _BRIEFING = keys.briefing("*").split("*")
 
@@ -56,23 +56,21 @@ class RunComparison:
 
 def _kinship(a: Path, b: Path) -> Kinship | None:
     of_a, of_b = _fork_of(a), _fork_of(b)
-    if of_b.get("run") == a.name:
-        return Kinship(fork="b", tick=int(of_b["tick"]))
-    if of_a.get("run") == b.name:
-        return Kinship(fork="a", tick=int(of_a["tick"]))
-    if of_a and of_a.get("run") == of_b.get("run"):
-        return Kinship(fork="both", tick=min(int(of_a["tick"]), int(of_b["tick"])))
+    if of_b is not None and of_b["run"] == a.name:
+        return Kinship(fork="b", tick=of_b["tick"])
+    if of_a is not None and of_a["run"] == b.name:
+        return Kinship(fork="a", tick=of_a["tick"])
+    if of_a is not None and of_b is not None and of_a["run"] == of_b["run"]:
+        return Kinship(fork="both", tick=min(of_a["tick"], of_b["tick"]))
     return None
 
 
 # A digest may stand without its run.
-def _fork_of(folder: Path) -> dict[str, Any]:
+def _fork_of(folder: Path) -> ForkOrigin | None:
     try:
-        manifest: Any = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        fork_of: Any = manifest.get("fork_of", {})
-        return cast("dict[str, Any]", fork_of) if isinstance(fork_of.get("tick", 0), int) else {}
-    except (OSError, ValueError, AttributeError):
-        return {}
+        return RunDir(folder).load_manifest().get("fork_of")
+    except ForeignFileError:
+        return None
 
 
 def _agent_briefed_on(port: str) -> str:

@@ -1,26 +1,34 @@
 """What a run has left, read back so that it can be flown again."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TypedDict, cast
 
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import contract_hash
 from gslcosim.environment.store import load_environment
 from gslcosim.errors import ContractError, EnvironmentDataError, UsageError
+from gslcosim.foreign_json import ForeignFileError, parse_json
 from gslcosim.generation import prepare_environment
+from gslcosim.machine import reason_of
 from gslcosim.runtime.assembly import dataflow_of, service_names
 from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.run_dir import RunDir, RunResult
 from gslcosim.runtime.snapshots.shelf import Snapshot, nearest_snapshot
 from gslcosim.runtime.status import FlightStatus
+from gslcosim.safe_files import read_regular_file
 from gslcosim.scenario import Scenario
 
 # The key of a manifest that says which log a run was made of.
 IMPORTED_FROM = "imported_from"
+# Commands of weeks: a few hundred bytes each.
+_MAX_INPUTS_BYTES = 2_000_000_000
+
+
+class _CommandLine(TypedDict):
+    agent: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +58,9 @@ class PastRun:
             UsageError: a file is missing or not what it should be, or the run spoke another contract.
         """
         run_dir = RunDir(folder)
-        manifest = _json_of(folder / "manifest.json")
+        manifest = run_dir.load_manifest()
         has_result = needs_result or (folder / "result.json").is_file()
-        result = _json_of(folder / "result.json") if has_result else {}
+        result: RunResult | dict[str, int] = run_dir.load_result() if has_result else {}
         if manifest.get("contract_hash") != contract_hash():
             raise UsageError(
                 f"{folder.name}: expected a run of contract {contract_hash()}, was {manifest.get('contract_hash')}, "
@@ -65,7 +73,7 @@ class PastRun:
             digest=RunDigest.load(run_dir.digest) if run_dir.digest.is_file() else None,
             last_tick=int(result.get("ticks", 0)),
             environment_hash=str(manifest.get("environment_hash")),
-            directory=Path(_json_of(run_dir.setup).get("directory") or folder).absolute(),
+            directory=Path(run_dir.load_setup().get("directory") or folder).absolute(),
             is_imported=IMPORTED_FROM in manifest,
             flown_by=f"gslcosim {manifest.get('gslcosim')} ({manifest.get('git') or 'no git'})",
         )
@@ -118,15 +126,21 @@ def read_inputs(path: Path) -> dict[str, dict[int, Command]]:
         UsageError: it is missing, or a line of it is no command.
     """
     try:
-        lines = path.read_bytes().splitlines()
+        lines = read_regular_file(path, max_bytes=_MAX_INPUTS_BYTES).splitlines()
     except OSError as error:
-        raise UsageError(f"{path.parent.name}: expected an inputs.log, {error.strerror}.\nFile: {path}") from error
+        raise UsageError(
+            f"{path.parent.name}: expected an inputs.log, was {reason_of(error)}.\nFile: {path}"
+        ) from error
     commands: dict[str, dict[int, Command]] = {}
     for number, line in enumerate(lines, 1):
         try:
-            command, agent = codec.decode_json(Command, line), str(json.loads(line)["agent"])
-        except (ContractError, KeyError, ValueError) as error:
-            raise UsageError(f"{path}:{number}: expected an agent's command, was {line[:60]!r} ({error}).") from error
+            agent = parse_json(line, _CommandLine, place="the line")["agent"]
+            command = codec.decode_json(Command, line)
+        except (ContractError, ForeignFileError) as error:
+            raise UsageError(
+                f"{path.parent.name}/{path.name}:{number}: expected an agent's command, was {line[:60]!r} ({error}).\n"
+                f"File: {path}"
+            ) from error
         commands.setdefault(agent, {})[command.tick] = command
     return commands
 
@@ -137,7 +151,7 @@ def environment_of(past: PastRun, report: Callable[[FlightStatus], None]) -> Pat
     Raises:
         EnvironmentDataError: the room is not the one that was flown in.
     """
-    folder = Path(str(_json_of(past.run_dir.setup).get("environment")))
+    folder = Path(past.run_dir.load_setup()["environment"])
     try:
         environment = load_environment(folder)
     except EnvironmentDataError:
@@ -154,13 +168,3 @@ def environment_of(past: PastRun, report: Callable[[FlightStatus], None]) -> Pat
             f"{environment.content_hash}. Bring back the files or the version of gslcosim that made it."
         )
     return folder.resolve()
-
-
-def _json_of(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path.parent.name}: expected a run with a {path.name} ({error}).\nFile: {path}") from error
-    if not isinstance(content, dict):
-        raise UsageError(f"{path}: expected a JSON object, was {type(content).__name__}.")
-    return cast(dict[str, Any], content)

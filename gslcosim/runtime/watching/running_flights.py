@@ -1,7 +1,6 @@
 """Flights of this user that go on now: found by their windows, looked at, stopped."""
 
 import contextlib
-import json
 import os
 import signal
 import socket
@@ -9,9 +8,10 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from gslcosim.errors import RunTimeoutError, UsageError
+from gslcosim.foreign_json import ForeignFileError, JsonObject, checked_value, parse_json
 from gslcosim.runtime.watching.window import SUFFIX, windows_folder
 from gslcosim.socket_paths import socket_address
 from gslcosim.socket_peers import check_peer, peer_pid
@@ -19,6 +19,36 @@ from gslcosim.socket_peers import check_peer, peer_pid
 LOOK_WITHIN_S = 2.0
 STOP_WITHIN_S = 20.0
 _LOOK_AGAIN_S = 0.05
+
+# What a status socket tells is a few hundred bytes for each participant.
+_MAX_STATUS_BYTES = 4_000_000
+
+
+class _ParticipantFacts(TypedDict):
+    name: str
+    state: str
+    tick: int
+    waits_for: list[str]
+    queued_ticks: int
+    pid: int | None
+    cpu_s: float | None
+    memory_bytes: int | None
+    n_resends: int
+
+
+class _FlightFacts(TypedDict):
+    run_id: str
+    run_dir: str
+    processes: str | list[object]
+    began_at: str
+    state: str
+    text: str
+    wall_s: float
+    sim_time_s: float
+    time_limit_s: float
+    real_time_factor: float
+    participants: list[_ParticipantFacts]
+
 
 # Of a flight whose process stands still.
 _UNTOLD: dict[str, Any] = {
@@ -64,8 +94,8 @@ def running_flights() -> list[RunningFlight]:
 def look_through(window: Path) -> RunningFlight | None:
     """Return the flight behind a window; None where it has ended.
 
-    It is `silent` where it tells nothing in time, and `refused`, with the reason as its `text`, where it and this
-    process are not confined alike.
+    It is `silent` where it tells nothing in time, `refused`, with the reason as its `text`, where it and this process
+    are not confined alike, and `unreadable` where it tells something else than flights do.
     """
     if sys.platform == "win32":
         return None
@@ -79,9 +109,12 @@ def look_through(window: Path) -> RunningFlight | None:
             return None
         try:
             check_peer(connection, place=window.name)
-            facts = json.loads(_all_of(connection))
+            facts = parse_json(_all_of(connection), JsonObject, place=window.name)
             if "refused" in facts:
                 raise UsageError(str(facts["refused"]))
+            checked_value(facts, _FlightFacts, place=window.name)
+        except ForeignFileError as error:
+            facts = _UNTOLD | {"state": "unreadable", "text": str(error)}
         except UsageError as error:
             facts = _UNTOLD | {"state": "refused", "text": str(error)}
         except TimeoutError:
@@ -133,10 +166,13 @@ def _is_meant(run: str, flight: RunningFlight) -> bool:
 
 
 def _all_of(connection: socket.socket) -> bytes:
-    parts: list[bytes] = []
+    data = bytearray()
+    deadline_s = time.monotonic() + LOOK_WITHIN_S
     while part := connection.recv(65536):
-        parts.append(part)
-    return b"".join(parts)
+        data += part
+        if len(data) > _MAX_STATUS_BYTES or time.monotonic() > deadline_s:
+            raise TimeoutError
+    return bytes(data)
 
 
 # Elsewhere than on Linux it is the one in the window's name.

@@ -8,6 +8,7 @@ from typing import Any
 
 from gslcosim.contract.knowledge import ParameterValue
 from gslcosim.errors import MethodError
+from gslcosim.foreign_json import ForeignFileError, JsonObject, read_json
 from gslcosim.safe_files import replace_file
 
 PARAMETERS_FILE = "parameters.json"
@@ -36,10 +37,10 @@ def load_parameters(path: Path) -> dict[str, ParameterValue]:
         MethodError: it cannot be read, or is no such file.
     """
     try:
-        whole = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise MethodError(f"expected a file of parameters that can be read, got: {error}.\nFile: {path}") from error
-    schema = whole.get("schema") if isinstance(whole, dict) else None
+        whole = read_json(path, JsonObject)
+    except ForeignFileError as error:
+        raise MethodError(f"expected a file of parameters that can be read, got: {error}") from error
+    schema = whole.get("schema")
     if schema != SCHEMA or not isinstance(whole.get("parameters"), dict):
         raise MethodError(f"expected parameters of schema {SCHEMA}, was {schema!r}.\nFile: {path}")
     return whole["parameters"]

@@ -1,14 +1,15 @@
 """What a plume has felt like of late, as one of a few states: how often there was gas, and how much."""
 # The functions take arrays and plain numbers only, so that a trainer may compile them with numba as they are.
 
-import json
 import math
 from collections import deque
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.foreign_json import read_json
 from gslcosim.search.reactive.casting import BlankMemory
 
 Floats = NDArray[np.float64]
@@ -135,10 +136,13 @@ class TemporalMemory:
         return gas_state(share_frac, rank_frac(mean, np.array(self._history), len(self._history)))
 
 
+class _Policies(TypedDict):
+    tables: dict[str, list[list[float]]]
+
+
 def load_policies(path: Path) -> dict[str, list[list[float]]]:
     """Return tables of values (state, move) by the name of the recovery that they were learned with."""
-    tables = json.loads(path.read_text(encoding="utf-8"))["tables"]
-    return {name: [[float(value) for value in row] for row in table] for name, table in tables.items()}
+    return read_json(path, _Policies)["tables"]
 
 
 def best_move(values: list[float]) -> int:

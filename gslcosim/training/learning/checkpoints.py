@@ -7,12 +7,13 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import UsageError
+from gslcosim.foreign_json import ForeignFileError, parse_json
 from gslcosim.safe_files import replace_file
 
 CHECKPOINT = "checkpoint.npz"
@@ -36,6 +37,12 @@ class Checkpoint:
     trainer: Mapping[str, NDArray[Any]]
     best: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
     about: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+class _About(TypedDict):
+    schema: str
+    identity: str
+    about: dict[str, object]
 
 
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
@@ -71,9 +78,9 @@ def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
     try:
         with np.lib.npyio.NpzFile(io.BytesIO(path.read_bytes()), own_fid=True, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        told = json.loads(str(arrays.pop(_ABOUT)[()]))
+        told = parse_json(str(arrays.pop(_ABOUT)[()]), _About, place=_ABOUT)
         schema, found, about = told["schema"], told["identity"], told["about"]
-    except (*_NOT_READABLE, TypeError, IndexError) as error:
+    except (*_NOT_READABLE, IndexError, ForeignFileError) as error:
         raise UsageError(
             f"{path}: expected a checkpoint of gslcosim train, was a file that is corrupt ({error}). Take it away and "
             "train anew without --resume."

@@ -207,7 +207,7 @@ def test_a_header_nested_without_end_is_named(saved, text):
 def test_all_bad_values_of_a_header_are_named(saved):
     change_header(saved, name=None, grid={"origin_m": [0, 0, 0], "cell_m": -1, "shape": [8, 6]})
     lines = refusal(saved).splitlines()
-    assert [line.split(":")[1].strip() for line in lines[:-1]] == ["name", "grid.cell_m", "grid.shape.2"]
+    assert [line.split(":")[1].strip() for line in lines[:-1]] == ["name", "grid.cell_m", "grid.shape[2]"]
 
 
 def test_keys_of_later_minor_versions_are_passed_over(saved):

@@ -1,5 +1,7 @@
 """Digests are equal for equal runs, and name the first place where two runs differ."""
 
+import re
+
 import pytest
 
 from gslcosim.errors import UsageError
@@ -53,12 +55,26 @@ def test_a_saved_digest_loads_equal(tmp_path):
     assert RunDigest.load(tmp_path / "digest.json") == run()
 
 
-@pytest.mark.parametrize("content", ["", "{}", '{"schema": "gslcosim/digest/9"}', "[1]"])
-def test_a_file_that_is_no_digest_is_refused(tmp_path, content):
+DAMAGED = {
+    "": "expected JSON",
+    "{}": "expected gslcosim/digest/1, was 'None'",
+    '{"schema": "gslcosim/digest/9"}': "expected gslcosim/digest/1, was 'gslcosim/digest/9'",
+    "[1]": "expected a block, was a list",
+    '{"schema": "gslcosim/digest/1", "final_tick": 1}': "expected the key ports, was missing",
+    '{"schema": "gslcosim/digest/1", "final_tick": -1, "ports": {}}': "final_tick: expected a whole number >= 0",
+    '{"schema": "gslcosim/digest/1", "final_tick": 1, "ports": {"a": {"participant": "b", "ticks": [1], "links": ""}}}':
+        "expected ticks with a link each, was 0 bytes of links for 1 ticks",
+    '{"schema": "gslcosim/digest/1", "final_tick": 1, "ports": {"a": {"participant": "b", "ticks": [], "links": "a"}}}':
+        "expected ticks with a link each",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "told"), DAMAGED.items())
+def test_a_file_that_is_no_digest_is_refused(tmp_path, content, told):
     """The error names the file and what was expected."""
     path = tmp_path / "digest.json"
     path.write_text(content)
-    with pytest.raises(UsageError, match="expected gslcosim/digest/1"):
+    with pytest.raises(UsageError, match=re.escape(told)):
         RunDigest.load(path)
     with pytest.raises(UsageError, match="found none"):
         RunDigest.load(tmp_path / "none.json")

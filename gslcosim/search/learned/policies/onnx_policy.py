@@ -1,6 +1,5 @@
 """Policies of other programs, as ONNX: a model, and beside it or in it what its numbers mean."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -9,6 +8,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from gslcosim.foreign_json import ForeignFileError, JsonObject, parse_json
 from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError
 from gslcosim.yaml_core import CoreLoader
 
@@ -198,9 +198,9 @@ def _meaning_of(path: Path, model: bytes) -> Mapping[str, Any]:
                 "observation_names the model takes and what its action means."
             )
         try:
-            told = json.loads(text)
-        except ValueError as error:
-            raise PolicyError(f"metadata.{METADATA_KEY}: expected JSON, got: {error}.") from error
+            told = parse_json(text, JsonObject, place=f"metadata.{METADATA_KEY}")
+        except ForeignFileError as error:
+            raise PolicyError(str(error)) from error
     if not isinstance(told, Mapping):
         raise PolicyError(f"expected a map that says what a model's numbers mean, was {type(told).__name__}.")
     return told

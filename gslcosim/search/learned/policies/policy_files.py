@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.errors import UsageError
+from gslcosim.foreign_json import ForeignFileError, JsonObject, parse_json
 from gslcosim.safe_files import replace_file
 from gslcosim.search.learned.policies.action_values import ValueTable
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
@@ -133,12 +134,11 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         raise PolicyError(f"{CARD}: expected an entry, was missing. It has {', '.join(arrays) or 'none'}.")
     text = arrays.pop(CARD)
     try:
-        card = json.loads(str(text[()]))
-    except (ValueError, TypeError, IndexError) as error:
-        raise PolicyError(f"{CARD}: expected JSON, got: {error}.") from error
-    if not isinstance(card, dict) or card.get("schema") != SCHEMA:
-        found = card.get("schema") if isinstance(card, dict) else type(card).__name__
-        raise PolicyError(f"{CARD}.schema: expected {SCHEMA}, was {found!r}.")
+        card = parse_json(str(text[()]), JsonObject, place=CARD)
+    except (IndexError, ForeignFileError) as error:
+        raise PolicyError(f"{CARD}: expected JSON, got: {error}") from error
+    if card.get("schema") != SCHEMA:
+        raise PolicyError(f"{CARD}.schema: expected {SCHEMA}, was {card.get('schema')!r}.")
     return card, arrays
 
 

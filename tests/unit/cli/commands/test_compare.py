@@ -56,4 +56,4 @@ def test_json_has_the_divergence_or_none(capsys, save_digest, tmp_path):
 def test_a_file_that_is_no_digest_returns_2(capsys, tmp_path):
     (tmp_path / "digest.json").write_text("{}")
     assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
-    assert "expected gslcosim/digest/1, found something else" in capsys.readouterr().err
+    assert "expected gslcosim/digest/1, was 'None'" in capsys.readouterr().err

@@ -92,8 +92,9 @@ def test_a_run_that_goes_on_is_shown_so_and_never_removed(runs, capsys, monkeypa
     windows.mkdir()
     monkeypatch.setattr("gslcosim.runtime.watching.running_flights.windows_folder", lambda: windows)
     facts = {
-        "run_id": "killed", "run_dir": str((runs / "killed").resolve()), "began_at": "", "state": "flying",
-        "sim_time_s": 7.5, "real_time_factor": 50.0,
+        "run_id": "killed", "run_dir": str((runs / "killed").resolve()), "began_at": "", "state": "flying", "text": "",
+        "processes": "one", "wall_s": 1.0, "time_limit_s": 60.0, "sim_time_s": 7.5, "real_time_factor": 50.0,
+        "participants": [],
     }  # fmt: skip
     monkeypatch.chdir(windows)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as window:
@@ -143,3 +144,47 @@ def test_removing_without_a_condition_and_folders_that_are_none_are_refused(runs
 )
 def test_ages_are_told_in_the_unit_that_people_use(age_h, text):
     assert age_text(age_h) == text
+
+
+DAMAGED = {
+    "empty": b"",
+    "null": b"null",
+    "deep": b"[" * 100_000,
+    "wrong": b'{"schema": "gslcosim/result/1", "end_reason": [], "seed": "\xc2\xb2", "agents": [1, {"steps": {}}]}',
+    "bare": b'{"schema": "gslcosim/result/1"}',
+    "huge": b'{"schema": "gslcosim/result/1", "sim_time_s": 1e999, "seed": ' + b"9" * 5000 + b"}",
+    "binary": bytes(range(256)),
+}
+
+
+@pytest.mark.parametrize("name", ["result.json", "manifest.json", "scenario.yaml"])
+def test_one_damaged_folder_hides_no_other(runs, capsys, name):
+    for kind, content in DAMAGED.items():
+        folder = runs / kind
+        (folder / "logs").mkdir(parents=True)
+        (folder / "manifest.json").write_text(json.dumps({"run_id": kind}))
+        (folder / name).write_bytes(content)
+    pipe = runs / "pipe"
+    (pipe / "logs").mkdir(parents=True)
+    os.mkfifo(pipe / name)
+    rows = {row["run"]: row for row in listed(capsys, runs)}
+    assert set(rows) == {"run_0", "run_1", "run_2", "killed", "photos", "pipe", *DAMAGED}
+    assert [rows[f"run_{i}"]["state"] for i in range(3)] == ["ended"] * 3
+    if name == "result.json":
+        told = {kind: rows[kind]["outcome"] for kind in ("empty", "null", "deep", "binary")}
+        assert set(told.values()) == {"result.json cannot be read"}
+    assert main(["runs", str(runs), "--sort", "-seed"]) == 0
+    assert "run_1" in capsys.readouterr().out
+
+
+def test_damaged_results_are_a_row_beside_others(runs, capsys, tmp_path_factory):
+    results = tmp_path_factory.mktemp("results")
+    (results / "manifest.json").write_text("[" * 5000)
+    (results / "rows.jsonl").write_text('{"row": {"trial": "a"}, "tracks": null}\n')
+    rows = listed(capsys, results, runs)
+    (broken,) = [row for row in rows if row["folder"] == str(results)]
+    assert broken["state"] == "broken"
+    assert "rows.jsonl:1: row: expected the key" in broken["outcome"]
+    assert len(rows) == 6
+    assert main(["runs", "remove", str(results), str(runs), "--where", "state=broken"]) == 0
+    assert f"kept       {results}" in capsys.readouterr().out

@@ -25,5 +25,5 @@ def test_a_line_that_is_no_command_is_told_with_its_number(tmp_path, line):
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path):
-    with pytest.raises(UsageError, match=r"expected a run with a manifest\.json"):
+    with pytest.raises(UsageError, match=r"expected a folder with manifest\.json"):
         PastRun.load(tmp_path)

@@ -32,5 +32,7 @@ def test_what_is_no_file_of_parameters_is_told(tmp_path, text):
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(MethodError, match=r"No such file.*\nFile: .*parameters\.json"):
+    with pytest.raises(
+        MethodError, match=r"expected a folder with parameters\.json, found none.*\nFile: .*parameters\.json"
+    ):
         load_parameters(tmp_path / PARAMETERS_FILE)

@@ -75,7 +75,7 @@ def test_a_corrupt_file_is_told_and_runs_nothing(tmp_path):
         ({"told": {"action": None}}, "action: expected a map with kind, was None"),
         ({"told": {"action": {"kind": "velocity_3d"}}}, r"outputs: expected numbers of shape \(3, any\)"),
         ({CARD: np.array("{")}, "card: expected JSON"),
-        ({CARD: np.array("[]")}, "card.schema"),
+        ({CARD: np.array("[]")}, "card: expected a block, was a list"),
     ],
 )
 def test_what_is_wrong_with_an_entry_is_told(tmp_path, changes, words):

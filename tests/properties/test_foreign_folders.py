@@ -1,0 +1,342 @@
+"""Whatever the files of a run, of results or of an environment hold, commands say what is wrong in one sentence.
+
+Files are damaged in the ways of hosts that lie, disks that lose bytes and people who edit. Each command of the command
+line that reads folders is called with each of them, and none ends in a traceback.
+"""
+
+import argparse
+import contextlib
+import copy
+import io
+import json
+import os
+import re
+import shutil
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gslcosim.benchmark.store.folder import ResultsFolder
+from gslcosim.benchmark.store.journal import Journal
+from gslcosim.cli.main import COMMANDS, main
+from gslcosim.cli.parsing import build_parser, choices_of
+from gslcosim.errors import ExitCode
+from gslcosim.generation import prepare_environment
+from gslcosim.runtime.watching.window import windows_folder
+from gslcosim.scenario import load_scenario
+from gslcosim.yaml_core import CoreLoader
+
+RUN_FILES = (
+    "manifest.json", "result.json", "setup.json", "digest.json", "inputs.log", "machine.log", "scenario.yaml",
+    "recording.rrd",
+)  # fmt: skip
+RESULT_FILES = ("manifest.json", "maps.json", "rows.jsonl", "suite.yaml", "trials.parquet", "tracks.parquet")
+ENVIRONMENT_FILES = ("environment.yaml", "occupancy.npy", "wind.npy")
+# How commands that read folders are called: RUN is the damaged run, OTHER a whole one beside it.
+CALLS = {
+    "runs": ["runs", "RUNS"],
+    "runs --json": ["runs", "RUNS", "--json"],
+    "runs of results": ["runs", "RESULTS", "RUNS"],
+    "runs remove": ["runs", "remove", "RUNS", "--where", "state=broken"],
+    "runs repair": ["runs", "repair", "RUNS"],
+    "compare": ["compare", "RUN", "OTHER"],
+    "replay": ["replay", "RUN", "--until", "0.1", "--quiet", "--runs-dir", "OUT"],
+    "fork": ["fork", "RUN", "--at", "0.2", "--in-process", "--quiet", "--runs-dir", "OUT"],
+    "extract": ["extract", "RUN", "--to", "csv", "--out", "OUT"],
+    "film": ["film", "RUN", "--out", "OUT.gif", "--plan-only", "--size", "320x240"],
+    "plot": ["plot", "RUN", "--out", "OUT", "--figure", "distance"],
+    "plot of results": ["plot", "RESULTS", "--out", "OUT"],
+    "view": ["view", "RUN", "--at", "0.2"],
+    "view of several": ["view", "RUN", "OTHER"],
+    "view of an environment": ["view", "ENVIRONMENT"],
+    "sample": ["sample", "RUN", "--time", "0.2", "--grid", "1.0", "--out", "OUT.csv"],
+    "sample of an environment": ["sample", "ENVIRONMENT", "--quantity", "wind", "--time", "0", "--grid", "1.0",
+                                 "--out", "OUT.csv"],
+    "export": ["export", "ENVIRONMENT", "--to", "stl", "--out", "OUT"],
+    "bench report": ["bench", "report", "RESULTS"],
+    "bench show": ["bench", "show", "RESULTS", "--trial", "TRIAL", "--no-view", "--trusted"],
+    "bench verify": ["bench", "verify", "RESULTS", "--sample", "1", "--jobs", "1", "--trusted"],
+    "bench rank": ["bench", "rank", "RESULTS"],
+    "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
+    "import": ["import", "ENVIRONMENT", "--out", "OUT"],
+    "import-flight": ["import-flight", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
+    "join": ["join", "RUN/manifest.json", "--quiet"],
+}  # fmt: skip
+# Each other command, and why no foreign folder makes it fail.
+OTHERS = {
+    "up": "reads a scenario: tests/properties/test_scenario_problems.py",
+    "fly": "the same, and demands a terminal",
+    "validate": "the same",
+    "generate": "the same",
+    "serve": "reads nothing",
+    "list": "reads what is installed",
+    "schema": "writes files of the contract",
+    "doctor": "looks at the machine",
+    "cache": "lists a folder of our own by names and sizes",
+    "agent": "starts a program; new writes a folder",
+    "participant": "the same",
+    "ps": "asks sockets: test_running_flights_tell_anything",
+    "top": "the same",
+    "stop": "the same",
+    "sweep": "its results are those of bench run",
+    "tune": "the same",
+    "train": "tests/unit/training: its one file is a checkpoint",
+    "bench list": "reads what is installed",
+    "bench plan": "reads a suite",
+}
+# What stops a call on a machine without a screen, and those that name a folder of another kind; its files are read
+# before.
+REFUSED = {
+    "view": "viewer: expected a screen", "view of several": "viewer: expected a screen",
+    "view of an environment": "viewer: expected a screen", "import": "expected", "import-flight": "expected",
+    "join": "expected",
+}  # fmt: skip
+
+# What paths, numbers, tables and writers stumble over.
+ODD = (
+    None, True, -1, 0, 1e308, 10**18, -(10**18), 0.5, "", "x", "\x1b]0;owned\x07", "[red]", "a\0b", "x" * 5000,
+    "/dev/zero", "../../..", "\ud800", [], {}, [[]], [None], [{}], {"": None}, ["x"] * 3, {"tick": 1}, {"a": {"b": []}},
+)  # fmt: skip
+WHOLE = (
+    b"", b"null", b"[]", b"{}", b"3", b'"x"', b"[" * 100_000, b'{"a":' * 2000, b"\xff\xfe\x00", b"9" * 5000, b"NaN",
+    b"{" + b'"a": 1, ' * 3, b"\x80\x04]q\x00.", b"- " * 3000, b"&a [*a]", b"a: " + b"x" * 100_000,
+)  # fmt: skip
+
+
+def paths_in(value, at=()):
+    """Yield the keys and indices that lead to each value of a tree."""
+    yield at
+    inner = value.items() if isinstance(value, dict) else enumerate(value[:3]) if isinstance(value, list) else ()
+    for key, item in inner:
+        yield from paths_in(item, (*at, key))
+
+
+def changed(data, value):
+    """Return plain values with one of them replaced or taken away."""
+    at = data.draw(st.sampled_from(list(paths_in(value))))
+    if not at:
+        return data.draw(st.sampled_from(ODD))
+    value = copy.deepcopy(value)
+    block = value
+    for key in at[:-1]:
+        block = block[key]
+    if data.draw(st.booleans()):
+        block[at[-1]] = data.draw(st.sampled_from(ODD))
+    else:
+        del block[at[-1]]
+    return value
+
+
+def damaged(data, content, name):
+    """Return other bytes for a file."""
+    kinds = ["whole", "cut", "flipped"]
+    if name.endswith((".json", ".jsonl", ".log", ".yaml")):
+        kinds += ["values"] * 4
+    match data.draw(st.sampled_from(kinds)):
+        case "whole":
+            return data.draw(st.sampled_from(WHOLE))
+        case "cut":
+            return content[: data.draw(st.integers(0, max(0, len(content) - 1)))]
+        case "flipped":
+            at = data.draw(st.integers(0, max(0, len(content) - 1)))
+            return content[:at] + data.draw(st.binary(max_size=4)) + content[at + 1 :]
+    if name.endswith(".yaml"):
+        return json.dumps(changed(data, yaml.load(content, Loader=CoreLoader)), default=str).encode()
+    if name.endswith(".json"):
+        return json.dumps(changed(data, json.loads(content))).encode()
+    lines = content.splitlines()
+    i = data.draw(st.integers(0, len(lines) - 1))
+    lines[i] = json.dumps(changed(data, json.loads(lines[i]))).encode()
+    return b"\n".join(lines) + b"\n"
+
+
+def damage(data, path):
+    """Change a file, or put something in its place that is none."""
+    match data.draw(st.sampled_from(["bytes"] * 8 + ["gone", "folder", "pipe", "loop"])):
+        case "bytes":
+            path.write_bytes(damaged(data, path.read_bytes(), path.name))
+            return
+        case kind:
+            path.unlink()
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "loop":
+        path.symlink_to(path.name)
+
+
+def answer_to(words):
+    """Return the exit code of a command, and what it wrote to stdout and stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    return code, out.getvalue(), err.getvalue()
+
+
+def check_answer(words, code, out, err):
+    """Hold what a command has answered to a damaged file against what every command promises."""
+    told = f"{' '.join(words)} returned {code}:\n{err[-3000:]}"
+    assert code in set(ExitCode) - {ExitCode.INTERRUPTED}, told
+    assert "Traceback" not in out + err, told
+    assert "the machine: expected it to do what was asked" not in err, told
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", out + err), told
+    if code == ExitCode.USAGE:
+        assert "expected" in err, told
+        assert len(err) < 3000, told
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A folder with a short run, another that is the same, results of a suite, and an environment."""
+    root = tmp_path_factory.mktemp("whole")
+    limit = ["--set", "referee.stop.time_limit_s=1", "--set", "agents[0].vehicle.start_m=[5.5,4.5,1]"]
+    with contextlib.chdir(root):
+        assert main(["up", "tiny_room", "--in-process", "--quiet", *limit]) in (0, 1)
+        (run,) = Path("runs").iterdir()
+        run.rename("runs/damaged")
+        shutil.copytree("runs/damaged", "runs/other")
+        assert main(["bench", "run", "smoke", "--jobs", "1", "--only", "entry=oracle", "--only", "repetition=0"]) == 0
+    folder = root / "results" / "smoke"
+    _write_rows(folder)
+    environment = prepare_environment(load_scenario("tiny_room").scenario, scenario_dir=root)
+    shutil.copytree(environment, root / "environment")
+    return root
+
+
+# As they stand while a suite is flown.
+def _write_rows(folder):
+    results = ResultsFolder(folder)
+    entries = results.entries()
+    with Journal(results.journal) as journal:
+        for entry in entries.values():
+            journal.append(entry)
+
+
+def words_of(call, root):
+    """Return the words of a call with the folders below a root in place of their names."""
+    places = {
+        "RUNS": root / "runs", "RUN": root / "runs" / "damaged", "OTHER": root / "runs" / "other",
+        "RESULTS": root / "results" / "smoke", "ENVIRONMENT": root / "environment", "OUT": root / "out",
+    }  # fmt: skip
+    recorded = [path.name for path in (root / "results" / "smoke" / "recordings").iterdir()]
+    places |= {"TRIAL": recorded[0]}
+    return [re.sub("^[A-Z]{3,}", lambda found: str(places[found[0]]), word) for word in CALLS[call]]
+
+
+def files_of(call, root):
+    """Return the files that a call may read."""
+    words = " ".join(CALLS[call])
+    files = [root / "runs" / "damaged" / name for name in RUN_FILES if "RUN" in words]
+    files += [root / "results" / "smoke" / name for name in RESULT_FILES if "RESULTS" in words]
+    files += [root / "environment" / name for name in ENVIRONMENT_FILES if "ENVIRONMENT" in words]
+    return [path for path in files if path.is_file()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("call", CALLS)
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(data=st.data())
+def test_a_damaged_file_is_told_in_one_sentence(whole, tmp_path_factory, call, data):
+    root = tmp_path_factory.mktemp("damaged")
+    shutil.copytree(whole, root, dirs_exist_ok=True)
+    path = data.draw(st.sampled_from(files_of(call, root)))
+    damage(data, path)
+    words = words_of(call, root)
+    code, out, err = answer_to(words)
+    check_answer(words, code, out, err)
+    if words[0] == "runs" and words[1] not in ("remove", "repair"):
+        assert code == 0, err
+        assert "other" in out
+    shutil.rmtree(root)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("call", CALLS)
+def test_whole_files_are_read(whole, tmp_path_factory, call):
+    """So that none of the calls above is refused for what is the same in all of them."""
+    root = tmp_path_factory.mktemp("same")
+    shutil.copytree(whole, root, dirs_exist_ok=True)
+    words = words_of(call, root)
+    code, _, err = answer_to(words)
+    if call in REFUSED:
+        assert REFUSED[call] in err
+    else:
+        assert code in (ExitCode.SUCCESS, ExitCode.AGENT_FAILED, ExitCode.DIVERGENCE), err
+
+
+def leaves_of(parser, name):
+    """Return the names of a command, or of the actions below it."""
+    nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    return [f"{name} {action}" for action in nested[0].choices] if nested else [name]
+
+
+def test_each_command_reads_no_folder_or_is_called_here():
+    """Whoever adds a command says here how it is called with a folder, or why it reads none."""
+    parsers = choices_of(build_parser(COMMANDS, version="0"))
+    leaves = {leaf for name, parser in parsers.items() for leaf in leaves_of(parser, name)}
+    called = {" ".join(words[:2]) if words[0] == "bench" else words[0] for words in CALLS.values()}
+    told = called | {leaf for leaf in leaves if leaf in OTHERS or leaf.split()[0] in OTHERS}
+    assert leaves == told
+    assert not called & OTHERS.keys()
+
+
+STATUS = {
+    **dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "state", "text"), "x"),
+    **dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 1.0),
+    "participants": [
+        {"name": "world", "state": "working", "tick": 1, "waits_for": ["x"], "queued_ticks": 0, "pid": None,
+         "cpu_s": None, "memory_bytes": 1, "n_resends": 0}
+    ],
+}  # fmt: skip
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_running_flights_tell_anything(status_socket, data):
+    """Whoever of the user listens there is asked; one that answers with something else hides no other."""
+    kind = data.draw(st.sampled_from(["values", "values", "values", "whole"]))
+    status_socket.answer = (
+        data.draw(st.sampled_from(WHOLE)) if kind == "whole" else json.dumps(changed(data, STATUS)).encode()
+    )
+    for words in (["ps"], ["ps", "--json"], ["top", "--once", "--every", "0.1"], ["stop", "none_of_them"]):
+        code, out, err = answer_to(words)
+        check_answer(words, code, out, err)
+
+
+class StatusSocket:
+    """A socket that answers whoever connects, where flights are looked for."""
+
+    def __init__(self, path):
+        self.answer = b""
+        self._listener = socket.socket(socket.AF_UNIX)
+        self._listener.bind(str(path))
+        self._listener.listen()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def close(self):
+        """End it."""
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+    def _serve(self):
+        with contextlib.suppress(OSError):
+            while True:
+                connection, _ = self._listener.accept()
+                with connection, contextlib.suppress(OSError):
+                    connection.sendall(self.answer)
+
+
+@pytest.fixture
+def status_socket(monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    folder = windows_folder()
+    folder.mkdir(mode=0o700)
+    opened = StatusSocket(folder / f"{os.getpid()}-a.flight")
+    yield opened
+    opened.close()
