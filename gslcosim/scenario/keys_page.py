@@ -10,9 +10,11 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from gslcosim.scenario.loading import MAX_BYTES
 from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import mox_sensor_names
+from gslcosim.scenario.plain_values import MAX_NUMBER
 from gslcosim.scenario.problems import child_path
 from gslcosim.scenario.schema_walk import (
     Slot,
@@ -40,6 +42,7 @@ With `--resolved` it prints the scenario with all defaults filled in.
 - Each key is there once; a second one is an error with both lines.
 - Lists and blocks are at most {MAX_LEVELS} deep.
   There are at most {MAX_VALUES} values, counted where aliases repeat them.
+- A file has at most {MAX_BYTES / 1e6:g} MB, and a number is at most {MAX_NUMBER:g} in size.
 - Unknown keys are errors, and so is a key that means nothing with the kind of its block.
 - Numbers are finite, and have the unit that their key's name ends with; units are never written behind them.
   Whole numbers have no point.

@@ -19,6 +19,7 @@ from gslcosim.scenario.explain import problems_of, shown
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.places import values_of_places
+from gslcosim.scenario.plain_values import numbers_too_large
 from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, Problem, ProblemLike, locate
 from gslcosim.scenario.programs import unusable_paths
 from gslcosim.scenario.random_places import Placer, put_random_places, without_consequences
@@ -92,7 +93,7 @@ def load_scenario(
     text = _read_text(path)
     tree = apply_overrides(_read_tree(text, _shown_path(source, path)), overrides, seed=seed, source=set_in)
     directory = path.parent.resolve()
-    _check_paths(tree)
+    _check_sizes(tree)
     unplaced = put_random_places(tree.block, directory, placer) if tree.block is not None else []
     scenario, problems = _check(tree, directory, known=unplaced)
     problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
@@ -114,7 +115,7 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
         ScenarioError: it has problems: all of them in one error.
     """
     tree = YamlTree(values, Marks(Place(source=source)))
-    _check_paths(tree)
+    _check_sizes(tree)
     scenario, problems = _check(tree, directory, known=())
     problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
     if scenario is None or problems:
@@ -188,9 +189,9 @@ def _shown_path(source: str | Path, path: Path) -> str:
     return str(source) if Path(source).is_file() else str(path)
 
 
-# They come first: no check that looks for files needs to think of them.
-def _check_paths(tree: YamlTree) -> None:
-    if problems := list(unusable_paths(tree.block)):
+# They come first: no check that looks for files or computes needs to think of them.
+def _check_sizes(tree: YamlTree) -> None:
+    if problems := [*unusable_paths(tree.block), *numbers_too_large(tree.block)]:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
 
 

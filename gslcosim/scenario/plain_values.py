@@ -1,19 +1,54 @@
 """A scenario's plain values, looked at with care: what is of a wrong kind is for the models to complain about."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
 from gslcosim.scenario.models.spec import Spec
-from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.problems import Problem, child_path
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.ticks import NS_PER_S, seconds_from_ticks
 
 NS_PER_MS = 1_000_000
+MAX_NUMBER = 1e15
+"""The largest number of any use, in whatever unit."""
+
+MAX_DURATION_S = 1e9
+"""Longer than any run; ticks of it still fit into 64 bits of nanoseconds."""
+
+
+def numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
+    """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given.
+
+    Args:
+        values: The scenario, or a part of it.
+        path: The place of the part.
+    """
+    if isinstance(values, dict):
+        for key, value in cast("dict[str, object]", values).items():
+            # What an agent's parameters mean is the agent's.
+            if key != "parameters":
+                yield from numbers_too_large(value, child_path(path, key))
+    elif isinstance(values, list):
+        for i, value in enumerate(cast("list[object]", values)):
+            yield from numbers_too_large(value, child_path(path, i))
+    elif isinstance(values, int | float) and MAX_NUMBER < abs(values) < math.inf:
+        yield Problem(path=path, expected=f"a number of at most {MAX_NUMBER:g}", found=_shown_number(values))
+
+
+def _shown_number(number: float) -> str:
+    """Return a number in a few characters."""
+    return f"{number:g}" if isinstance(number, float) else f"a whole number of {len(str(abs(number)))} digits"
 
 
 def not_whole_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
     """Yield a problem where a duration [s], if it is one, is no whole number of ticks."""
-    if duration_s is None or duration_s <= 0 or is_whole(duration_s, tick_ns):
+    if duration_s is None or not duration_s > 0:
+        return
+    if duration_s > MAX_DURATION_S:
+        yield Problem(path=path, expected=f"at most {MAX_DURATION_S:g} s", found=f"{duration_s:g} s")
+        return
+    if is_whole(duration_s, tick_ns):
         return
     below = int(duration_s * NS_PER_S // tick_ns)
     nearest = [f"{seconds_from_ticks(n, tick_ns):g}" for n in (below, below + 1) if n >= 1]
