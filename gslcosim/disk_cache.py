@@ -54,7 +54,7 @@ class CacheEntry:
 
     @property
     def is_evictable(self) -> bool:
-        """Whether it may go without being asked for."""
+        """True if it may be removed without being asked for."""
         return self.kind in _EVICTED_KINDS and not self.is_in_use
 
 

@@ -24,10 +24,10 @@ JsonObject = dict[str, Any]
 """The type of an object of which no more is asked."""
 
 MAX_LEVELS = 64
-"""How deep lists and objects may lie in each other; ours lie six deep."""
+"""Depth to which lists and objects may be nested; ours are six deep."""
 
 MAX_BYTES = 64_000_000
-"""How large a file, or a line of one, may be where its reader names no other limit."""
+"""Size of a file, or of a line of one, where its reader names no other limit."""
 
 FROM_A_COPY = "Take the file from a copy."
 _MAX_SHOWN, _MAX_TOLD = 60, 20

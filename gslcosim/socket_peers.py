@@ -26,7 +26,7 @@ _SO_PEERPIDFD = 77
 
 @dataclass(frozen=True)
 class _Confinement:
-    """What a process can never shake off again, as `/proc/PID/status` shows it."""
+    """Confinement that a process can never lose again, as `/proc/PID/status` shows it."""
 
     n_filters: int
     has_no_new_privs: bool

@@ -1,4 +1,4 @@
-"""Where gslcosim keeps what a user has found out and cannot compute again: outside of all folders that others send."""
+"""Folder of state that a user has found out and cannot compute again: outside of all folders that others send."""
 
 import os
 from pathlib import Path

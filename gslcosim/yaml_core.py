@@ -7,13 +7,13 @@ import yaml
 
 TAG = "tag:yaml.org,2002:"
 MAX_LEVELS = 64
-"""How deep lists and blocks may lie in each other in any file; ours lie seven deep."""
+"""Depth to which lists and blocks may be nested in any file; ours are seven deep."""
 
 MAX_NODES = 200_000
-"""How many values and keys a file may have."""
+"""Number of values and keys that a file may have."""
 
 MAX_DIGITS = 1000
-"""How many characters a number may have; Python's own limit knows decimal ones only."""
+"""Number of characters that a number may have; Python's own limit knows decimal ones only."""
 
 
 class DeepYamlError(yaml.MarkedYAMLError):

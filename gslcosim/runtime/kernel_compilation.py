@@ -72,7 +72,7 @@ class CompilationReporter:
 
     @property
     def has_compiled(self) -> bool:
-        """Whether kernels were compiled."""
+        """True if kernels were compiled."""
         return self._is_compiling
 
     def __call__(self, status: FlightStatus) -> None:

@@ -53,7 +53,7 @@ class ForkOrigin(TypedDict):
 
 
 class RunManifest(TypedDict, total=False):
-    """What is read of `manifest.json`; what was not written by the version that reads it may be missing."""
+    """Manifest of a run, as far as it is read; what another version has not written may be missing."""
 
     run_id: str
     seed: int
@@ -66,7 +66,7 @@ class RunManifest(TypedDict, total=False):
 
 
 class AgentResult(TypedDict, total=False):
-    """What is read of an agent's figures in `result.json`."""
+    """Figures of an agent in `result.json`, as far as they are read."""
 
     name: Required[str]
     outcome: Required[str]
@@ -76,7 +76,7 @@ class AgentResult(TypedDict, total=False):
 
 
 class RunResult(TypedDict, total=False):
-    """What is read of `result.json`."""
+    """Result of a run, as far as it is read."""
 
     end_reason: Required[str]
     sim_time_s: float
@@ -94,7 +94,7 @@ class LaterRoom(TypedDict):
 
 
 class SetupPlaces(TypedDict, total=False):
-    """What is read of `setup.json`."""
+    """Setup of a run, as far as it is read."""
 
     environment: Required[PathText]
     directory: PathText

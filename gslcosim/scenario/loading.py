@@ -42,7 +42,7 @@ Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
 _ENDINGS = (".yaml", ".yml")
 _MOST_TREES = 8
 MAX_BYTES = 2_000_000
-"""How large a scenario file may be."""
+"""Largest size of a scenario file."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,7 +35,7 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """What came of flying a sample again; `sandboxes` counts what its agents were started in this time.
+    """Result of running a sample again; `sandboxes` counts the sandboxes of its agents this time.
 
     `n_missing` trials of the suite have no row, so that nobody can tell what came of them.
     """

@@ -28,7 +28,7 @@ RESULTS_SCHEMA = "gslcosim/results/1"
 
 
 class FlownEntryFacts(TypedDict, total=False):
-    """What is read of an entry in `manifest.json`."""
+    """Entry of `manifest.json`, as far as it is read."""
 
     name: Required[str]
     title: str | None
@@ -42,7 +42,7 @@ class FlownEntryFacts(TypedDict, total=False):
 
 
 class SessionFacts(TypedDict, total=False):
-    """What is read of the wall times of a call that flew some of a suite."""
+    """Wall times of one call that ran some of a suite, as far as they are read."""
 
     started_at: Required[str]
     jobs: Required[int]
@@ -57,7 +57,7 @@ class SessionFacts(TypedDict, total=False):
 
 
 class WallFacts(TypedDict, total=False):
-    """What is read of the wall times of all calls together."""
+    """Wall times of all calls together, as far as they are read."""
 
     started_at: str | None
     jobs: int | None
@@ -68,7 +68,7 @@ class WallFacts(TypedDict, total=False):
 
 
 class MachineFacts(TypedDict, total=False):
-    """What is read of the machine that flew a suite."""
+    """Machine that ran a suite, as far as it is read."""
 
     cpu: str | None
     cores: int | None
@@ -77,7 +77,7 @@ class MachineFacts(TypedDict, total=False):
 
 
 class VerifiedFacts(TypedDict):
-    """How many flights of a sample came out the same."""
+    """Numbers of runs of a sample, and of those that came out the same."""
 
     sample: int
     same: int
@@ -92,7 +92,7 @@ class DroppedCase(TypedDict):
 
 
 class ResultsManifest(TypedDict, total=False):
-    """What is read of `manifest.json` of results."""
+    """Manifest of results, as far as it is read."""
 
     suite: str | None
     title: str | None
@@ -114,14 +114,14 @@ class ResultsManifest(TypedDict, total=False):
 
 
 class RoomMapFacts(TypedDict):
-    """What tells maps apart in `maps.json`; the rest is read by the report."""
+    """Key of a map in `maps.json`; the rest is read by the report."""
 
     scenario: str
     varied: str
 
 
 class RoomMaps(TypedDict, total=False):
-    """What is read of `maps.json`."""
+    """Maps of `maps.json`, as far as they are read."""
 
     maps: list[RoomMapFacts]
 

@@ -23,7 +23,7 @@ Number = Annotated[int, Field(ge=0)]
 
 
 class VerificationMark(BaseModel):
-    """What came of running a sample of a folder's trials again.
+    """Result of running a sample of a folder's trials again.
 
     `same` of `sample` trials came out the same. `n_missing` trials of the suite have no row. `entries` says of each
     entry of merged results whether it was verified in the folder that it comes from.

@@ -12,7 +12,7 @@ from gslcosim.errors import UsageError
 
 
 class GatewayJoin(BaseModel):
-    """How an agent behind the gateway connects: the address, the token that it sends first, and its frames.
+    """Connection of an agent behind the gateway: the address, the token that it sends first, and its frames.
 
     `agents` names the agents that its process flies where they are several.
     """
@@ -30,7 +30,7 @@ class GatewayJoin(BaseModel):
 
 @dataclass(frozen=True, kw_only=True)
 class JoinFile:
-    """What a join file holds: how to join the bus, or how an agent behind the gateway connects; one of the two."""
+    """Content of a join file: how to join the bus, or how an agent connects to the gateway; one of the two."""
 
     path: Path
     join: Join | None

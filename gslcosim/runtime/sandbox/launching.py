@@ -42,7 +42,7 @@ _LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB",
 
 @dataclass(frozen=True, kw_only=True)
 class Confinement:
-    """How one process of agents is kept: in which cell, if any, by which limits, and with which environment."""
+    """Confinement of one process of agents: its cell, if any, its limits, and its environment."""
 
     kind: str = "none"
     cell: AgentCell | None = None

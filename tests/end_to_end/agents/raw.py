@@ -1,6 +1,8 @@
 """The life of an agent without the kit, for agents that do wrong things."""
 
+import json
 import queue
+import sys
 
 import msgpack
 
@@ -39,3 +41,13 @@ class RawAgent:
     def send_command(self, **fields) -> None:
         """Send a map as this agent's command."""
         self.send(msgpack.packb(fields))
+
+    def run_attacks(self, attacks) -> None:
+        """Try each attack once when first asked, log what it has reached, and hold until the run ends."""
+        for i_question, question in enumerate(self.questions()):
+            if i_question == 0:
+                for attack in attacks:
+                    line = json.dumps({"attack": attack.__name__, "reached": attack()})
+                    sys.stdout.write(f"{line}\n")
+                    sys.stdout.flush()
+            self.send_command(tick=question["tick"], kind="hold")

@@ -235,10 +235,4 @@ ATTACKS = [
 
 if __name__ == "__main__":
     agent = RawAgent()
-    for i_question, question in enumerate(agent.questions()):
-        if i_question == 0:
-            for attack in ATTACKS:
-                line = json.dumps({"attack": attack.__name__, "reached": attack()})
-                sys.stdout.write(f"{line}\n")
-                sys.stdout.flush()
-        agent.send_command(tick=question["tick"], kind="hold")
+    agent.run_attacks(ATTACKS)
