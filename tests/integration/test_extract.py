@@ -128,12 +128,14 @@ def _check(messages, values, pick):
 @pytest.mark.slow
 @pytest.mark.extras
 def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
-    from mcap_ros2 import reader as reader_of_ros2
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
 
     folder = extracted(flown, "mcap", tmp_path)
     messages = {}
-    for each in reader_of_ros2.read_ros2_messages(str(folder / f"{flown.name}.mcap")):
-        messages.setdefault(each.channel.topic, []).append((each.log_time_ns, each.ros_msg))
+    with (folder / f"{flown.name}.mcap").open("rb") as file:
+        for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            messages.setdefault(channel.topic, []).append((message.log_time, decoded))
     checked(messages, gslcosim.open_run(flown))
 
 

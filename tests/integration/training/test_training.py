@@ -252,8 +252,9 @@ def test_a_family_with_obstacles_has_winds_and_tapes_made_once_with_progress(tmp
 
 
 def made_at(training):
+    """The files of each environment and when they were written; the folder's own times change with each use."""
     folders = [prepare_environment(case.scenario, scenario_dir=case.directory) for case in training.validation_cases]
-    return [(folder, folder.stat().st_ctime_ns) for folder in folders]
+    return [{file: file.stat().st_mtime_ns for file in folder.rglob("*") if file.is_file()} for folder in folders]
 
 
 def load_costs(folder):
