@@ -5,10 +5,10 @@ the processes of a run come from here; compose.yaml and the pages are held to it
 participants of a run; each stands behind a door.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, singledispatch
-from importlib.metadata import distribution
+from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
 from gslcosim.contract.messages import Briefing
@@ -62,9 +62,8 @@ def default_services() -> tuple[ServiceKind, ...]:
     Raises:
         UsageError: the installation lacks them, or an entry point is no `ServiceKind` of its name.
     """
-    points = distribution("gslcosim").entry_points.select(group=DEFAULT_SERVICES_GROUP)
     found: list[ServiceKind] = []
-    for point in points:
+    for point in _own_entry_points():
         kind: object = point.load()
         if not isinstance(kind, ServiceKind) or kind.name != point.name:
             raise UsageError(
@@ -78,6 +77,12 @@ def default_services() -> tuple[ServiceKind, ...]:
             "pip install --force-reinstall --no-deps gslcosim, or --editable . in a checkout."
         )
     return tuple(sorted(found, key=lambda kind: kind.position))
+
+
+# An older checkout's `*.egg-info`, which comes first in a checkout's own folder, has entry points of its time.
+def _own_entry_points() -> Iterable[EntryPoint]:
+    installed = (own.entry_points.select(group=DEFAULT_SERVICES_GROUP) for own in distributions(name="gslcosim"))
+    return next((points for points in installed if points), ())
 
 
 @singledispatch

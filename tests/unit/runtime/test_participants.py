@@ -24,6 +24,16 @@ def everything():
     return load_scenario("swarm_tiny", overrides=[camera, "events=[{what: source_stops, at_s: 3}]"]).scenario
 
 
+def test_an_old_egg_info_in_the_working_folder_hides_no_service(tmp_path, monkeypatch):
+    """Checkouts of some days keep one, which `python -m gslcosim` finds first."""
+    (tmp_path / "gslcosim.egg-info").mkdir()
+    (tmp_path / "gslcosim.egg-info" / "PKG-INFO").write_text("Metadata-Version: 2.1\nName: gslcosim\nVersion: 0.1.0\n")
+    (tmp_path / "gslcosim.egg-info" / "entry_points.txt").write_text("[console_scripts]\ngslcosim = gslcosim:main\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    default_services.cache_clear()
+    assert [kind.name for kind in default_services()] == NAMES
+
+
 def test_each_service_is_called_as_its_own_dataflow_says(everything):
     assert [kind.spec_of(everything).name for kind in default_services()] == NAMES == list(service_names(everything))
 
