@@ -10,6 +10,7 @@ import json
 import os
 import re
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -113,8 +114,10 @@ def _run_jobs() -> Iterator[Job]:
             yield Job(
                 f"run/tiny_room/{re.sub(r'[^a-z0-9]+', '_', mode).strip('_')}/{processes}", _Run(words, processes)
             )
-    for door in ("stdio", "unix", "tcp"):
-        words = ("tiny_room", "--set", f"agents[0].start={{python: dung_beetle, door: {door}}}")
+    frames = f"command: [{sys.executable}, {ROOT}/docs/examples/frames.py]"
+    starts = {"stdio": "python: dung_beetle", "unix": frames, "tcp": frames}
+    for door, start in starts.items():
+        words = ("tiny_room", "--set", f"agents[0].start={{{start}, door: {door}}}")
         yield Job(f"run/tiny_room/{door}", _Run(words, "separate"))
 
 
@@ -303,7 +306,7 @@ def _environment_jobs() -> Iterator[Job]:
             known.add(key)
             yield Job(f"environment/{path.stem}", _Environment(str(path)), 30)
     for kind in ("warehouse_empty", "warehouse_simple", "warehouse_complex"):
-        yield Job(f"environment/of_{kind}", _Environment(kind, ("--seed", "5", "--set", "wind.cell_m=0.4")), 15)
+        yield Job(f"environment/of_{kind}", _Environment(kind, ("--seed", "5", "--set", "wind.cell_m=0.5")), 15)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 `make freeze-check` compares all of it, in a quarter of an hour.
 """
 
+import functools
 import json
 
 import freeze
@@ -25,9 +26,9 @@ def empty_folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def job(name) -> Job:
-    (found,) = (job for job in all_jobs() if job.name == name)
-    return found
+@functools.cache
+def jobs_by_name() -> dict[str, Job]:
+    return {job.name: job for job in all_jobs()}
 
 
 def assert_frozen(entries, names):
@@ -39,7 +40,8 @@ def assert_frozen(entries, names):
 @pytest.mark.tour
 @pytest.mark.parametrize("name", ["wire/contract", "wire/past_contracts", "list", "resolved"])
 def test_what_is_portable_is_as_it_was_frozen(name):
-    assert_frozen(job(name).entries(), [entry for entry in FROZEN.entries if job(name).holds(entry)])
+    job = jobs_by_name()[name]
+    assert_frozen(job.entries(), [entry for entry in FROZEN.entries if job.holds(entry)])
 
 
 @pytest.mark.slow
@@ -54,7 +56,7 @@ def test_errors_are_worded_as_they_were_frozen():
 @pytest.mark.slow
 @pytest.mark.tour
 def test_processes_do_not_matter_to_a_run_which_is_as_it_was_frozen():
-    runs = {mode: job(f"run/tiny_room/seed2/{mode}") for mode in ("one", "separate")}
+    runs = {mode: jobs_by_name()[f"run/tiny_room/seed2/{mode}"] for mode in ("one", "separate")}
     entries = {mode: run.entries()[run.name] for mode, run in runs.items()}
     assert entries["one"].items() >= entries["separate"].items()
     if told := differing(FROZEN.machine, HERE):
@@ -69,7 +71,7 @@ def test_every_job_is_frozen_or_skipped_with_a_reason():
     """A job that was added and not frozen holds nothing."""
     missing = [
         job.name
-        for job in all_jobs()
+        for job in jobs_by_name().values()
         if not any(job.holds(entry) for entry in FROZEN.entries) and not FROZEN.skipped.get(job.name)
     ]
     assert missing == []
