@@ -110,9 +110,9 @@ golden: .venv/ready-dev     # rewrite the golden files; review the diff
 docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python -m gslcosim.contract.publish.messages_page > docs/messages.md
 	$(BIN)/python -m gslcosim.scenario.keys_page > docs/scenario.md
-	$(BIN)/python -m gslcosim.sensing.sensors_page docs/sensors.md
-	$(BIN)/python -m gslcosim.methods.page agents docs
-	$(BIN)/python -m gslcosim.methods.blocks_page > docs/search.md
+	$(BIN)/python -m gslcosim_services.sensing.sensors_page docs/sensors.md
+	$(BIN)/python -m gslcosim.methods.methods_page agents docs
+	$(BIN)/python -m gslcosim.methods.search_page > docs/search.md
 
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract

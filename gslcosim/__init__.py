@@ -3,10 +3,10 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from gslcosim._kernel_cache import use_kernel_cache
+from gslcosim.base.kernel_cache import use_kernel_cache
 
 if TYPE_CHECKING:
-    from gslcosim.run_data.opening import open_run as open_run
+    from gslcosim.data.run import open_run as open_run
 
 __version__ = "0.1.0"
 
@@ -16,5 +16,5 @@ use_kernel_cache()
 # By name, so that nothing is imported before it is used, and the rooms below do not know of it.
 def __getattr__(name: str) -> Any:
     if name == "open_run":
-        return importlib.import_module("gslcosim.run_data.opening").open_run
+        return importlib.import_module("gslcosim.data.run").open_run
     raise AttributeError(f"module 'gslcosim' has no attribute '{name}'")

@@ -1,1 +1,1 @@
-"""The process shell of every service: name a core, hand it to the runtime."""
+"""Services of a run, a package each with core, models and ports; `python -m gslcosim_services NAME` starts one."""

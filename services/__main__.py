@@ -2,7 +2,7 @@
 
 import sys
 
-from gslcosim.runtime.over_bus.service import main
+from gslcosim.runtime.distributed.service_main import main
 
 if __name__ == "__main__":
     main(sys.argv[1:])

@@ -4,12 +4,12 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import ReactiveDeclarer
-from gslcosim.search.moving.legs import Room, next_leg
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.legs import LegSpace, next_leg
 from gslcosim.search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
-from gslcosim.search.senses.hits import GasLevel, RunningRange
-from gslcosim.search.senses.instruments import Nose, noses_of
+from gslcosim.search.senses.hit_detection import GasLevel, RunningRange
+from gslcosim.search.senses.instruments import Nose, find_noses
 
 # A range of gas smaller than so many thresholds counts as one of so many: noise is not to be spread over it.
 LEAST_RANGE = 5.0
@@ -22,8 +22,8 @@ class Braitenberg(Agent):
     """Remembers where it wants to go, and the range of what its noses have shown."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
-        self.sides = [(nose, GasLevel(nose), RunningRange()) for nose in lateral_pair(noses_of(briefing))]
+        self.settings = load_settings(briefing, __file__)
+        self.sides = [(nose, GasLevel(nose), RunningRange()) for nose in lateral_pair(find_noses(briefing))]
         left, right = (nose for nose, _, _ in self.sides)
         if self.settings.ranges == "shared" and left.unit == right.unit:
             self.sides = [(nose, level, self.sides[0][2]) for nose, level, _ in self.sides]
@@ -31,7 +31,7 @@ class Braitenberg(Agent):
             seen.add(0.0)
             seen.add(LEAST_RANGE * level.threshold)
         self.half_base_m = (left.mount_body_m[1] - right.mount_body_m[1]) / 2.0
-        self.room = Room.of(briefing, self.settings.wall_margin_m)
+        self.room = LegSpace.of(briefing, self.settings.wall_margin_m)
         self.height_m = briefing.search_height_m
         self.draws = Draws(briefing.seed)
         self.heading_rad: float | None = None

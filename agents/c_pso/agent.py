@@ -8,18 +8,18 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.particle_swarm import Charge, Sighting, Weights, charge_velocity
-from gslcosim.search.swarms.swarming import Particle, Vector
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.particle_swarm import Charge, Sighting, SwarmWeights, charge_velocity
+from gslcosim.search.swarms.swarm_robot import Particle, Vector
 
 
 class CPso(Agent):
     """One particle, charged or not by its place among the sorted names."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.robot = Particle(briefing, self.settings)
-        self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        self.weights = SwarmWeights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
         self.charge = Charge(
             squared_m3=self.settings.charge_squared_m3, core_m=self.settings.core_m, reach_m=self.settings.reach_m
         )

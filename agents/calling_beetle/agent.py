@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
 
 CROSSWIND_RAD = math.radians(90)
 ZIGZAG_RAD = math.radians(60)
@@ -17,7 +17,7 @@ class CallingBeetle(Agent):
     """Remembers the resistance in clean air, its side of the wind, and where the last call came from."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.nose = next(sensor.name for sensor in briefing.sensors if sensor.unit == "ohm")
         self.vane = next(sensor.name for sensor in briefing.sensors if sensor.model == "anemometer")
         self.channel = briefing.channels[0].name if briefing.channels else None

@@ -7,12 +7,11 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.casting import CastSequence
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.cast_and_surge import CastSequence, oblique_surge_end_m
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.reactive.surging import oblique_place_m
-from gslcosim.search.senses.contacts import Contact
+from gslcosim.search.senses.plume_contact import Contact
 
 LEAST_LEG_M = 0.1
 
@@ -21,9 +20,9 @@ class Casting(Agent):
     """Remembers its side of the wind, where gas was met last, and how far a cast back has come."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.beta_rad = math.radians(self.settings.beta_deg)
         self.side = random_side(self.draws)
         self.upwind_rad = 0.0
@@ -67,7 +66,7 @@ class Casting(Agent):
 
     def place_ahead_m(self, observation: Observation, gas_m: tuple[float, ...] | None) -> tuple[float, float]:
         """Return the end of a leg aslant to the wind, from the line upwind through gas where there is some."""
-        return oblique_place_m(
+        return oblique_surge_end_m(
             observation.position_world_m, gas_m, self.upwind_rad, self.side * self.beta_rad, self.settings.step_m
         )
 

@@ -1,16 +1,16 @@
 """Cognitive search: weighs stops by a Renyi divergence of beliefs, or by free energy."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.information.gains import Array, free_energy_cost, renyi_cost
-from gslcosim.search.information.grid_search import GridSearch, Outlook
-from gslcosim.search.method import settings_of
+from gslcosim.search.information.grid_search import GridSearch, PlanningContext
+from gslcosim.search.information.objectives import Array, free_energy_cost, renyi_cost
+from gslcosim.search.method_settings import load_settings
 
 
 class CognitiveSearch(Agent):
     """Infotaxis with another measure of what a reading is worth."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.search = GridSearch(briefing, self.settings, self.costs)
 
     def observe(self, observation: Observation) -> None:
@@ -21,7 +21,7 @@ class CognitiveSearch(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: Outlook) -> Array:
+    def costs(self, outlook: PlanningContext) -> Array:
         """Return the cost of each stop by the chosen reward."""
         settings = self.settings
         if settings.reward == "renyi":

@@ -11,18 +11,18 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessa
 from gslcosim.search.beliefs import BeliefPublisher
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.gains import best_of
-from gslcosim.search.information.grid_search import arrival_radius_m, direction_spread_rad, dispersal_of
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_entropy, by_mass
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.legs import leg_end
-from gslcosim.search.moving.piloting import Pilot
+from gslcosim.search.information.grid_search import arrival_radius_m, assumed_dispersal, direction_spread_rad
+from gslcosim.search.information.objectives import index_of_least_cost
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, by_entropy, by_mass
+from gslcosim.search.motion.leg_planner import LegPlanner
+from gslcosim.search.motion.legs import leg_end
 from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
-from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.wind_field import WindRecord
-from gslcosim.search.swarms.radio import Report, Team
-from gslcosim.search.swarms.rounds import as_heard
+from gslcosim.search.swarms.radio_reports import Report, Team
+from gslcosim.search.swarms.rounds import round_as_sent
 from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 
 WIND_STEP_S = 1.0
@@ -37,16 +37,16 @@ class CollaborativeInfotaxis(Agent):
     """One robot of the team; its belief rests on the findings of all, its choice on where the others are going."""
 
     def __init__(self, briefing: Briefing) -> None:
-        s = self.settings = settings_of(briefing, __file__)
-        self.team, self.pilot = Team(briefing), Pilot(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
-        self.evidence = GasEvidence(noses_of(briefing)[0], every_s=s.stop_s, threshold_ppm=s.threshold_ppm)
-        self.winds = WindRecord(vane_of(briefing), step_s=WIND_STEP_S, n_steps=max(1, round(s.wind_memory_s)))
+        s = self.settings = load_settings(briefing, __file__)
+        self.team, self.pilot = Team(briefing), LegPlanner(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
+        self.evidence = GasEvidence(find_noses(briefing)[0], every_s=s.stop_s, threshold_ppm=s.threshold_ppm)
+        self.winds = WindRecord(find_vane(briefing), step_s=WIND_STEP_S, n_steps=max(1, round(s.wind_memory_s)))
         grid = CellGrid.covering(briefing.bounds, s.cell_m)
         known_map = briefing.known_map
         self.belief = SharedBelief(
             grid,
             np.ones(grid.shape, np.bool_) if known_map is None else grid.free_cells(known_map),
-            dispersal_of(briefing, s, 2),
+            assumed_dispersal(briefing, s, 2),
             floor=s.floor,
             power=s.power,
             near_m=0.5 * s.step_m,
@@ -54,7 +54,7 @@ class CollaborativeInfotaxis(Agent):
         )
         self.told: list[Report] = []
         self.aimed_m: Place | None = None
-        self.publisher, self.declared = BeliefPublisher(), Declared()
+        self.publisher, self.declared = BeliefPublisher(), DeclarationGuard()
         self.height_m = briefing.search_height_m
         self.choose((1.0, 1.0), 0.0)
 
@@ -94,7 +94,7 @@ class CollaborativeInfotaxis(Agent):
         wind_m_s, spread_rad = self.wind()
         own = self.belief.prospect(places_m, wind_m_s, spread_rad)
         planned = [self.belief.prospect([place_m], wind_m_s, spread_rad) for place_m in plans_m[:N_PLANNED]]
-        return places_m[best_of(assigned_costs(self.belief.p.reshape(-1), own, planned))]
+        return places_m[index_of_least_cost(assigned_costs(self.belief.p.reshape(-1), own, planned))]
 
     def places_m(self, here_m: Place) -> list[Place]:
         """Return the ends of steps that may be flown; here where there are none."""
@@ -126,7 +126,7 @@ class CollaborativeInfotaxis(Agent):
             wind_m_s=wind_m_s,
             numbers=(float(len(self.told) + 1), spread_rad, *(self.aimed_m or ())),
         )
-        return as_heard(report, self.team)
+        return round_as_sent(report, self.team)
 
     def take(self, finder: str, report: Report) -> None:
         """Put a finding into the belief, one's own or another's."""

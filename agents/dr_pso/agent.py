@@ -4,18 +4,18 @@ After Jatmiko et al. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.particle_swarm import Sighting, Stagnation, Weights
-from gslcosim.search.swarms.swarming import Particle, Vector
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.particle_swarm import Sighting, Stagnation, SwarmWeights
+from gslcosim.search.swarms.swarm_robot import Particle, Vector
 
 
 class DrPso(Agent):
     """One particle; it counts how often the swarm has begun anew, and hears no bests of before."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.robot = Particle(briefing, self.settings)
-        self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        self.weights = SwarmWeights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
         self.stagnation = Stagnation(self.settings.patience)
         self.n_restarts = 0
         self.n_spreading = 0

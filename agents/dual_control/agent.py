@@ -1,16 +1,16 @@
 """Dual control: nears the mean of its belief and shrinks the variance of it, weighed as one cost."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.information.gains import Array, dual_control_cost
-from gslcosim.search.information.grid_search import GridSearch, Outlook
-from gslcosim.search.method import settings_of
+from gslcosim.search.information.grid_search import GridSearch, PlanningContext
+from gslcosim.search.information.objectives import Array, dual_control_cost
+from gslcosim.search.method_settings import load_settings
 
 
 class DualControl(Agent):
     """Exploits by going to where it believes the source to be, explores by the variance that a reading would leave."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.search = GridSearch(briefing, self.settings, self.costs)
 
     def observe(self, observation: Observation) -> None:
@@ -21,7 +21,7 @@ class DualControl(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: Outlook) -> Array:
+    def costs(self, outlook: PlanningContext) -> Array:
         """Return squared distance to the estimate plus weighed variance [m2], more where findings were made already."""
         cost = dual_control_cost(
             outlook.foresight(), outlook.places_m, outlook.mean_m, exploration=self.settings.exploration

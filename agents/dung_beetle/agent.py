@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.pacing import Pacer
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import Pacer
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 HALF_TURN_RAD = 3.141592653589793
@@ -21,7 +21,7 @@ class DungBeetle(Agent):
     """Seeks gas across the wind, then zigzags up the wind; all it remembers is one reading, its side and a wind."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.nose = next(sensor.name for sensor in briefing.sensors if sensor.unit == "ohm")
         self.vane = next(sensor.name for sensor in briefing.sensors if sensor.model == "anemometer")
         self.min_m = tuple(low + self.settings.wall_margin_m for low in briefing.bounds.min_m)

@@ -2,24 +2,24 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import ReactiveDeclarer
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.moving.pacing import Pacer
-from gslcosim.search.reactive.walks import RunAndTumble
-from gslcosim.search.senses.instruments import noses_of
-from gslcosim.search.senses.measuring import MoreGas
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.reactive.random_walks import RunAndTumble
+from gslcosim.search.senses.instruments import find_noses
+from gslcosim.search.senses.stop_and_measure import GasIncrease
 
 
 class EColi(Agent):
     """Remembers the gas of its last stop and its last heading."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = settings_of(briefing, __file__)
-        nose = noses_of(briefing)[0]
+        settings = load_settings(briefing, __file__)
+        nose = find_noses(briefing)[0]
         self.draws = Draws(briefing.seed)
-        self.gas = MoreGas(nose, eps=settings.eps, is_mean=settings.measure == "mean")
-        self.walk = RunAndTumble(Room.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
+        self.gas = GasIncrease(nose, eps=settings.eps, is_mean=settings.measure == "mean")
+        self.walk = RunAndTumble(LegSpace.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
         self.most_turn_rad = settings.surge_turn_rad
         self.pacer = Pacer(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
         self.declarer = ReactiveDeclarer(nose, height_m=briefing.search_height_m, is_on=settings.declares)

@@ -2,23 +2,23 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import ReactiveDeclarer
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.moving.pacing import Pacer
-from gslcosim.search.reactive.walks import RunAndTumble
-from gslcosim.search.senses.instruments import noses_of
-from gslcosim.search.senses.measuring import MoreGas
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.reactive.random_walks import RunAndTumble
+from gslcosim.search.senses.instruments import find_noses
+from gslcosim.search.senses.stop_and_measure import GasIncrease
 
 
 class EColi3d(Agent):
     """Remembers the gas of its last stop and the direction of its last leg."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = settings_of(briefing, __file__)
-        nose = noses_of(briefing)[0]
-        self.gas = MoreGas(nose, eps=settings.eps, is_mean=settings.measure == "mean")
-        room = Room.of(briefing, settings.wall_margin_m, is_planar=False)
+        settings = load_settings(briefing, __file__)
+        nose = find_noses(briefing)[0]
+        self.gas = GasIncrease(nose, eps=settings.eps, is_mean=settings.measure == "mean")
+        room = LegSpace.of(briefing, settings.wall_margin_m, is_planar=False)
         draws = Draws(briefing.seed)
         self.walk = RunAndTumble(room, draws, leg_m=settings.step_m, most_climb_m=settings.climb_m)
         self.pacer = Pacer(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)

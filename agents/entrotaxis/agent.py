@@ -1,16 +1,16 @@
 """Entrotaxis: goes where it can tell the next reading least."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.information.gains import Array, entrotaxis_cost
-from gslcosim.search.information.grid_search import GridSearch, Outlook
-from gslcosim.search.method import settings_of
+from gslcosim.search.information.grid_search import GridSearch, PlanningContext
+from gslcosim.search.information.objectives import Array, entrotaxis_cost
+from gslcosim.search.method_settings import load_settings
 
 
 class Entrotaxis(Agent):
     """Asks where the next reading is most uncertain; what belief would follow it never works out."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.search = GridSearch(briefing, self.settings, self.costs)
 
     def observe(self, observation: Observation) -> None:
@@ -21,7 +21,7 @@ class Entrotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: Outlook) -> Array:
+    def costs(self, outlook: PlanningContext) -> Array:
         """Return minus the entropy of the next reading at each stop [bit], less where one was made already."""
         return outlook.novelty * entrotaxis_cost(outlook.foresight())
 

@@ -2,7 +2,7 @@
 
 from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.learned.policies.policy import Policy
-from gslcosim.search.learned.policies.policy_agent import PolicyAgent, policy_beside
+from gslcosim.search.learned.policies.policy_agent import PolicyAgent, load_policy_beside
 
 
 class EvolvedCtrnn(PolicyAgent):
@@ -10,7 +10,7 @@ class EvolvedCtrnn(PolicyAgent):
 
     def policy_of(self, briefing: Briefing) -> Policy:
         """Return the policy beside this file."""
-        return policy_beside(briefing, __file__)
+        return load_policy_beside(briefing, __file__)
 
 
 if __name__ == "__main__":

@@ -5,15 +5,15 @@ README.md beside this file says how they were evolved, parameters.json has them.
 
 from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.learned.parameter_files import with_learned_parameters
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.particle_agent import ParticleAgent
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.swarm_robot import ParticleAgent
 
 
 class EvolvedPso(ParticleAgent):
     """One particle whose parameters were evolved."""
 
     def __init__(self, briefing: Briefing) -> None:
-        super().__init__(briefing, with_learned_parameters(settings_of(briefing, __file__), __file__))
+        super().__init__(briefing, with_learned_parameters(load_settings(briefing, __file__), __file__))
 
 
 if __name__ == "__main__":

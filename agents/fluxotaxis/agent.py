@@ -6,9 +6,9 @@ After Zarzhitsky and Spears. README.md beside this file has the rules and the de
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Estimate
-from gslcosim.search.swarms.fluxes import (
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.declaration import Estimate
+from gslcosim.search.swarms.fluxotaxis import (
     REACH,
     OutflowRule,
     RingFlow,
@@ -28,7 +28,7 @@ class Fluxotaxis(Agent):
     """One robot of the lattice; besides what the flight remembers it counts rounds with outflow."""
 
     def __init__(self, briefing: Briefing) -> None:
-        s = self.settings = settings_of(briefing, __file__)
+        s = self.settings = load_settings(briefing, __file__)
         self.flight = FormationFlight(briefing, s)
         self.offsets_m = formation("hexagon", self.flight.n_members, s.spacing_m)
         self.lanes = {"lane_m": 2.0 * s.spacing_m + s.gap_m, "inset_m": s.spacing_m}

@@ -8,19 +8,19 @@ from gslcosim.search.beliefs import BeliefPublisher
 from gslcosim.search.draws import Draws
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
 from gslcosim.search.maps.wind_map import WindMap, WindWeights
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_variance
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.map_flights import MapFlights, Stop, StopWatch
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
+from gslcosim.search.motion.map_navigation import MapNavigator, Stop, StopRecorder
 
 
 class GrGslAgent(Agent):
     """Stops, measures, believes, and goes on to the place that tells most; declares when the belief is narrow."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         warm_up()
-        self.flights = MapFlights(
+        self.flights = MapNavigator(
             briefing,
             Draws(briefing.seed),
             cell_m=settings.cell_m,
@@ -28,7 +28,7 @@ class GrGslAgent(Agent):
             clearance_m=settings.clearance_m,
             margin_m=settings.wall_margin_m,
         )
-        self.watch = StopWatch(briefing, threshold_ppm=settings.gas_threshold_ppm, every_s=settings.finding_s)
+        self.watch = StopRecorder(briefing, threshold_ppm=settings.gas_threshold_ppm, every_s=settings.finding_s)
         self.method = GrGsl(
             self.flights.free,
             self.flights.grid,
@@ -38,7 +38,7 @@ class GrGslAgent(Agent):
         weights = WindWeights(divergence=settings.wind_divergence)
         self.winds = WindMap(self.flights.free, self.flights.grid, weights=weights)
         self.publisher = BeliefPublisher()
-        self.declared = Declared()
+        self.declared = DeclarationGuard()
         self.height_m = briefing.search_height_m
 
     def observe(self, observation: Observation) -> None:

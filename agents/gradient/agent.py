@@ -2,27 +2,27 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import ReactiveDeclarer
-from gslcosim.search.moving.legs import Room, next_leg
-from gslcosim.search.moving.pacing import Pacer
-from gslcosim.search.reactive.taxis import RecentReadings, place_of_mount_m
-from gslcosim.search.senses.hits import GasLevel
-from gslcosim.search.senses.instruments import noses_of
-from gslcosim.search.senses.measuring import StopAndMeasure
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.legs import LegSpace, next_leg
+from gslcosim.search.reactive.taxis import RecentReadings, mount_position_m
+from gslcosim.search.senses.hit_detection import GasLevel
+from gslcosim.search.senses.instruments import find_noses
+from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
 
 class Gradient(Agent):
     """Remembers the readings of its last stops, and to which side it went off the gradient last."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
-        self.noses = noses_of(briefing)
+        self.settings = load_settings(briefing, __file__)
+        self.noses = find_noses(briefing)
         self.levels = [GasLevel(nose) for nose in self.noses]
         self.stop = StopAndMeasure(self.noses)
         self.readings = RecentReadings(within_m=self.settings.within_m, within_s=self.settings.within_s)
         self.draws = Draws(briefing.seed)
-        self.room = Room.of(briefing, self.settings.wall_margin_m)
+        self.room = LegSpace.of(briefing, self.settings.wall_margin_m)
         self.pacer = Pacer(briefing, hold_s=self.settings.hold_s)
         self.declarer = ReactiveDeclarer(self.noses[0], height_m=briefing.search_height_m, is_on=self.settings.declares)
         self.side = 1
@@ -52,7 +52,7 @@ class Gradient(Agent):
     def note(self, observation: Observation, values: tuple[float, ...]) -> None:
         """Remember what each nose has measured, and where it was."""
         for nose, level, value in zip(self.noses, self.levels, values):
-            place_m = place_of_mount_m(observation.position_world_m, observation.yaw_rad, nose.mount_body_m)
+            place_m = mount_position_m(observation.position_world_m, observation.yaw_rad, nose.mount_body_m)
             self.readings.add(observation.time_s, place_m, level.of(value))
 
     def headings_rad(self, observation: Observation) -> tuple[float, ...]:

@@ -6,8 +6,8 @@ After Krishnanand and Ghose, and the odour version of their group. README.md bes
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.glowworm_robot import Glowworm, Vector
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.glowworms import Glowworm, Vector
 from gslcosim.search.swarms.particle_swarm import Sighting
 
 
@@ -15,7 +15,7 @@ class Gso(Agent):
     """One glowworm."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.robot = Glowworm(briefing, self.settings)
         self.is_odour = self.settings.version == "odour"
         if not self.is_odour:

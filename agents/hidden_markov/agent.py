@@ -11,7 +11,7 @@ from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettin
 from gslcosim.search.bayes.hidden_markov import Plume, arrivals, likeliest_path, place_along_m, shares
 from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import distances_m
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
 from gslcosim.search.senses.gas_evidence import Finding
 
 
@@ -19,7 +19,7 @@ class HiddenMarkov(Agent):
     """Believes by the chain's backward pass; after gas it follows the chain's likeliest path back to the source."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         hidden_markov.warm_up()
         puff_tracing.warm_up()
         self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))

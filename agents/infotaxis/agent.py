@@ -1,16 +1,16 @@
 """Infotaxis: goes where the entropy of its belief is expected to be least after the next stop."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.information.gains import Array, infotaxis_cost
-from gslcosim.search.information.grid_search import GridSearch, Outlook
-from gslcosim.search.method import settings_of
+from gslcosim.search.information.grid_search import GridSearch, PlanningContext
+from gslcosim.search.information.objectives import Array, infotaxis_cost
+from gslcosim.search.method_settings import load_settings
 
 
 class Infotaxis(Agent):
     """Trades nearing the source for learning where it is by one number, the entropy of its belief."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.search = GridSearch(briefing, self.settings, self.costs)
 
     def observe(self, observation: Observation) -> None:
@@ -21,7 +21,7 @@ class Infotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: Outlook) -> Array:
+    def costs(self, outlook: PlanningContext) -> Array:
         """Return the expected entropy after each stop [bit]."""
         return infotaxis_cost(outlook.foresight())
 

@@ -9,24 +9,24 @@ from collections.abc import Sequence
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, normalised
 from gslcosim.search.draws import Draws
-from gslcosim.search.maps.gas_mapping import ReadingsOnTheWay, most_worth
+from gslcosim.search.maps.gas_mapping import ReadingCollector, choose_next_cell
 from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths, warm_up
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, Estimate, UnchangedRule
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.grid_paths import path_field
-from gslcosim.search.moving.lanes import lanes_m
-from gslcosim.search.moving.map_flights import MapFlights
-from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, UnchangedRule
+from gslcosim.search.motion.grid_paths import path_field
+from gslcosim.search.motion.lawnmower import lawnmower_path_m
+from gslcosim.search.motion.map_navigation import MapNavigator
+from gslcosim.search.senses.instruments import find_noses
 
 
 class KernelDmv(Agent):
     """Maps the gas on its way over the room, then goes to where there is much of it; declares a peak that stays."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         warm_up()
-        self.flights = MapFlights(
+        self.flights = MapNavigator(
             briefing,
             Draws(briefing.seed),
             cell_m=settings.cell_m,
@@ -34,9 +34,9 @@ class KernelDmv(Agent):
             clearance_m=settings.clearance_m,
             margin_m=settings.wall_margin_m,
         )
-        nose = noses_of(briefing)[0]
+        nose = find_noses(briefing)[0]
         lag_s = settings.mox_lag_s if nose.unit == "ohm" else 0.0
-        self.readings = ReadingsOnTheWay(nose, every_s=settings.reading_s, lag_s=lag_s)
+        self.readings = ReadingCollector(nose, every_s=settings.reading_s, lag_s=lag_s)
         widths = KernelWidths(
             sigma_m=settings.sigma_m,
             confidence_scale=settings.confidence_scale,
@@ -46,7 +46,7 @@ class KernelDmv(Agent):
         self.lanes_m: deque[Sequence[float]] | None = None if settings.motion == "sweep" else deque()
         self.most_gas = 0.0
         self.unchanged = UnchangedRule(radius_m=settings.declare_radius_m, n_legs=settings.declare_legs)
-        self.declared = Declared()
+        self.declared = DeclarationGuard()
         self.publisher = BeliefPublisher()
         self.height_m = briefing.search_height_m
 
@@ -84,7 +84,7 @@ class KernelDmv(Agent):
         """Fly on along the lanes, or to the place that is most worth it; after a refusal to the next one."""
         flights, here_m = self.flights, observation.position_world_m
         if self.lanes_m is None:
-            self.lanes_m = deque(lanes_m(flights.pilot.room, self.settings.lane_m, here_m))
+            self.lanes_m = deque(lawnmower_path_m(flights.pilot.room, self.settings.lane_m, here_m))
             flights.goal_m = None
         if not flights.is_under_way(observation) and self.lanes_m:
             flights.go_to(self.lanes_m.popleft())
@@ -97,7 +97,7 @@ class KernelDmv(Agent):
         """Set the goal that is worth most."""
         field = path_field(self.flights.flyable, self.flights.grid, here_m)
         assert field is not None, "there is always a cell to fly in"
-        cell = most_worth(
+        cell = choose_next_cell(
             maps,
             self.flights.flyable,
             field.length_m,

@@ -6,7 +6,7 @@ After Soares, Aguiar, Pascoal and Martinoli. README.md beside this file has the 
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
 from gslcosim.search.swarms.formation_flight import FormationFlight
 from gslcosim.search.swarms.formations import formation, in_world, laplacian_leg_m, next_width, odour_offset_m
 from gslcosim.search.swarms.rounds import Round
@@ -18,7 +18,7 @@ class Laplacian(Agent):
     """One robot of the formation; besides what the flight remembers it knows how wide the formation is."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.flight = FormationFlight(briefing, self.settings)
         self.slots_m = formation(self.settings.shape, self.flight.n_members, self.settings.size_m)
         self.width = 1.0

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.learned.policies.policy import Policy
-from gslcosim.search.learned.policies.policy_agent import PolicyAgent, named_policy
-from gslcosim.search.method import settings_of
+from gslcosim.search.learned.policies.policy_agent import PolicyAgent, find_policy
+from gslcosim.search.method_settings import load_settings
 
 
 class Learned(PolicyAgent):
@@ -13,7 +13,7 @@ class Learned(PolicyAgent):
 
     def policy_of(self, briefing: Briefing) -> Policy:
         """Return the policy of the parameter."""
-        return named_policy(settings_of(briefing, __file__).policy, Path(__file__).parents[1])
+        return find_policy(load_settings(briefing, __file__).policy, Path(__file__).parents[1])
 
 
 if __name__ == "__main__":

@@ -2,18 +2,18 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.moving.pacing import Pacer
-from gslcosim.search.reactive.walks import LevyWalk
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.reactive.random_walks import LevyWalk
 
 
 class LevyWalker(Agent):
     """Draws a direction and a length for each leg and remembers nothing."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = settings_of(briefing, __file__)
-        room = Room.of(briefing, settings.wall_margin_m)
+        settings = load_settings(briefing, __file__)
+        room = LegSpace.of(briefing, settings.wall_margin_m)
         self.walk = LevyWalk(room, Draws(briefing.seed), exponent=settings.exponent, least_m=settings.least_step_m)
         self.pacer = Pacer(briefing, hold_s=settings.hold_s)
 

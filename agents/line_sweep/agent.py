@@ -8,11 +8,11 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
 from gslcosim.search.swarms.formation_flight import FormationFlight
 from gslcosim.search.swarms.formations import diagonal_line, in_world
 from gslcosim.search.swarms.particle_swarm import Sighting
-from gslcosim.search.swarms.plume_finding import crosswind_course, nearest_axis_rad, place_on_course
+from gslcosim.search.swarms.plume_search import crosswind_course, nearest_axis_rad, place_on_course
 from gslcosim.search.swarms.rounds import Round
 
 NOWHERE_M = (math.inf, math.inf)
@@ -22,7 +22,7 @@ class LineSweep(Agent):
     """One robot of the line; it remembers how far the sweep came, how wide the line is, and where going on failed."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.flight = FormationFlight(briefing, self.settings)
         self.line = diagonal_line(self.flight.n_members, 1.0)
         self.axis_rad = 0.0

@@ -6,17 +6,16 @@ After Zhang et al., as told in the thesis on GSL-Bench. README.md beside this fi
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.glowworm_robot import Glowworm, Vector
-from gslcosim.search.swarms.glowworms import in_forbidden
-from gslcosim.search.swarms.particle_swarm import Sighting, of_length, turned
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.glowworms import Glowworm, Vector, in_forbidden
+from gslcosim.search.swarms.particle_swarm import Sighting, rotate, scale_to_length
 
 
 class ModifiedGso(Agent):
     """One glowworm; it knows the places that have been declared, by itself or by others."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.robot = Glowworm(briefing, self.settings)
         self.declared_m: list[tuple[float, float]] = []
         self.robot.is_ignored = lambda place_m: in_forbidden(place_m, self.declared_m, self.settings.forbidden_m)
@@ -75,7 +74,7 @@ class ModifiedGso(Agent):
             return robot.spiral.step(robot.place_m)
         angle_rad = math.radians(self.settings.zigzag_deg)
         for side in (self.zigzag_side, -self.zigzag_side):
-            step_m = of_length(turned(upwind_m, side * angle_rad), self.settings.leg_m)
+            step_m = scale_to_length(rotate(upwind_m, side * angle_rad), self.settings.leg_m)
             if robot.pilot.room.contains(tuple(robot.place_m + step_m)):
                 self.zigzag_side = side
                 return step_m

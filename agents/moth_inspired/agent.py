@@ -7,12 +7,11 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.clover import Clover
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
-from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.reactive.surging import oblique_place_m
-from gslcosim.search.senses.contacts import Contact
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.cast_and_surge import oblique_surge_end_m
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.reactive.spirals import Clover, random_side
+from gslcosim.search.senses.plume_contact import Contact
 
 LEAST_LEG_M = 0.1
 
@@ -21,9 +20,9 @@ class MothInspired(Agent):
     """Remembers its side, its wind, and how far a cloverleaf has come."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.side = random_side(self.draws)
         self.upwind_rad = 0.0
         self.is_tracking = False
@@ -62,12 +61,12 @@ class MothInspired(Agent):
         self.side = -self.side
         slant_rad = self.side * math.radians(self.settings.slant_deg)
         here_m, step_m = observation.position_world_m, self.settings.step_m
-        return self.scout.fly_to(observation, oblique_place_m(here_m, gas_m, self.upwind_rad, slant_rad, step_m))
+        return self.scout.fly_to(observation, oblique_surge_end_m(here_m, gas_m, self.upwind_rad, slant_rad, step_m))
 
     def track_out(self, observation: Observation, step_m: float) -> Command:
         """Return a leg straight upwind: the gas may come again."""
         return self.scout.fly_to(
-            observation, oblique_place_m(observation.position_world_m, None, self.upwind_rad, 0.0, step_m)
+            observation, oblique_surge_end_m(observation.position_world_m, None, self.upwind_rad, 0.0, step_m)
         )
 
     def new_clover(self, contact: Contact) -> Clover:

@@ -3,9 +3,9 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.known_ways import KnownWays
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.known_paths import KnownPaths
 
 # How far from the room's bounds a way ends, tried in this order [m]; at last it stays at the height of the search.
 MARGINS_M = (0.0, 0.4, None)
@@ -16,8 +16,8 @@ class Oracle(Agent):
     """Remembers the sources that it has not been to, which one it flies to, and how often that was refused."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = settings_of(briefing, __file__)
-        self.ways = KnownWays(briefing, clearance_m=settings.clearance_m)
+        settings = load_settings(briefing, __file__)
+        self.ways = KnownPaths(briefing, clearance_m=settings.clearance_m)
         self.declares = settings.declares
         self.sources_m = list(briefing.known_sources)
         self.goal_m: tuple[float, float, float] | None = None

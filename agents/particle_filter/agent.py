@@ -14,9 +14,9 @@ from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettin
 from gslcosim.search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
 from gslcosim.search.bayes.puff_tracing import partial_sums_m
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Estimate, by_spread
-from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.declaration import Estimate, by_spread
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
 from gslcosim.search.senses.gas_evidence import Finding
 
@@ -25,13 +25,13 @@ class ParticleFilter(Agent):
     """Surges upwind in gas and spirals when it is lost, or goes to the mean; declares when particles draw together."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         particle_filter.warm_up()
         self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
         self.draws = Draws(briefing.seed)
         self.cloud = ParticleCloud(settings.particles, briefing.bounds, self.draws.generator("particles"))
         self.means_m: deque[tuple[float, float]] = deque(maxlen=settings.estimates)
-        self.unseen = UnseenSquares(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
+        self.unseen = CoverageGrid(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
         self.spiral: ArchimedeanSpiral | None = None
         self.centre_m = (0.0, 0.0)
 
@@ -52,7 +52,7 @@ class ParticleFilter(Agent):
         variance_m2 = puff_variances_m2(len(travelled_m), settings.wind_step_s, spread, settings.first_sigma_m)
         if finding.is_hit:
             self.cloud.bear(finding.sensor_m, travelled_m, variance_m2, share=settings.birth_share)
-        particle_filter.find(
+        particle_filter.update_particles(
             self.cloud,
             finding.sensor_m,
             travelled_m,

@@ -2,20 +2,20 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.moving.pacing import Pacer
-from gslcosim.search.reactive.walks import RunAndTumble
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.reactive.random_walks import RunAndTumble
 
 
 class PersistentWalk(Agent):
     """Keeps the direction of its last leg with a chance, and remembers nothing else."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = settings_of(briefing, __file__)
+        settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
         self.persistence = settings.persistence
-        self.walk = RunAndTumble(Room.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
+        self.walk = RunAndTumble(LegSpace.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
         self.pacer = Pacer(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
 
     def decide(self, observation: Observation) -> Command:

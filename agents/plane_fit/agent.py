@@ -6,7 +6,7 @@ README.md beside this file has the rules and the deviations from the literature.
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
 from gslcosim.search.swarms.formation_flight import FormationFlight
 from gslcosim.search.swarms.formations import fit_plane, formation, mixed_direction
 from gslcosim.search.swarms.rounds import Round
@@ -16,7 +16,7 @@ class PlaneFit(Agent):
     """One robot of a ring that reads in step with the others and moves with them up the slope and up the wind."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.flight = FormationFlight(briefing, self.settings)
         radius_m = self.settings.radius_m
         self.offsets_m = formation("ring", self.flight.n_members, radius_m)

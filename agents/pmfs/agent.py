@@ -8,20 +8,20 @@ from gslcosim.search.beliefs import BeliefPublisher
 from gslcosim.search.draws import Draws
 from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings, warm_up
 from gslcosim.search.maps.wind_map import WindMap, WindWeights
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_variance
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.map_flights import MapFlights, Stop, StopWatch
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
+from gslcosim.search.motion.map_navigation import MapNavigator, Stop, StopRecorder
 
 
 class PmfsAgent(Agent):
     """Stops, measures, maps hits, believes, and goes on to where believed sources disagree most."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         warm_up()
         self.draws = Draws(briefing.seed)
-        self.flights = MapFlights(
+        self.flights = MapNavigator(
             briefing,
             self.draws,
             cell_m=settings.cell_m,
@@ -29,14 +29,14 @@ class PmfsAgent(Agent):
             clearance_m=settings.clearance_m,
             margin_m=settings.wall_margin_m,
         )
-        self.watch = StopWatch(briefing, threshold_ppm=settings.gas_threshold_ppm, every_s=settings.finding_s)
+        self.watch = StopRecorder(briefing, threshold_ppm=settings.gas_threshold_ppm, every_s=settings.finding_s)
         self.method = Pmfs(
             self.flights.free, self.flights.grid, PmfsSettings.of(settings), flyable=self.flights.flyable
         )
         weights = WindWeights(divergence=settings.wind_divergence)
         self.winds = WindMap(self.flights.free, self.flights.grid, weights=weights)
         self.publisher = BeliefPublisher()
-        self.declared = Declared()
+        self.declared = DeclarationGuard()
         self.height_m = briefing.search_height_m
 
     def observe(self, observation: Observation) -> None:

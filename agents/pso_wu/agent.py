@@ -8,18 +8,18 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.particle_swarm import Sighting, Weights, slowed_downwind, turned_out_of_downwind
-from gslcosim.search.swarms.swarming import Particle, Vector
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.particle_swarm import Sighting, SwarmWeights, rotate_out_of_downwind, shorten_downwind
+from gslcosim.search.swarms.swarm_robot import Particle, Vector
 
 
 class PsoWu(Agent):
     """One particle; it remembers the last wind that was strong enough to have a direction."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.robot = Particle(briefing, self.settings)
-        self.weights = Weights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        self.weights = SwarmWeights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
         self.forbidden_rad = math.radians(self.settings.forbidden_deg)
         self.wind_m_s = np.zeros(2)
 
@@ -42,8 +42,8 @@ class PsoWu(Agent):
         """Return the step of the equation of motion, with fresh random numbers, turned or shortened by the wind."""
         step_m = self.robot.particle_step(best, self.weights)
         if self.settings.variant == "I":
-            return turned_out_of_downwind(step_m, self.wind_m_s, self.forbidden_rad)
-        return slowed_downwind(step_m, self.wind_m_s)
+            return rotate_out_of_downwind(step_m, self.wind_m_s, self.forbidden_rad)
+        return shorten_downwind(step_m, self.wind_m_s)
 
 
 if __name__ == "__main__":

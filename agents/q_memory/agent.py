@@ -8,13 +8,13 @@ from pathlib import Path
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.recovery import STEPS, Recovery, recovery_named
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.reactive.recovery import STEPS, Recovery, make_recovery
 from gslcosim.search.reactive.silkmoth import TrueWind
 from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, TemporalMemory, best_move, load_policies
-from gslcosim.search.senses.hits import GasHits
-from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.hit_detection import GasHits
+from gslcosim.search.senses.instruments import find_noses, find_vane
 
 POLICIES = Path(__file__).with_name("policies.json")
 
@@ -23,12 +23,12 @@ class QMemory(Agent):
     """Remembers the last seconds of gas, its moves since the last gas, and how a recovery goes on."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = s = settings_of(briefing, __file__)
+        self.settings = s = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(s), self.draws)
-        self.nose = noses_of(briefing)[0]
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
+        self.nose = find_noses(briefing)[0]
         self.hits = GasHits(self.nose, threshold_ppm=s.threshold_ppm)
-        self.wind = TrueWind(vane_of(briefing), smoothing_s=s.wind_s, threshold_m_s=s.threshold_m_s)
+        self.wind = TrueWind(find_vane(briefing), smoothing_s=s.wind_s, threshold_m_s=s.threshold_m_s)
         self.memory = TemporalMemory(
             noise=s.threshold_ppm, first_s=s.memory_s, least_s=s.least_memory_s, most_s=s.most_memory_s, adapts=s.adapts
         )
@@ -75,7 +75,7 @@ class QMemory(Agent):
             self.recovery = None
             return best_move(self.table[state])
         if self.recovery is None:
-            self.recovery = recovery_named(self.settings.recovery, self.draws, self.moves)
+            self.recovery = make_recovery(self.settings.recovery, self.draws, self.moves)
         return self.recovery.next_move()
 
 

@@ -12,13 +12,20 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.offsets import MOVES, PlumeTable, RunningWind, headings_rad, offsets_m, updated_belief
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_mass
-from gslcosim.search.moving.flying import declaration, waypoint
-from gslcosim.search.moving.legs import Room, leg_end, next_leg
-from gslcosim.search.senses.instruments import noses_of, vane_of
-from gslcosim.search.senses.measuring import StopAndMeasure
+from gslcosim.search.information.offset_grid import (
+    MOVES,
+    PlumeTable,
+    RunningWind,
+    headings_rad,
+    offsets_m,
+    update_belief,
+)
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration, waypoint
+from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
+from gslcosim.search.motion.legs import LegSpace, leg_end, next_leg
+from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
 TABLE = Path(__file__).with_name("plumes.npz")
 MAX_CELLS = 20_000
@@ -32,16 +39,16 @@ class Qmdp(Agent):
     """Believes in source cells; flies the move that its policy values most."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.table = PlumeTable.load(TABLE)
         self.move_m = self.table.policy_grid.cell_m
-        nose = next(nose for nose in noses_of(briefing) if nose.unit == "ppm" or nose.estimate is not None)
-        self.measure = StopAndMeasure((nose,), vane_of(briefing))
+        nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
+        self.measure = StopAndMeasure((nose,), find_vane(briefing))
         self.wind = RunningWind(memory_s=self.settings.wind_memory_s, threshold_m_s=self.settings.threshold_m_s)
-        self.room = Room.within(briefing.bounds, self.settings.margin_m)
+        self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
         self.height_m = briefing.search_height_m
         self.draws = Draws(briefing.seed)
-        self.declared = Declared()
+        self.declared = DeclarationGuard()
         self.publisher = BeliefPublisher(every_s=self.settings.belief_every_s)
         self.grid = CellGrid.covering(briefing.bounds, self.settings.cell_m, max_cells=MAX_CELLS)
         self.places_m = self.grid.centres_m()
@@ -80,7 +87,7 @@ class Qmdp(Agent):
         for downwind_rad in self._downwinds_rad():
             likelihood += self.table.likelihood(level, self._offsets_m(observation, downwind_rad))
         likelihood /= len(self._downwinds_rad())
-        self.belief = updated_belief(self.belief, likelihood, self.settings.power)
+        self.belief = update_belief(self.belief, likelihood, self.settings.power)
 
     def _downwinds_rad(self) -> list[float]:
         if self.wind.downwind_rad is not None:

@@ -4,15 +4,15 @@ After Kennedy and Eberhart, and Jatmiko et al. for robots. README.md beside this
 """
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.swarms.particle_agent import ParticleAgent
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.swarms.swarm_robot import ParticleAgent
 
 
 class SPso(ParticleAgent):
     """One particle whose parameters were set by hand."""
 
     def __init__(self, briefing: Briefing) -> None:
-        super().__init__(briefing, settings_of(briefing, __file__))
+        super().__init__(briefing, load_settings(briefing, __file__))
 
 
 if __name__ == "__main__":

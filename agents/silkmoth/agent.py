@@ -7,14 +7,14 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.reactive.sidestep import Sidestep
 from gslcosim.search.reactive.silkmoth import SURGE, TrueWind, heading_after, phase_at
 from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.senses.hits import GasHits
-from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.hit_detection import GasHits
+from gslcosim.search.senses.instruments import find_noses, find_vane
 
 CLIMBS_PER_S = 1.0
 MOST_CLIMB_M_S = 0.5
@@ -25,16 +25,16 @@ class Silkmoth(Agent):
     """Remembers when and on which side the last whiff was, its heading, and what it has seen of the room."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        noses = sorted(noses_of(briefing), key=lambda nose: -nose.mount_body_m[1])
+        noses = sorted(find_noses(briefing), key=lambda nose: -nose.mount_body_m[1])
         self.left, self.right = (
             GasHits(nose, threshold_ppm=self.settings.threshold_ppm) for nose in (noses[0], noses[-1])
         )
-        self.wind = TrueWind(vane_of(briefing), smoothing_s=1.0, threshold_m_s=self.settings.threshold_m_s)
-        self.room = Room.within(briefing.bounds, self.settings.margin_m)
+        self.wind = TrueWind(find_vane(briefing), smoothing_s=1.0, threshold_m_s=self.settings.threshold_m_s)
+        self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
         self.height_m = briefing.search_height_m
-        self.unseen = UnseenSquares(self.room, edge_m=self.settings.explore_step_m)
+        self.unseen = CoverageGrid(self.room, edge_m=self.settings.explore_step_m)
         self.goal_m: tuple[float, float] | None = None
         self.goal_since_s = 0.0
         self.heading_rad = 0.0

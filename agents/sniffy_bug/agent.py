@@ -8,18 +8,18 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.swarms.particle_swarm import Sighting, limited
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.swarms.particle_swarm import Sighting, limit_length
 from gslcosim.search.swarms.sniffy_bug import (
     TABLES,
     Bug,
-    four_ranges_of,
-    kept_off,
+    find_four_ranges,
+    remove_blocked_parts,
     searching_waypoint,
     tracking_waypoint,
 )
-from gslcosim.search.swarms.swarming import Member, Vector
+from gslcosim.search.swarms.swarm_robot import SwarmMember, Vector
 
 # How fast it goes back to its height: so much per metre, at most so fast.
 CLIMB_PER_S = 1.0
@@ -30,12 +30,12 @@ class SniffyBug(Agent):
     """One bug: a waypoint, the way there, and what the swarm knows."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
-        self.ranges = four_ranges_of(briefing)
+        self.settings = load_settings(briefing, __file__)
+        self.ranges = find_four_ranges(briefing)
         self.table = TABLES[self.settings.table]
-        self.member = Member(briefing, self.settings)
+        self.member = SwarmMember(briefing, self.settings)
         self.bug = Bug(self.table, past_m=self.settings.past_m)
-        self.room = Room.within(briefing.bounds, self.settings.wall_margin_m)
+        self.room = LegSpace.within(briefing.bounds, self.settings.wall_margin_m)
         self.waypoint_m: Vector | None = None
         self.since_s = 0.0
         self.best: Sighting | None = None
@@ -69,7 +69,7 @@ class SniffyBug(Agent):
         member, yaw_rad = self.member, observation.yaw_rad
         ranges_m = self.ranges.values_m(observation)
         direction = self.bug.direction(member.place_m, ranges_m, yaw_rad, list(member.others_m()))
-        return kept_off(direction, ranges_m, yaw_rad, self.settings.least_m)
+        return remove_blocked_parts(direction, ranges_m, yaw_rad, self.settings.least_m)
 
     def update_waypoint(self, *, is_blocked: bool) -> None:
         """Take a new waypoint where the last one is reached, too old or blocked, or the swarm's best gets better."""
@@ -97,7 +97,7 @@ class SniffyBug(Agent):
             own_m = np.array((member.own_best or best).place_m)
             waypoint_m = tracking_waypoint(member.place_m, last_m, own_m, np.array(best.place_m), table)
         if table.leg_m > 0.0:
-            waypoint_m = member.place_m + limited(waypoint_m - member.place_m, table.leg_m)
+            waypoint_m = member.place_m + limit_length(waypoint_m - member.place_m, table.leg_m)
         return np.array(self.room.nearest(tuple(waypoint_m)))
 
     def drawn_place(self) -> Vector:

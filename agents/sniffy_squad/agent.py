@@ -11,18 +11,18 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
 from gslcosim.search.draws import Draws
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_variance
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.map_flights import MapFlights, StopWatch
-from gslcosim.search.senses.instruments import noses_of, vane_of
-from gslcosim.search.senses.measuring import Measurement
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
+from gslcosim.search.motion.map_navigation import MapNavigator, StopRecorder
+from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import Measurement
 from gslcosim.search.swarms.langevin import (
+    belief_potential,
     langevin_step_m,
-    potential_of,
     potential_slope,
-    settled_roles,
-    swapped_roles,
+    settle_roles,
+    swap_roles,
     temperature_ladder,
 )
 from gslcosim.search.swarms.rounds import Round, Rounds
@@ -35,22 +35,22 @@ class SniffySquad(Agent):
     """One robot of the squad: its belief is that of all, its role is a rung on the ladder of temperatures."""
 
     def __init__(self, briefing: Briefing) -> None:
-        s = self.settings = settings_of(briefing, __file__)
+        s = self.settings = load_settings(briefing, __file__)
         warm_up()
         self.draws = Draws(briefing.seed)
-        self.flights = MapFlights(
+        self.flights = MapNavigator(
             briefing, self.draws, cell_m=s.cell_m, max_cells=s.max_cells, clearance_m=s.clearance_m,
             margin_m=s.wall_margin_m,
         )  # fmt: skip
-        self.watch = StopWatch(briefing, threshold_ppm=s.gas_threshold_ppm, every_s=s.finding_s)
-        nose, vane = noses_of(briefing)[0], vane_of(briefing)
+        self.watch = StopRecorder(briefing, threshold_ppm=s.gas_threshold_ppm, every_s=s.finding_s)
+        nose, vane = find_noses(briefing)[0], find_vane(briefing)
         self.rounds = Rounds(briefing, nose, vane, amount=self.verdict, timeout_s=s.timeout_s)
         figures = GrGslSettings(sigma_hit_rad=s.sigma_hit_rad, sigma_miss_rad=s.sigma_miss_rad)
         self.method = GrGsl(self.flights.free, self.flights.grid, figures, flyable=self.flights.flyable)
         self.ladder = temperature_ladder(self.rounds.n_members, s.coldest, s.hottest)
         self.role = self.rounds.index
         self.name, self.height_m = briefing.agent, briefing.search_height_m
-        self.publisher, self.declared = BeliefPublisher(), Declared()
+        self.publisher, self.declared = BeliefPublisher(), DeclarationGuard()
         self.asked: Observation | None = None
 
     def observe(self, observation: Observation) -> None:
@@ -66,7 +66,7 @@ class SniffySquad(Agent):
         if flights.is_under_way(observation) and (leg := flights.leg(observation)) is not None:
             return leg
         flights.goal_m = None
-        potential = float(potential_of(self.method.p)[flights.grid.nearest_cell(observation.position_world_m)])
+        potential = float(belief_potential(self.method.p)[flights.grid.nearest_cell(observation.position_world_m)])
         now = self.rounds.complete(observation, (self.role, potential, self.draws.fraction()))
         if now is None:
             return self.rounds.wait(observation)
@@ -97,11 +97,11 @@ class SniffySquad(Agent):
     def roles(self, now: Round) -> dict[str, int]:
         """Return everyone's role after this round's swaps, by what all have told."""
         told = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
-        roles = settled_roles({name: int(numbers[0]) for name, numbers in told.items()}, len(self.ladder))
+        roles = settle_roles({name: int(numbers[0]) for name, numbers in told.items()}, len(self.ladder))
         potentials = {name: numbers[1] for name, numbers in told.items()}
         fractions = {name: numbers[2] for name, numbers in told.items()}
         is_odd, attempt = now.number % 2 == 1, self.settings.attempt
-        return {self.name: self.role} | swapped_roles(
+        return {self.name: self.role} | swap_roles(
             roles, potentials, fractions, self.ladder, is_odd=is_odd, attempt=attempt
         )
 
@@ -110,7 +110,7 @@ class SniffySquad(Agent):
         flights, s = self.flights, self.settings
         here_m = observation.position_world_m[:2]
         others_m = [report.position_m[:2] for name, report in now.reports.items() if name != self.name]
-        slope = potential_slope(potential_of(self.method.p), flights.grid, here_m)
+        slope = potential_slope(belief_potential(self.method.p), flights.grid, here_m)
         goal_m = flights.nearest_flyable_m(here_m)
         for _ in range(N_REDRAWS):
             noise = np.array((self.draws.normal(), self.draws.normal()))

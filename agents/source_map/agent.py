@@ -7,14 +7,14 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.bayes import puff_tracing
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
 
 
 class SourceMapAgent(Agent):
     """Traces each finding back with the wind; goes upwind after gas, else where that tells most."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         puff_tracing.warm_up()
         self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
         self.model = PuffModel(

@@ -10,13 +10,13 @@ import numpy as np
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.bayes import source_terms
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
-from gslcosim.search.bayes.source_terms import PlumeSensor, Prior, SourceTermFilter, Spread
+from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import by_spread
-from gslcosim.search.moving.unseen import UnseenSquares
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.declaration import by_spread
 from gslcosim.search.senses.gas_evidence import Finding
-from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.senses.instruments import find_noses
 
 N_DIRECTIONS = 8
 NEAR_AND_FAR = (1.0, 3.0)  # candidate places lie so many steps away
@@ -26,8 +26,8 @@ class SourceTermEstimation(Agent):
     """Believes in sets of source terms; goes where the next reading tells most, and to the mean once it is narrow."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
-        self.nose = next(nose for nose in noses_of(briefing) if nose.unit == "ppm" or nose.estimate is not None)
+        settings = self.settings = load_settings(briefing, __file__)
+        self.nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
         self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings), nose=self.nose)
         self.threshold_ppm = settings.mox_floor_ppm if self.nose.unit == "ohm" else settings.gas_threshold_ppm
         model = PlumeSensor(
@@ -42,22 +42,22 @@ class SourceTermEstimation(Agent):
         source_terms.warm_up(model)
         rng = Draws(briefing.seed).generator("source terms")
         self.filter = SourceTermFilter(self.prior(briefing), model, settings.particles, rng, n_moves=settings.moves)
-        self.unseen = UnseenSquares(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
+        self.unseen = CoverageGrid(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
 
-    def prior(self, briefing: Briefing) -> Prior:
+    def prior(self, briefing: Briefing) -> SourcePrior:
         """Return what is believed at the start; a granted plume narrows the rate."""
         (x_0, y_0, z_0), (x_1, y_1, z_1) = briefing.bounds.min_m, briefing.bounds.max_m
         rates = self.settings.rate_ppm_m3_s
         if briefing.plume is not None:
             rates = (briefing.plume.release_ppm_m3_s / 3.0, briefing.plume.release_ppm_m3_s * 3.0)
-        return Prior(
+        return SourcePrior(
             {
-                "x_m": Spread(kind="uniform", a=x_0, b=x_1),
-                "y_m": Spread(kind="uniform", a=y_0, b=y_1),
-                "z_m": Spread(kind="uniform", a=z_0, b=min(z_1, z_0 + self.settings.highest_m)),
-                "rate": Spread(kind="log_uniform", a=rates[0], b=rates[1]),
-                "speed": Spread(kind="log_uniform", a=0.5, b=2.0),
-                "direction_rad": Spread(kind="normal", a=0.0, b=self.settings.direction_std_rad),
+                "x_m": TermPrior(kind="uniform", a=x_0, b=x_1),
+                "y_m": TermPrior(kind="uniform", a=y_0, b=y_1),
+                "z_m": TermPrior(kind="uniform", a=z_0, b=min(z_1, z_0 + self.settings.highest_m)),
+                "rate": TermPrior(kind="log_uniform", a=rates[0], b=rates[1]),
+                "speed": TermPrior(kind="log_uniform", a=0.5, b=2.0),
+                "direction_rad": TermPrior(kind="normal", a=0.0, b=self.settings.direction_std_rad),
                 "diffusivity_m2_s": _log_uniform(self.settings.diffusivity_m2_s),
                 "lifetime_s": _log_uniform(self.settings.lifetime_s),
             }
@@ -122,8 +122,8 @@ class SourceTermEstimation(Agent):
         return [place_m for place_m in places_m if self.search.goals.is_goal(place_m)]
 
 
-def _log_uniform(limits: tuple[float, float]) -> Spread:
-    return Spread(kind="log_uniform", a=limits[0], b=limits[1])
+def _log_uniform(limits: tuple[float, float]) -> TermPrior:
+    return TermPrior(kind="log_uniform", a=limits[0], b=limits[1])
 
 
 if __name__ == "__main__":

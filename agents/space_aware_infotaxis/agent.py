@@ -1,16 +1,16 @@
 """Space-aware infotaxis: goes where fewest steps to the source are expected to remain."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.information.gains import Array, space_aware_cost
-from gslcosim.search.information.grid_search import GridSearch, Outlook
-from gslcosim.search.method import settings_of
+from gslcosim.search.information.grid_search import GridSearch, PlanningContext
+from gslcosim.search.information.objectives import Array, space_aware_cost
+from gslcosim.search.method_settings import load_settings
 
 
 class SpaceAwareInfotaxis(Agent):
     """Adds the way to the source to what infotaxis weighs: knowing where it is is worth less when it is far."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.search = GridSearch(briefing, self.settings, self.costs)
 
     def observe(self, observation: Observation) -> None:
@@ -21,7 +21,7 @@ class SpaceAwareInfotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: Outlook) -> Array:
+    def costs(self, outlook: PlanningContext) -> Array:
         """Return the expected logarithm of the steps that remain after each stop."""
         foresight = outlook.foresight()
         return space_aware_cost(foresight, step_m=outlook.step_m, cells_per_step=outlook.cells_per_step)

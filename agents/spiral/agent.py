@@ -5,10 +5,10 @@ After Ferri et al. 2009. README.md beside this file has the rules.
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
-from gslcosim.search.reactive.spirals import SpiralCourse, SquareSpiral, random_side
-from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.reactive.spirals import SpiralPath, SquareSpiral, random_side
+from gslcosim.search.senses.instruments import find_noses
 from gslcosim.search.senses.proximity import BestProximity, proximity_index
 
 
@@ -16,15 +16,15 @@ class Spiral(Agent):
     """Remembers the best proximity index, the samples of this stop, and how far a spiral has come."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
-        self.nose = noses_of(briefing)[0]
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.nose = find_noses(briefing)[0]
         self.tick_s = briefing.tick_ns / 1e9
         self.best = BestProximity(n_misses=self.settings.n_misses)
         self.samples: list[float] = []
         self.last_tick = -1
-        self.course: SpiralCourse | None = None
+        self.course: SpiralPath | None = None
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way, and collect the samples of a stop."""
@@ -68,7 +68,7 @@ class Spiral(Agent):
             self.samples, self.tick_s, mean_weight=self.settings.mean_weight, peak_weight=self.settings.peak_weight
         )
 
-    def new_course(self, observation: Observation) -> SpiralCourse:
+    def new_course(self, observation: Observation) -> SpiralPath:
         """Return a spiral that begins here in a random direction, to a random side."""
         s = self.settings
         spiral = SquareSpiral(
@@ -79,7 +79,7 @@ class Spiral(Agent):
             n_sides=s.n_sides,
         )
         room = self.scout.pilot.room
-        return SpiralCourse(spiral, observation.position_world_m, is_free=room.contains, n_skips=s.n_skips)
+        return SpiralPath(spiral, observation.position_world_m, is_free=room.contains, n_skips=s.n_skips)
 
 
 if __name__ == "__main__":

@@ -5,11 +5,10 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules an
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.casting import BlankMemory, CastSequence, side_or_random
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
-from gslcosim.search.reactive.surging import surge_place_m
-from gslcosim.search.senses.contacts import Contact
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.cast_and_surge import BlankMemory, CastSequence, side_or_random, surge_end_m
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.senses.plume_contact import Contact
 
 WANDER_M = 0.5
 LEAST_LEG_M = 0.1
@@ -19,9 +18,9 @@ class SurgeCast(Agent):
     """Remembers where gas was met last, the wind there, and how far a cast has come."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.blanks = BlankMemory(
             first_s=self.settings.memory_s, least_s=self.settings.least_memory_s, most_s=self.settings.most_memory_s
         )
@@ -82,7 +81,7 @@ class SurgeCast(Agent):
         here_m, step_m = observation.position_world_m, self.settings.step_m
         if self.settings.lost_by == "distance":
             step_m = min(step_m, contact.way_left_m(here_m, self.settings.lost_m))
-        return self.scout.fly_to(observation, surge_place_m(here_m, contact.gas_m, self.upwind_rad, step_m))
+        return self.scout.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
 
     def new_cast(self, here_m: tuple[float, ...], contact: Contact) -> CastSequence:
         """Return a cast from a place that begins on the side on which gas was met last, else on a random one."""

@@ -5,11 +5,10 @@ After Rahbar et al. 2017. README.md beside this file has the rules.
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.casting import PlaneCastSequence, side_or_random
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
-from gslcosim.search.reactive.surging import surge_place_m
-from gslcosim.search.senses.contacts import Contact
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.cast_and_surge import PlaneCastSequence, side_or_random, surge_end_m
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.senses.plume_contact import Contact
 
 LEAST_LEG_M = 0.1
 Vec3 = tuple[float, float, float]
@@ -19,9 +18,9 @@ class SurgeCast3d(Agent):
     """Remembers where gas was met last, the wind there, how far a cast has come, and at which height it explores."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.height_m = briefing.search_height_m  # of the exploration
         self.n_layers = 0
         self.upwind_rad = 0.0
@@ -57,7 +56,7 @@ class SurgeCast3d(Agent):
     def surge(self, observation: Observation, contact: Contact, step_m: float) -> Command:
         """Return a level leg upwind, on the line and at the height of the gas of the last leg."""
         here_m = observation.position_world_m
-        x_m, y_m = surge_place_m(here_m, contact.gas_m, self.upwind_rad, step_m)
+        x_m, y_m = surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m)
         return self.scout.fly_to(observation, (x_m, y_m, here_m[2] if contact.gas_m is None else contact.gas_m[2]))
 
     def cast_or_explore(self, observation: Observation, contact: Contact) -> Command:

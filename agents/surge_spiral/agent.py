@@ -5,11 +5,11 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
-from gslcosim.search.reactive.spirals import ArchimedeanSpiral, SpiralCourse, SquareSpiral, random_side
-from gslcosim.search.reactive.surging import surge_place_m
-from gslcosim.search.senses.contacts import Contact
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.cast_and_surge import surge_end_m
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.reactive.spirals import ArchimedeanSpiral, SpiralPath, SquareSpiral, random_side
+from gslcosim.search.senses.plume_contact import Contact
 
 LEAST_LEG_M = 0.1
 
@@ -18,12 +18,12 @@ class SurgeSpiral(Agent):
     """Remembers where gas was met last, the wind there, and how far a spiral has come."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(self.settings), self.draws)
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.upwind_rad = 0.0
         self.is_surging = False
-        self.course: SpiralCourse | None = None
+        self.course: SpiralPath | None = None
         self.n_restarts_left = 0
         self.n_returns_left = 0
 
@@ -44,7 +44,7 @@ class SurgeSpiral(Agent):
         left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
         if self.is_surging and left_m > LEAST_LEG_M:
             step_m = min(self.settings.step_m, left_m)
-            place_m = surge_place_m(observation.position_world_m, contact.gas_m, self.upwind_rad, step_m)
+            place_m = surge_end_m(observation.position_world_m, contact.gas_m, self.upwind_rad, step_m)
             return self.scout.fly_to(observation, place_m)
         if self.is_surging:
             self.is_surging = False
@@ -55,7 +55,7 @@ class SurgeSpiral(Agent):
                 return answer
         return self.wind_out(observation, contact)
 
-    def new_course(self, centre_m: tuple[float, ...]) -> SpiralCourse:
+    def new_course(self, centre_m: tuple[float, ...]) -> SpiralPath:
         """Return a spiral about a place, upwind first."""
         s, side = self.settings, random_side(self.draws)
         if s.shape == "archimedean":
@@ -67,7 +67,7 @@ class SurgeSpiral(Agent):
                 side_m=s.side_m, growth_m=s.growth_m, heading_rad=self.upwind_rad, side=side, n_sides=s.n_sides
             )
         room = self.scout.pilot.room
-        return SpiralCourse(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
+        return SpiralPath(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
 
     def wind_out(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the spiral; where it is blocked begin anew; after it wind out from the last gas."""

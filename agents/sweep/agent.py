@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.flying import waypoint
-from gslcosim.search.moving.lanes import lanes_m
-from gslcosim.search.moving.legs import Room
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import waypoint
+from gslcosim.search.motion.lawnmower import lawnmower_path_m
+from gslcosim.search.motion.legs import LegSpace
 
 THERE_M = 0.3
 # From rest to 1 m/s within half the acceleration of the slowest vehicle in the air, and a bit [m].
@@ -19,8 +19,8 @@ class Sweep(Agent):
     """Remembers the bends that it has not been to, and whether it still flies them all in one go."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = settings_of(briefing, __file__)
-        self.room = Room.of(briefing, settings.wall_margin_m)
+        settings = load_settings(briefing, __file__)
+        self.room = LegSpace.of(briefing, settings.wall_margin_m)
         self.spacing_m = settings.lane_frac * settings.radius_m
         self.speed_m_s = settings.speed_m_s
         self.heights_m = settings.heights_m or (briefing.search_height_m,)
@@ -67,7 +67,7 @@ class Sweep(Agent):
         bends_m: list[tuple[float, float, float]] = []
         for height_m in self.heights_m:
             start_m = bends_m[-1] if bends_m else observation.position_world_m
-            bends_m += [(x_m, y_m, height_m) for x_m, y_m in lanes_m(self.room, self.spacing_m, start_m)]
+            bends_m += [(x_m, y_m, height_m) for x_m, y_m in lawnmower_path_m(self.room, self.spacing_m, start_m)]
         solid = self.room.obstacles
         return [bend_m for bend_m in bends_m if solid is None or not solid.is_solid(bend_m)] or bends_m
 

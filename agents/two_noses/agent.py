@@ -7,8 +7,8 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.method import settings_of
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import random_side
 from gslcosim.search.reactive.two_noses import TwoNoses, bearing_rad, turn_rad
 
@@ -17,9 +17,9 @@ class TwoNosesAgent(Agent):
     """Remembers its heading, the side of the last gas, and for how many steps there was none."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = s = settings_of(briefing, __file__)
+        self.settings = s = load_settings(briefing, __file__)
         self.draws = Draws(briefing.seed)
-        self.scout = Scout(briefing, ScoutSettings.of(s), self.draws)
+        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
         self.noses = TwoNoses(briefing, sample_s=s.sample_s, window_s=s.window_s, threshold_ppm=s.threshold_ppm)
         self.straight_rad, self.half_rad = math.radians(s.straight_deg), math.radians(s.half_deg)
         self.heading_rad = 0.0

@@ -12,9 +12,9 @@ from gslcosim.search.bayes import puff_tracing
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import normalised_from_log
-from gslcosim.search.method import settings_of
-from gslcosim.search.senses.instruments import cameras_of
-from gslcosim.search.senses.vision import SeenThings, Viewpoint, prior_from_objects, seen_objects
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.senses.instruments import find_cameras
+from gslcosim.search.senses.vision import SeenObjects, Viewpoint, prior_from_objects, seen_objects
 
 N_POSES = 100  # so many ticks a picture may be late
 
@@ -23,10 +23,10 @@ class VisionPrior(Agent):
     """Looks around, believes in what is blue, and searches as a source map does; its camera faces the way."""
 
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = settings_of(briefing, __file__)
+        settings = self.settings = load_settings(briefing, __file__)
         puff_tracing.warm_up()
         self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
-        self.camera = cameras_of(briefing)[0]
+        self.camera = find_cameras(briefing)[0]
         self.floor_m = briefing.bounds.min_m[2]
         self.model = PuffModel(
             step_s=settings.wind_step_s,
@@ -38,7 +38,7 @@ class VisionPrior(Agent):
         )
         self.map = SourceMap(self.search.grid, free=self.search.free, floor_frac=settings.floor_frac)
         self.log_prior = np.zeros(self.search.grid.shape)
-        self.seen = SeenThings()
+        self.seen = SeenObjects()
         self.poses: dict[int, Viewpoint] = {}
         self.last_picture_tick = -1
         self.n_looks = 0

@@ -2,17 +2,17 @@
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.draws import Draws
-from gslcosim.search.moving.flying import waypoint
-from gslcosim.search.moving.legs import Room, next_leg, random_headings
-from gslcosim.search.senses.instruments import noses_of
+from gslcosim.search.motion.commands import waypoint
+from gslcosim.search.motion.legs import LegSpace, next_leg, random_headings
+from gslcosim.search.senses.instruments import find_noses
 
 
 class Wanderer(Agent):
     """Wanders at random within the room, and stays longer where it smells something."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.nose = noses_of(briefing)[0]
-        self.room = Room.of(briefing, 0.5)
+        self.nose = find_noses(briefing)[0]
+        self.room = LegSpace.of(briefing, 0.5)
         self.draws = Draws(briefing.seed)
         self.height_m = briefing.search_height_m
 

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.model import Environment
-from gslcosim.environment.paths.planning import free_space
+from gslcosim.environment.paths.planner import free_space
 from gslcosim.environment.store import load_environment
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.flight import fly
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.runtime.run import run_scenario
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import Scenario
 
 HERE = Path(__file__).parent
@@ -99,7 +99,7 @@ def _cross_from(
 ) -> Crossing:
     crossed = scenario(environment, start_m, avoidance)
     loaded = LoadedScenario(scenario=crossed, path=Path(__file__), directory=HERE, text="")
-    result = fly(loaded, runs_dir=runs_dir, processes="one").result
+    result = run_scenario(loaded, runs_dir=runs_dir, processes="one").result
     if not result["valid"]:
         raise RuntimeError(f"expected a valid run, was {result}")
     [agent] = result["agents"]

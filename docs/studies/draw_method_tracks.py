@@ -24,16 +24,16 @@ from typing import Any
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.fields.offline.truth import GroundTruth, ground_truth
-from gslcosim.generation import prepare_environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, load_card
-from gslcosim.runtime.agents.starting import load_python_agent
-from gslcosim.runtime.flight import fly
+from gslcosim.runtime.agents.loader import load_python_agent
+from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.bundled import bundled_agents
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim_services.fields.offline.ground_truth import GroundTruth, compute_ground_truth
 
 HERE = Path(__file__).parent
 PICTURES = HERE.parent / "images" / "methods"
@@ -137,7 +137,7 @@ def flown(scenario: Scenario) -> tuple[dict[str, Track], dict[str, Any]]:
     TRACKS.clear()
     loaded = LoadedScenario(scenario=scenario, path=Path(__file__), directory=HERE, text="")
     with tempfile.TemporaryDirectory() as runs_dir:
-        result = fly(loaded, runs_dir=Path(runs_dir), processes="one").result
+        result = run_scenario(loaded, runs_dir=Path(runs_dir), processes="one").result
     if not result["valid"]:
         raise RuntimeError(f"expected a valid run, was {result}")
     return dict(TRACKS), result
@@ -146,7 +146,7 @@ def flown(scenario: Scenario) -> tuple[dict[str, Track], dict[str, Any]]:
 def gas_of(scenario: Scenario, time_s: float) -> GroundTruth:
     """Return the true gas of a case at a time."""
     folder = prepare_environment(scenario, scenario_dir=HERE)
-    return ground_truth(scenario, load_environment(folder), time_s=time_s, spacing_m=SLICE_M)
+    return compute_ground_truth(scenario, load_environment(folder), time_s=time_s, spacing_m=SLICE_M)
 
 
 def draw(name: str, card: MethodCard) -> Path:

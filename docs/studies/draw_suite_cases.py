@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.benchmark.suite import load_suite, plan_of
-from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites
-from gslcosim.benchmark.suite.trials import Trial
+from gslcosim.bench.cases import build_plan, load_suite
+from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites
+from gslcosim.bench.cases.trials import Trial
+from gslcosim.environment.build.geometry_source import build_geometry
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.geometry_model import EnvironmentGeometry
 from gslcosim.environment.model import Cell, Opening
-from gslcosim.environment.of_scenario.room_origin import room_of
-from gslcosim.environment.room import Room
 from gslcosim.environment.store import load_environment
-from gslcosim.generation import prepare_environment
 
 PICTURE = "cases.png"
 COLUMNS, MOST_COLUMNS, FEW = 3, 6, 12
@@ -55,7 +55,7 @@ def with_one_entry(loaded: LoadedSuite) -> LoadedSuite:
 def panels_of(name: str) -> list[Panel]:
     """Return the rooms of a suite in its order, each with the places that trials have in it."""
     panels: dict[tuple[str, str], Panel] = {}
-    for trial in plan_of(with_one_entry(load_suite(name))).trials:
+    for trial in build_plan(with_one_entry(load_suite(name))).trials:
         panel = panels.setdefault((trial.scenario, trial.room), Panel(trial.scenario, trial))
         panel.starts_m.add(trial.resolved.agents[0].vehicle.start_m)
         panel.sources_m |= {source.position_m for source in trial.resolved.gas.sources}
@@ -96,7 +96,7 @@ def picture_of(panels: list[Panel], *, has_wind: bool) -> bytes:
 def draw_panel(axis: Any, panel: Panel, *, has_wind: bool) -> None:
     """Draw the plan of a room with its places."""
     scenario = panel.trial.resolved
-    room = room_of(scenario.environment, scenario.wind, scenario_dir=panel.trial.directory)
+    room = build_geometry(scenario.environment, scenario.wind, scenario_dir=panel.trial.directory)
     vehicle = scenario.agents[0].vehicle
     shades = plan_of_room(room, vehicle.search_height_m)
     (x_m, y_m, _), (to_x_m, to_y_m, _) = room.grid.origin_m, room.grid.max_m
@@ -116,7 +116,7 @@ def draw_panel(axis: Any, panel: Panel, *, has_wind: bool) -> None:
     axis.tick_params(labelsize=6, length=2)
 
 
-def plan_of_room(room: Room, height_m: float) -> np.ndarray:
+def plan_of_room(room: EnvironmentGeometry, height_m: float) -> np.ndarray:
     """Return (nx, ny) 2 where it is solid at a height above the floor, 1 where only below, 0 where it is air."""
     is_solid = room.occupancy == Cell.SOLID
     layer = int((height_m - room.grid.origin_m[2]) / room.grid.cell_m)

@@ -13,10 +13,10 @@ import sys
 
 from training_to_flight import Searches, rates, searches_of, shown_differences
 
-from gslcosim.benchmark.suite.models import EntrySpec
+from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.training.families import load_family
-from gslcosim.training.families.flying import rows_of
+from gslcosim.training.families.case_runs import compute_rows
 
 FAMILY, PLACE, N_ROBOTS = "open_halls", "holonomic", 3
 EVOLVED = ("evolved_pso", "evolved_pso_doped")
@@ -31,7 +31,7 @@ def main() -> None:
     cases = load_family(FAMILY).cases("test", parser.parse_args().n)
     found: dict[str, Searches] = {}
     for name in (*EVOLVED, *BESIDE):
-        rows = rows_of(FAMILY, cases, EntrySpec(name=name, start=StartSpec(python=name), robots=N_ROBOTS))
+        rows = compute_rows(FAMILY, cases, EntrySpec(name=name, start=StartSpec(python=name), robots=N_ROBOTS))
         found[name] = searches_of([(row["success"], row["time_s"], row["time_limit_s"]) for row in rows])
         sys.stderr.write(f"{name}: {found[name].success.sum()} of {len(cases)}\n")
     sys.stdout.write(f"{rates({(FAMILY, PLACE, name): own for name, own in found.items()})}\n{differences(found)}")

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.batch.preparing import lags_s
+from gslcosim.training.batch.case_builder import lags_s
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
-from gslcosim.vehicles import vehicle_of
+from gslcosim.vehicles import get_vehicle
 
 ROTORCRAFT = ("iris", "crazyflie", "hexarotor")
 SCENARIO = "warehouse_empty"
@@ -40,7 +40,7 @@ KINDS = ("velocity", "velocity_3d", "heading")
 SPEED_M_S = 1.0
 STEP_M = 2.0
 ROOM_M = (15.0, 15.0, 8.0)
-LAGS_S = {name: lags_s(vehicle_of(name)) for name in ROTORCRAFT}
+LAGS_S = {name: lags_s(get_vehicle(name)) for name in ROTORCRAFT}
 
 
 @dataclass(frozen=True, kw_only=True)

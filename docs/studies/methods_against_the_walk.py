@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.benchmark import Results, compare
-from gslcosim.benchmark.results import Comparison
-from gslcosim.benchmark.statistics.estimates import Estimate
-from gslcosim.benchmark.statistics.pairs import holm
+from gslcosim.bench import Results, compare
+from gslcosim.bench.results import Comparison
+from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.pairs import holm
 
 WALK = "persistent_walk"
 

@@ -28,15 +28,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.fields.assembly import gas_field_of
-from gslcosim.rng import stream
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models.mox import MOX_PARAMETERS, estimated_ppm
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.fields.gas_builder import build_gas_field
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, estimated_ppm
 
 STEP_S = 0.1
 THRESHOLD_PPM = 0.1
@@ -85,7 +85,7 @@ def statistics_of(ppm: NDArray[np.float64], *, step_s: float = STEP_S) -> Statis
 
 def true_series(*, seconds: float, seed: int) -> NDArray[np.float64]:
     """Return (n, n_places) true mixing ratios [ppm] over time at `PLACES_M`: down the mean wind, then across it."""
-    field = gas_field_of(_scenario(seed), _open_field())
+    field = build_gas_field(_scenario(seed), _open_field())
     places_m = np.add(SOURCE_M, [(along_m, across_m, 0.0) for along_m, across_m in PLACES_M])
     field.advance(round(WARM_UP_S / STEP_S))
     series = []
@@ -97,7 +97,9 @@ def true_series(*, seconds: float, seed: int) -> NDArray[np.float64]:
 
 def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64]:
     """Return the (n,) mixing ratios [ppm] that a MOX sensor's resistance suggests in (n,) true ones."""
-    sensor = SENSOR_MODELS[SENSOR].build(sensor_of(model=SENSOR, name="nose"), STEP_S, stream(seed, "study.nose"))
+    sensor = SENSOR_MODELS[SENSOR].build(
+        make_sensor_spec(model=SENSOR, name="nose"), STEP_S, stream(seed, "study.nose")
+    )
     parameters, found = MOX_PARAMETERS[SENSOR], []
     for value in ppm.tolist():
         sample = MountSample(

@@ -4,7 +4,7 @@ Random numbers come from a numpy generator that is handed in.
 """
 # pyright: basic
 
-from gslcosim._kernel_cache import use_kernel_cache
+from gslcosim.base.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 

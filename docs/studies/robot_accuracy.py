@@ -16,19 +16,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.contract.messages import BodyState, Command, DriveSetpoint, Waypoint
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
-from gslcosim.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.vehicles import vehicle_of
-from gslcosim.world.core import WorldCore
-from gslcosim.world.paths.trajectory import stay_at
-from gslcosim.world.physics import records
-from gslcosim.world.physics.flight_kernels import fly_substeps_inplace
-from gslcosim.world.physics.mujoco_kernels import step_address
-from gslcosim.world.physics.scene import build_scene
+from gslcosim.vehicles import get_vehicle
+from gslcosim_services.world.core import WorldCore
+from gslcosim_services.world.paths.trajectory import plan_rest
+from gslcosim_services.world.physics import vehicle_records
+from gslcosim_services.world.physics.scene import build_scene
+from gslcosim_services.world.physics.simulation_loop import find_step_address, run_substeps_inplace
 
 DT_S = PHYSICS_STEP_MS * 1e-3
 TICK_S = 0.1
@@ -70,13 +69,13 @@ class FreeBody:
             model: Name of the vehicle model.
             height_m: Where it begins, at rest.
         """
-        vehicle = vehicle_of(model)
+        vehicle = get_vehicle(model)
         self.scene = build_scene(room, [("beetle", vehicle)], DT_S)
         self.data = mujoco.MjData(self.scene.model)
         self.data.qpos[:7] = [7.0, 5.0, height_m, 1.0, 0.0, 0.0, 0.0]
-        self.constants = np.zeros(1, records.CONSTANTS)
-        records.set_constants(self.constants[0], vehicle, self.scene.model, "beetle/", DT_S)
-        self.states = np.zeros(1, records.STATE)
+        self.constants = np.zeros(1, vehicle_records.CONSTANTS)
+        vehicle_records.set_constants(self.constants[0], vehicle, self.scene.model, "beetle/", DT_S)
+        self.states = np.zeros(1, vehicle_records.STATE)
         self.wind = room.wind.velocity_m_s[0]
         self.wind.flags.writeable = False
 
@@ -88,16 +87,16 @@ class FreeBody:
     def hold_at(self, place_m: Vec3) -> None:
         """Let the controller hold the vehicle at a place, world frame [m]."""
         self.states[0]["is_armed"] = 1
-        records.set_trajectory(self.states[0], stay_at(place_m, 0))
-        self.states[0]["rotor_speed_rad_s"] = records.hover_rotor_speed_rad_s(self.constants[0])
+        vehicle_records.set_trajectory(self.states[0], plan_rest(place_m, 0))
+        self.states[0]["rotor_speed_rad_s"] = vehicle_records.hover_rotor_speed_rad_s(self.constants[0])
 
     def run(self, n_substeps: int, *, tick: int = 1) -> None:
         """Fly a number of sub-steps as one tick."""
         data = self.data
-        done, unsound = fly_substeps_inplace(
+        done, unsound = run_substeps_inplace(
             0, n_substeps, tick, n_substeps * DT_S, self.constants, self.states, NOT_MEASURED, data.qpos, data.qvel,
             data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata, self.wind, np.zeros(3), 0.25,
-            step_address(), self.scene.model._address, data._address,
+            find_step_address(), self.scene.model._address, data._address,
         )  # fmt: skip
         if (done, unsound) != (n_substeps, -1):
             raise RuntimeError(f"expected {n_substeps} sub-steps without contact, was {done}, unsound: {unsound}.")

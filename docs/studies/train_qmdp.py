@@ -22,18 +22,18 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.fields.assembly import gas_field_of
-from gslcosim.fields.gas_field import GasField, PointGrid
-from gslcosim.fields.reading.concentration import CUTOFF_SIGMA
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.search.information.offsets import OffsetGrid, PlumeTable, offsets_m
+from gslcosim.search.information.offset_grid import OffsetGrid, PlumeTable, offsets_m
 from gslcosim.search.information.pomdp import (
     Pomdp,
-    beliefs_met,
-    improved_by_perseus,
-    solved_by_value_iteration,
-    updated,
+    improve_by_perseus,
+    sample_beliefs,
+    solve_by_value_iteration,
+    update_belief,
 )
+from gslcosim_services.fields.concentration.mixing_ratio import CUTOFF_SIGMA
+from gslcosim_services.fields.gas_builder import build_gas_field
+from gslcosim_services.fields.gas_field import GasField, PointGrid
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def open_field() -> Environment:
 
 def counted_levels(wind_m_s: float, seed: int) -> Floats:
     """Return the (n_levels, cells of `GRID`) share of holds at each level in one plume."""
-    field = gas_field_of(scenario(wind_m_s, seed), open_field())
+    field = build_gas_field(scenario(wind_m_s, seed), open_field())
     field.advance(round(WARM_UP_S / STEP_S))
     counts, n_holds = np.zeros((len(THRESHOLDS_PPM) + 1, GRID.n_cells)), round(WATCHED_S / HOLD_S)
     for _ in range(n_holds):
@@ -188,10 +188,10 @@ def first_belief(rng: np.random.Generator) -> Floats:
 def with_perseus(problem: Pomdp, q: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Return the linear functions of Perseus and their actions."""
     rng = np.random.default_rng(SEED)
-    beliefs = beliefs_met(problem, first_belief, q, rng, n_beliefs=N_BELIEFS, n_steps=N_STEPS)
+    beliefs = sample_beliefs(problem, first_belief, q, rng, n_beliefs=N_BELIEFS, n_steps=N_STEPS)
     vectors, actions = np.zeros((1, problem.n_states)), np.zeros(1, np.int64)
     for stage in range(N_STAGES):
-        vectors, actions = improved_by_perseus(problem, beliefs, vectors, actions, rng)
+        vectors, actions = improve_by_perseus(problem, beliefs, vectors, actions, rng)
         value = float((beliefs @ vectors.T).max(axis=1).mean())
         sys.stdout.write(f"stage {stage:3}: {len(vectors):4} vectors, mean value {value:.4f}\n")
         sys.stdout.flush()
@@ -207,7 +207,7 @@ def train() -> None:
     level_frac = prepared(np.mean(tables, axis=0))
     sys.stdout.write("prepared:     gas on the axis " + _axis_text(level_frac) + "\n")
     problem = problem_of(level_frac)
-    q = solved_by_value_iteration(problem)
+    q = solve_by_value_iteration(problem)
     vectors, actions = with_perseus(problem, q)
     table = PlumeTable(
         thresholds_ppm=np.array(THRESHOLDS_PPM),
@@ -261,7 +261,7 @@ def _moves(table: PlumeTable, problem: Pomdp, policy: str, rng: np.random.Genera
         if problem.is_terminal[state]:
             return n
         level = int(rng.choice(len(problem.observed), p=problem.observed[:, state]))
-        belief, _ = updated(belief, problem, action, level)
+        belief, _ = update_belief(belief, problem, action, level)
     return None
 
 

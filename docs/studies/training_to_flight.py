@@ -35,14 +35,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.benchmark.statistics.estimates import Estimate
-from gslcosim.benchmark.statistics.pairs import paired_difference
-from gslcosim.benchmark.statistics.rates import wilson
-from gslcosim.benchmark.statistics.times import counted_times, restricted_mean
-from gslcosim.environment.of_scenario.places import problems_of_places
-from gslcosim.runtime.flight import fly
+from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.pairs import paired_difference
+from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.times import counted_times, restricted_mean
+from gslcosim.environment.build.position_checks import find_position_problems
+from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.search.learned.policies.policy_agent import bundled_policies
 from gslcosim.search.learned.policies.policy_files import load_policy
@@ -130,7 +130,7 @@ def flown(loaded: Sequence[LoadedScenario], flier: Flier) -> Searches:
         recording = one.scenario.recording.model_copy(update={"enabled": False})
         scenario = one.scenario.model_copy(update={"agents": (agent,), "recording": recording})
         with tempfile.TemporaryDirectory() as runs_dir:
-            result = fly(replace(one, scenario=scenario), runs_dir=Path(runs_dir), processes="one").result
+            result = run_scenario(replace(one, scenario=scenario), runs_dir=Path(runs_dir), processes="one").result
         if not result["valid"] or result["faults"]:
             raise RuntimeError(f"expected a valid flight of {flier.name} in {scenario.name}, was {result}")
         limit_s = scenario.referee.stop.time_limit_s
@@ -189,7 +189,7 @@ def cases_of(cases: str, place: str, n: int) -> list[LoadedScenario]:
 
 def has_room(one: LoadedScenario) -> bool:
     """Return whether the vehicle of a case touches nothing at its start."""
-    return not problems_of_places(one.scenario, scenario_dir=one.directory)
+    return not find_position_problems(one.scenario, scenario_dir=one.directory)
 
 
 def with_vehicle(one: LoadedScenario, changes: Mapping[str, str]) -> LoadedScenario:

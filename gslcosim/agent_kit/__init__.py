@@ -1,4 +1,4 @@
-"""What the author of a Python agent imports: a base class, the messages, and `run`."""
+"""Kit that the author of a Python agent imports: a base class, the messages, and `run`."""
 
 from gslcosim.agent_kit.agent import Agent
 from gslcosim.agent_kit.connection import run

@@ -1,1 +1,1 @@
-"""How bytes travel between processes: one interface, in memory or over Zenoh."""
+"""Transport of bytes between processes: one interface, in memory or over Zenoh."""

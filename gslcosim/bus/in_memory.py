@@ -1,4 +1,4 @@
-"""The bus within one process: for tests of everything that talks over a bus, with loss on request."""
+"""Bus within one process, for tests of everything that uses a bus, with loss on request."""
 
 import threading
 from collections.abc import Callable
@@ -7,17 +7,16 @@ from typing import Self
 
 import numpy as np
 
-from gslcosim.bus.port import Answerer, Handler
-from gslcosim.bus.queued_mailbox import QueuedMailbox
+from gslcosim.bus.interface import MessageHandler, QueryHandler, QueueMailbox
 
 
 class InMemoryHub:
-    """What several in-memory buses share; `loss_frac` of all messages vanish, drawn from a seeded stream."""
+    """Hub that in-memory buses share; `loss_frac` of all messages vanish, drawn from a seeded stream."""
 
     def __init__(self, *, loss_frac: float = 0.0, seed: int = 0) -> None:
         self._lock = threading.RLock()
-        self._subscribers: list[tuple[str, Handler]] = []
-        self._answerers: dict[str, Answerer] = {}
+        self._subscribers: list[tuple[str, MessageHandler]] = []
+        self._answerers: dict[str, QueryHandler] = {}
         self._alive: set[str] = set()
         self._watchers: list[tuple[str, Callable[[str, bool], None]]] = []
         self._loss_frac = loss_frac
@@ -38,17 +37,17 @@ class InMemoryHub:
                 if matches(pattern, key):
                     handler(key, payload)
 
-    def add_subscriber(self, key: str, handler: Handler) -> None:
+    def add_subscriber(self, key: str, handler: MessageHandler) -> None:
         """Register a subscriber."""
         with self._lock:
             self._subscribers.append((key, handler))
 
-    def add_answerer(self, key: str, answerer: Answerer) -> None:
+    def add_answerer(self, key: str, answerer: QueryHandler) -> None:
         """Register who answers questions on a key."""
         with self._lock:
             self._answerers[key] = answerer
 
-    def ask(self, pattern: str, payload: bytes, handler: Handler) -> None:
+    def ask(self, pattern: str, payload: bytes, handler: MessageHandler) -> None:
         """Answer a question from all that match."""
         with self._lock:
             for key, answerer in self._answerers.items():
@@ -91,22 +90,22 @@ class InMemoryBus:
         del encoding, urgent
         self._hub.deliver(key, payload)
 
-    def subscribe(self, key: str, handler: Handler) -> None:
+    def subscribe(self, key: str, handler: MessageHandler) -> None:
         """Call `handler(key, payload)` for each message whose key matches."""
         self._hub.add_subscriber(key, handler)
 
-    def mailbox(self, key: str | None = None) -> QueuedMailbox:
+    def mailbox(self, key: str | None = None) -> QueueMailbox:
         """Return a mailbox that gets each message whose key matches."""
-        mailbox = QueuedMailbox()
+        mailbox = QueueMailbox()
         if key is not None:
             self.subscribe(key, mailbox.put)
         return mailbox
 
-    def answer(self, key: str, answerer: Answerer) -> None:
+    def answer(self, key: str, answerer: QueryHandler) -> None:
         """Answer each question put to a key."""
         self._hub.add_answerer(key, answerer)
 
-    def ask(self, key: str, payload: bytes, handler: Handler) -> None:
+    def ask(self, key: str, payload: bytes, handler: MessageHandler) -> None:
         """Put a question to a key."""
         self._hub.ask(key, payload, handler)
 

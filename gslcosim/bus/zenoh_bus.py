@@ -1,28 +1,331 @@
-"""The bus over Zenoh: a router embedded in the supervisor, a client session in every other process."""
-# Zenoh's stubs leave many types open.
+# pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownVariableType=false
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
 # pyright: reportUnknownVariableType=false
+"""Bus over Zenoh: a router embedded in the supervisor, a client session in every other process."""
 
 import base64
 import contextlib
+import errno
 import json
+import os
+import queue
+import re
 import secrets
+import socket
 import sys
 import threading
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import zenoh
 import zenoh.handlers
 
-from gslcosim.bus.access import SERVICE_USER, AgentUser, access_control
-from gslcosim.bus.port import Answerer, Certificate, Handler, Join, Mailbox
-from gslcosim.bus.queued_mailbox import QueuedMailbox
-from gslcosim.bus.zenoh_mailbox import ZenohMailbox
-from gslcosim.bus.zenoh_mesh import is_router_lost, joining_mesh
-from gslcosim.bus.zenoh_sessions import open_session, open_with_patience, set_unread_limit
-from gslcosim.errors import SimulationFault
+from gslcosim.base.errors import MachineError, SimulationFault
+from gslcosim.base.os_errors import RESOURCE_ERRNOS, build_machine_error, build_process_error
+from gslcosim.bus.interface import (
+    INHERITED_FILES,
+    Certificate,
+    JoinData,
+    Mailbox,
+    MessageHandler,
+    QueryHandler,
+    QueueMailbox,
+)
+
+SERVICE_ACCOUNT = "service"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentAccount:
+    """The account of a process that flies an agent: the agent's keys, and those of `others` if there are, are all it
+    can reach.
+    """
+
+    agent: str
+    password: str
+    others: tuple[str, ...] = ()
+
+    @property
+    def user(self) -> str:
+        """The account's name."""
+        return f"agent_{self.agent}"
+
+
+# Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only
+# what its egress rule lets through.
+def build_access_control(namespace: str, agents: list[AgentAccount]) -> dict[str, Any]:
+    """Return what Zenoh's router is told: services may do everything, agents what `AgentAccount` says."""
+    rules: list[dict[str, Any]] = [
+        {
+            "id": "everything",
+            "permission": "allow",
+            "flows": ["ingress", "egress"],
+            "messages": [
+                "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
+                "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
+            ],
+            "key_exprs": ["**"],
+        }
+    ]  # fmt: skip
+    subjects: list[dict[str, Any]] = [{"id": SERVICE_ACCOUNT, "usernames": [SERVICE_ACCOUNT]}]
+    policies: list[dict[str, Any]] = [{"rules": ["everything"], "subjects": [SERVICE_ACCOUNT]}]
+    for agent in agents:
+        homes = [f"{namespace}/agents/{name}" for name in (agent.agent, *agent.others)]
+        everything = [f"{home}/**" for home in homes]
+        commands, tokens = [f"{home}/command" for home in homes], [f"{home}/alive" for home in homes]
+        mine = [
+            _build_rule(f"{agent.user}_hears", "egress", ["put", "delete", "reply"], everything),
+            _build_rule(f"{agent.user}_asks", "ingress", ["declare_subscriber", "query"], ["**"]),
+            _build_rule(f"{agent.user}_is_asked", "egress", ["declare_subscriber"], commands),
+            _build_rule(f"{agent.user}_acts", "ingress", ["put"], commands),
+            _build_rule(f"{agent.user}_lives", "ingress", ["liveliness_token"], tokens),
+        ]
+        rules += mine
+        subjects.append({"id": agent.user, "usernames": [agent.user]})
+        policies.append({"rules": [rule["id"] for rule in mine], "subjects": [agent.user]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _build_rule(rule_id: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Any]:
+    return {"id": rule_id, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+
+
+# Zenoh's stubs leave many types open.
+
+
+_EXPECTED_SESSION = "a session that opens"
+# How pyo3 raises what Rust does not handle; no class to be imported.
+_PANIC_TYPE = "PanicException"
+_UNIX_SOCKET = "unixsock-stream/"
+# A router that answers may have been stopped during an attempt; one that refuses a password answers each time.
+_MAX_ATTEMPTS = 3
+
+
+def open_session(config: zenoh.Config) -> zenoh.Session:
+    """Open a session.
+
+    Raises:
+        MachineError: the machine lacks what a session needs, such as files that may be open.
+        zenoh.ZError: it cannot be opened for another reason.
+    """
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        found = re.search(r"\(os error (\d+)\)", str(error))
+        number = int(found[1]) if found is not None else 0
+        if number == errno.EAGAIN:
+            raise build_process_error() from error
+        if number in RESOURCE_ERRNOS:
+            raise build_machine_error(OSError(number, os.strerror(number)), "zenoh", _EXPECTED_SESSION) from error
+        raise
+    except BaseException as error:
+        if type(error).__name__ != _PANIC_TYPE:
+            raise
+        if f"(os error {errno.EAGAIN})" in str(error):
+            raise build_process_error() from error
+        raise MachineError(
+            f"zenoh: expected {_EXPECTED_SESSION}, was {error}. Raise the limits on open files (ulimit -n) and on "
+            "processes (ulimit -u), or close programs."
+        ) from error
+
+
+def open_with_retries(open_once: Callable[[], zenoh.Session], endpoint: str) -> zenoh.Session:
+    """Open a session to the router of this machine; wait for a router that is stopped, however long that is.
+
+    Zenoh gives an attempt up after seconds, and its error is the same for a stopped router and a refused password.
+
+    Args:
+        open_once: Tries to open the session.
+        endpoint: Where the router listens, as Zenoh names it.
+
+    Raises:
+        zenoh.ZError: no router listens there, or it refuses the session.
+    """
+    for _ in range(_MAX_ATTEMPTS - 1):
+        try:
+            return open_once()
+        except zenoh.ZError:
+            if not wait_for_router(endpoint):
+                raise
+    return open_once()
+
+
+def wait_for_router(endpoint: str) -> bool:
+    """Wait until a process that listens at a unix socket reads what it is sent; return false where none listens.
+
+    The kernel accepts connections for a process that is stopped. It sees the end of this one when it continues, and
+    closes it.
+    """
+    if not endpoint.startswith(_UNIX_SOCKET):
+        return False
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+            probe.connect(endpoint.removeprefix(_UNIX_SOCKET))
+            probe.shutdown(socket.SHUT_WR)
+            while probe.recv(4096):
+                pass
+    except ConnectionResetError:
+        return True
+    except OSError:
+        return False
+    return True
+
+
+def set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
+    """Close the link of a member that has read nothing for so long [ms]."""
+    config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
+
+
+# Zenoh's stubs leave many types open.
+
+
+# How long a service tries to reach the router, and how soon it tries again those that have not started yet.
+MESH_LIMIT_MS = 2000
+MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
+
+
+def is_mesh_possible() -> bool:
+    """Return whether this system has files without a name, where agents of the same user cannot read accounts."""
+    return hasattr(os, "memfd_create")
+
+
+@contextlib.contextmanager
+def peer_session(config: zenoh.Config, join: JoinData) -> Generator[None]:
+    """Configure a session as a peer of the other services, and let it open within the block.
+
+    A router forwards nothing between peers, so whatever one writes reaches each reader once. Peers let each other in as
+    the router lets in services. Does nothing for who is in no mesh.
+    """
+    mesh = join.mesh
+    if mesh is None:
+        yield
+        return
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("listen/endpoints", json.dumps([mesh.listen]))
+    endpoints = [f"{join.endpoint}#exit_on_failure=true", *(f"{other}#exit_on_failure=false" for other in mesh.connect)]
+    config.insert_json5("connect/endpoints", json.dumps(endpoints))
+    config.insert_json5("connect/timeout_ms", str(MESH_LIMIT_MS))
+    config.insert_json5("connect/retry", json.dumps(MESH_RETRY))
+    accounts = os.memfd_create("accounts")
+    try:
+        os.write(accounts, f"{join.user}:{join.password}\n".encode())
+        config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(INHERITED_FILES / str(accounts))))
+        yield
+    finally:
+        os.close(accounts)
+
+
+def is_router_lost(event: zenoh.TransportEvent) -> bool:
+    """Return whether the link to the router has ended; peers come and go."""
+    return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
+
+
+# Zenoh's stubs leave many types open.
+
+
+# More than readers may ever lag behind: a full channel would stop all that the session receives.
+MAILBOX_CAPACITY = 1 << 16
+# Who waits for longer is woken by a thread that looks so often [s]; shorter waits poll.
+MAILBOX_CHECK_PERIOD_S = 0.05
+MAILBOX_POLL_PERIOD_S = 0.0005
+
+
+class ZenohMailbox:
+    """See `Mailbox`. Messages of the channel and those that are put have no order among each other.
+
+    Args:
+        session: The member's session.
+        prefix: The namespace with its slash, which keys are told without.
+        key: What the channel subscribes to.
+        wake_key: A key that `key` matches and nobody else uses.
+    """
+
+    def __init__(self, session: zenoh.Session, prefix: str, key: str, wake_key: str) -> None:
+        self._prefix = prefix
+        self._wake_key = wake_key
+        self._put: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+        channel: Any = zenoh.handlers.FifoChannel(MAILBOX_CAPACITY)
+        self._channel: Any = session.declare_subscriber(key, channel)
+        self._waker: Any = session.declare_publisher(wake_key, allowed_destination=zenoh.Locality.SESSION_LOCAL)
+        self._is_waiting = False
+        self._deadline_s: float | None = None
+        self._watch: threading.Thread | None = None
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Add a message."""
+        self._put.put((key, payload))
+        # Whoever begins to wait says so before it looks here.
+        if self._is_waiting:
+            self._waker.put(b"")
+
+    def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
+        """Return the next message, and wait for it."""
+        if timeout_s is not None and timeout_s < MAILBOX_CHECK_PERIOD_S:
+            return self._polled(timeout_s)
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        self._is_waiting = True
+        try:
+            while (found := self.get_nowait()) is None:
+                if deadline_s is not None and time.monotonic() >= deadline_s:
+                    raise queue.Empty
+                self._wake_at(deadline_s)
+                if (found := self._of(self._channel.recv())) is not None:
+                    break
+            return found
+        finally:
+            self._is_waiting = False
+            self._deadline_s = None
+
+    def get_nowait(self) -> tuple[str, bytes] | None:
+        """Return the next message, or None where there is none."""
+        if not self._put.empty():
+            return self._put.get()
+        while (sample := self._channel.try_recv()) is not None:
+            if (found := self._of(sample)) is not None:
+                return found
+        return None
+
+    def _polled(self, timeout_s: float) -> tuple[str, bytes]:
+        deadline_s = time.monotonic() + timeout_s
+        while (found := self.get_nowait()) is None:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                raise queue.Empty
+            time.sleep(min(left_s, MAILBOX_POLL_PERIOD_S))
+        return found
+
+    def _of(self, sample: zenoh.Sample) -> tuple[str, bytes] | None:
+        key = str(sample.key_expr).removeprefix(self._prefix)
+        return None if key == self._wake_key else (key, sample.payload.to_bytes())
+
+    def _wake_at(self, deadline_s: float | None) -> None:
+        self._deadline_s = deadline_s
+        if deadline_s is not None and self._watch is None:
+            self._watch = threading.Thread(target=self._look, daemon=True)
+            self._watch.start()
+
+    def _look(self) -> None:
+        while True:
+            time.sleep(MAILBOX_CHECK_PERIOD_S)
+            deadline_s = self._deadline_s
+            if deadline_s is not None and time.monotonic() >= deadline_s:
+                try:
+                    self._waker.put(b"")
+                except zenoh.ZError:
+                    return
+
+
+# Zenoh's stubs leave many types open.
+
 
 # How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not
 # say.
@@ -30,13 +333,13 @@ LEASE_MS = 2500
 # How long members elsewhere put up with a router that is silent, because the supervisor is paused [ms].
 ROUTER_LEASE_MS = 60_000
 # Processes of this machine are seen to end and to be stopped: their silence means nothing, and is not waited for.
-PATIENCE_MS = 24 * 60 * 60 * 1000
+WATCHED_LEASE_MS = 24 * 60 * 60 * 1000
 # For so long the router waits for a member that does not read before it closes its link; longer than a process may be
 # stopped. Meanwhile others wait, too.
 UNREAD_LIMIT_MS = 10_000
 CLOSE_LIMIT_S = 5.0
 # Stands for a segment of a key that no participant has.
-WAKE = "-"
+WAKE_SEGMENT = "-"
 
 
 # A callback waits for the interpreter until its holder gives way; Python's 5 ms would be the latency of a run.
@@ -58,7 +361,7 @@ class ZenohBus:
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
 
     @classmethod
-    def open_member(cls, join: Join) -> Self:
+    def open_member(cls, join: JoinData) -> Self:
         """Connect a process to the run's router.
 
         Raises:
@@ -66,11 +369,11 @@ class ZenohBus:
             SimulationFault: nothing answers at the endpoint, or name and password are refused.
         """
         elsewhere_ms = LEASE_MS if join.lease_s is None else round(1000 * join.lease_s)
-        config = session_config(join.namespace, lease_ms=PATIENCE_MS if join.is_watched else elsewhere_ms)
+        config = build_session_config(join.namespace, lease_ms=WATCHED_LEASE_MS if join.is_watched else elsewhere_ms)
         if join.is_watched or join.lease_s is not None:
-            set_unread_limit(config, PATIENCE_MS if join.is_watched else elsewhere_ms)
+            set_unread_limit(config, WATCHED_LEASE_MS if join.is_watched else elsewhere_ms)
         if not join.is_watched:
-            _compress(config)
+            _enable_compression(config)
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
         config.insert_json5("listen/endpoints", "[]")
@@ -85,13 +388,13 @@ class ZenohBus:
         # Whoever is watched is ended with the supervisor, so a router that is silent is one that is stopped.
         endpoint = join.endpoint if join.is_watched else ""
         try:
-            with joining_mesh(config, join):
-                session = open_with_patience(lambda: open_session(config), endpoint)
+            with peer_session(config, join):
+                session = open_with_retries(lambda: open_session(config), endpoint)
                 return cls(session, join.namespace)
         except zenoh.ZError as error:
             raise SimulationFault(
                 f"{join.name}: expected the run's router at {join.endpoint}, could not join it. Either the run has "
-                f"ended, or {_what_is_refused(join)} refused. ({error})"
+                f"ended, or {_describe_refusal(join)} refused. ({error})"
             ) from error
 
     @classmethod
@@ -101,7 +404,7 @@ class ZenohBus:
         endpoints: Iterable[str],
         namespace: str,
         service_password: str,
-        agents: Iterable[AgentUser],
+        agents: Iterable[AgentAccount],
         secrets_dir: Path,
         tls: Certificate | None = None,
         lease_s: float = 0.0,
@@ -119,13 +422,13 @@ class ZenohBus:
         agents, endpoints = list(agents), list(endpoints)
         accounts = secrets_dir / "accounts"
         accounts.touch(mode=0o600)
-        lines = [f"{SERVICE_USER}:{service_password}", *(f"{a.user}:{a.password}" for a in agents)]
+        lines = [f"{SERVICE_ACCOUNT}:{service_password}", *(f"{a.user}:{a.password}" for a in agents)]
         accounts.write_text("\n".join(lines) + "\n")
         is_local = all(endpoint.startswith("unixsock-stream/") for endpoint in endpoints)
-        config = session_config(namespace, lease_ms=PATIENCE_MS if is_local else ROUTER_LEASE_MS)
+        config = build_session_config(namespace, lease_ms=WATCHED_LEASE_MS if is_local else ROUTER_LEASE_MS)
         set_unread_limit(config, max(UNREAD_LIMIT_MS, round(1000 * lease_s)))
         if not is_local:
-            _compress(config)
+            _enable_compression(config)
         config.insert_json5("mode", '"router"')
         config.insert_json5("listen/endpoints", json.dumps(endpoints))
         if tls is not None:
@@ -135,9 +438,9 @@ class ZenohBus:
                 config.insert_json5("transport/link/tls/enable_mtls", "true")
                 config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(str(tls.client_ca)))
         config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(accounts)))
-        config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_USER))
+        config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_ACCOUNT))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
-        config.insert_json5("access_control", json.dumps(access_control(namespace, agents)))
+        config.insert_json5("access_control", json.dumps(build_access_control(namespace, agents)))
         try:
             return cls(open_session(config), namespace)
         except zenoh.ZError as error:
@@ -168,7 +471,7 @@ class ZenohBus:
     def subscribe(
         self,
         key: str,
-        handler: Handler,
+        handler: MessageHandler,
         *,
         max_bytes: int | None = None,
         on_longer: Callable[[str, int], None] = lambda _key, _n_bytes: None,
@@ -192,10 +495,10 @@ class ZenohBus:
     def mailbox(self, key: str | None = None) -> Mailbox:
         """Return a mailbox; see `Bus`."""
         if key is None:
-            return QueuedMailbox()
-        return ZenohMailbox(self._session, self._prefix, key, key.replace("$*", "").replace("*", WAKE))
+            return QueueMailbox()
+        return ZenohMailbox(self._session, self._prefix, key, key.replace("$*", "").replace("*", WAKE_SEGMENT))
 
-    def answer(self, key: str, answerer: Answerer) -> None:
+    def answer(self, key: str, answerer: QueryHandler) -> None:
         """Answer each question put to a key; see `Bus`."""
 
         def reply(query: zenoh.Query) -> None:
@@ -206,7 +509,7 @@ class ZenohBus:
 
         self._held.append(self._session.declare_queryable(key, reply))
 
-    def ask(self, key: str, payload: bytes, handler: Handler) -> None:
+    def ask(self, key: str, payload: bytes, handler: MessageHandler) -> None:
         """Put a question to a key; see `Bus`."""
 
         def on_reply(reply: zenoh.Reply) -> None:
@@ -268,12 +571,12 @@ class ZenohBus:
         return str(key).removeprefix(self._prefix)
 
 
-def new_password() -> str:
+def generate_password() -> str:
     """Return a fresh random password; it has no influence on a run's results."""
     return secrets.token_urlsafe(18)
 
 
-def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.Config:
+def build_session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.Config:
     """Return what all sessions of a run have in common; without a namespace their keys are whole.
 
     Args:
@@ -295,7 +598,7 @@ def session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> zenoh.
 
 
 # Used on a link whose both ends have it: keys of messages come again and again.
-def _compress(config: zenoh.Config) -> None:
+def _enable_compression(config: zenoh.Config) -> None:
     config.insert_json5("transport/unicast/compression/enabled", "true")
 
 
@@ -303,6 +606,6 @@ def _insert_base64(config: zenoh.Config, key: str, pem: str) -> None:
     config.insert_json5(f"transport/link/tls/{key}", json.dumps(base64.b64encode(pem.encode()).decode()))
 
 
-def _what_is_refused(join: Join) -> str:
+def _describe_refusal(join: JoinData) -> str:
     account = f"user {join.user!r} and its password"
     return f"{account}, or the client certificate, were" if join.needs_tls_client else f"{account} were"

@@ -9,6 +9,11 @@ import traceback
 from collections.abc import Callable, Sequence
 
 from gslcosim import __version__
+from gslcosim.base.disk_cache import limit_from_environment
+from gslcosim.base.errors import ExitCode, GslCosimError, MachineError
+from gslcosim.base.interruption import is_asked_to_end
+from gslcosim.base.os_errors import check_address_space, check_working_directory, translate
+from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.commands import (
     agent,
     bench,
@@ -18,16 +23,16 @@ from gslcosim.cli.commands import (
     export,
     extract,
     film,
-    flights,
     fly,
     fork,
     generate,
     import_,
     import_flight,
     join,
-    listing,
-    paper_figures,
+    list_,
+    monitor,
     participant,
+    plot,
     replay,
     runs,
     sample,
@@ -40,7 +45,6 @@ from gslcosim.cli.commands import (
     validate,
     view,
 )
-from gslcosim.cli.parsing import build_parser, parse
 from gslcosim.cli.terminal import (
     escape_library_messages,
     finish_output,
@@ -48,10 +52,6 @@ from gslcosim.cli.terminal import (
     open_missing_streams,
     write_note,
 )
-from gslcosim.disk_cache import limit_from_environment
-from gslcosim.errors import ExitCode, GslCosimError, MachineError
-from gslcosim.interruption import is_asked_to_end
-from gslcosim.machine import check_address_space, check_working_directory, unforeseen
 
 # New objects between two collections; Python's own number is 700.
 _COLLECT_EVERY = 50_000
@@ -65,14 +65,14 @@ COMMANDS = (
     tune.COMMAND,
     train.COMMAND,
     validate.COMMAND,
-    listing.COMMAND,
+    list_.COMMAND,
     generate.COMMAND,
     import_.COMMAND,
     export.COMMAND,
     view.COMMAND,
     runs.COMMAND,
     cache.COMMAND,
-    paper_figures.COMMAND,
+    plot.COMMAND,
     compare.COMMAND,
     replay.COMMAND,
     fork.COMMAND,
@@ -80,9 +80,9 @@ COMMANDS = (
     film.COMMAND,
     import_flight.COMMAND,
     join.COMMAND,
-    flights.PS,
-    flights.TOP,
-    flights.STOP,
+    monitor.PS,
+    monitor.TOP,
+    monitor.STOP,
     serve.COMMAND,
     sample.COMMAND,
     agent.COMMAND,
@@ -105,7 +105,7 @@ def main(words: Sequence[str] | None = None) -> int:
     open_missing_streams()
     if words is None:
         escape_library_messages()
-    exit_code = told_exit_code(sys.argv[1:] if words is None else words)
+    exit_code = run_command(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:
         # Libraries wait at the interpreter's end for threads that a machine without memory has not let them start.
         with contextlib.suppress(OSError):
@@ -114,7 +114,7 @@ def main(words: Sequence[str] | None = None) -> int:
     return exit_code
 
 
-def told_exit_code(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
+def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
     """Run one command, tell what goes wrong, and return the exit code.
 
     Args:
@@ -163,7 +163,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
             # A library has made another error of it.
             write_note("Interrupted.")
             return ExitCode.INTERRUPTED
-        refused = unforeseen(error)
+        refused = translate(error)
         if refused is not None:
             write_note(str(refused))
             return refused.exit_code

@@ -1,4 +1,4 @@
-"""What this machine can draw with, asked of its drivers directly; run as a process of its own, as drivers may crash.
+"""Probe of this machine's graphics drivers, run as a process of its own, as drivers may crash.
 
 `python -m gslcosim.cli.rendering_probe` prints JSON: for `vulkan` and `egl` whether it is there, and as `text` the
 devices or the version, or why it is not.

@@ -12,9 +12,9 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from gslcosim.errors import MachineError
-from gslcosim.machine import machine_error
-from gslcosim.terminal_text import escape_json_text, escape_terminal_text
+from gslcosim.base.errors import MachineError
+from gslcosim.base.os_errors import build_machine_error
+from gslcosim.base.terminal_text import escape_json_text, escape_terminal_text
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -96,7 +96,7 @@ def open_missing_streams() -> None:
 
 def _no_output(error: OSError) -> MachineError:
     remedy = "Send it to a file on a disk with room, or to a terminal."
-    return machine_error(error, "standard output", "to take the result", remedy=remedy)
+    return build_machine_error(error, "standard output", "to take the result", remedy=remedy)
 
 
 def write_json(content: Any) -> None:

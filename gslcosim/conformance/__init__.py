@@ -1,9 +1,19 @@
-"""Proves an agent right: a scripted peer plays whole sessions with it, and each rule of the contract is judged."""
+"""Conformance check of agents: a scripted peer plays whole sessions with one, and judges each rule of the contract."""
 
-from gslcosim.conformance.checking import Check, check_agent
-from gslcosim.conformance.findings import CheckReport, Finding, Status
-from gslcosim.conformance.flight import FlightLimits
+from gslcosim.conformance.agent_check import AgentCheck, check_agent
+from gslcosim.conformance.report import CheckReport, Finding, Status
 from gslcosim.conformance.rules import RULES, Rule
-from gslcosim.conformance.wiring import Wiring
+from gslcosim.conformance.session import SessionLimits
+from gslcosim.conformance.transports import ConnectionSpec
 
-__all__ = ["RULES", "Check", "CheckReport", "Finding", "FlightLimits", "Rule", "Status", "Wiring", "check_agent"]
+__all__ = [
+    "RULES",
+    "AgentCheck",
+    "CheckReport",
+    "ConnectionSpec",
+    "Finding",
+    "Rule",
+    "SessionLimits",
+    "Status",
+    "check_agent",
+]

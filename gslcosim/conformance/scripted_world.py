@@ -1,4 +1,4 @@
-"""The world that a check plays: small, pure, and the same for every agent; no physics, but all that a session has.
+"""Scripted world of a check: small, pure, and the same for every agent; no physics, but all that a session has.
 
 A room with a smooth plume and a steady wind with noise. A vehicle is where its last waypoint was as soon as the next
 question comes. Ticks leap over the places where integers get longer in msgpack, which a run reaches only after hours.
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.contract.arrays import NumericArray
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
     Bounds,
@@ -27,10 +27,10 @@ from gslcosim.contract.messages import (
     SensorDescription,
     Vec3,
 )
-from gslcosim.contract.schema import contract_hash
+from gslcosim.contract.record import NumericArray
+from gslcosim.contract.schema import get_contract_hash
 from gslcosim.methods.card import Needs
-from gslcosim.methods.instrument_kinds import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, count_of_kind
-from gslcosim.rng import stream
+from gslcosim.methods.instrument_kinds import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, count_instruments
 
 AGENT = "agent_1"
 OTHER_AGENT = "agent_2"
@@ -39,8 +39,8 @@ ROOM_M: Vec3 = (12.0, 8.0, 3.0)
 START_M: Vec3 = (9.0, 4.0, 1.5)
 SOURCE_M: Vec3 = (2.0, 4.0, 1.5)
 CLEAN_AIR_OHM = 50_000.0
-_AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], np.float32)
-_MODEL_OF_KIND = {
+_BEAM_DIRECTIONS = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], np.float32)
+_MODELS_BY_KIND = {
     "gas": ("pid", "mixing_ratio", "ppm"),
     "gas_ohm": ("tgs2600", "resistance", "ohm"),
     "gas_ppm": ("pid", "mixing_ratio", "ppm"),
@@ -69,7 +69,7 @@ _PLUME = NominalPlume(
     wind_speed_m_s=0.5,
 )
 # A grey picture of 8 x 8 pixels.
-_PICTURE = CameraImage(
+_IMAGE = CameraImage(
     encoding="png",
     width_px=8,
     height_px=8,
@@ -89,13 +89,13 @@ QUESTION_TICKS = (4, 9, 10, 11, 40, 127, 128, 255, 256, 257, 300, 65_535, 65_536
 OTHER_TICKS = (*range(4), *range(5, 9), *range(12, 40), *range(120, 127), 129, 254, 258, 299, *range(65_530, 65_535))
 
 
-def ticks() -> Iterator[tuple[int, bool]]:
+def iter_ticks() -> Iterator[tuple[int, bool]]:
     """Yield all ticks of a flight in order, and whether the agent is asked."""
     for tick in sorted({*QUESTION_TICKS, *OTHER_TICKS}):
         yield tick, tick in QUESTION_TICKS
 
 
-def briefing_for(seed: int, needs: Needs | None = None) -> Briefing:
+def build_briefing(seed: int, needs: Needs | None = None) -> Briefing:
     """Return what the agent is told first; its seed is the check's. What its method needs is there."""
     needs = needs or Needs()
     return Briefing(
@@ -112,8 +112,8 @@ def briefing_for(seed: int, needs: Needs | None = None) -> Briefing:
         search_height_m=START_M[2],
         hold_s=2.0,
         time_limit_s=10_000.0,
-        sensors=sensors_for(needs),
-        contract_hash=contract_hash(),
+        sensors=build_sensors(needs),
+        contract_hash=get_contract_hash(),
         channels=_CHANNELS if needs.radio else (),
         known_map=_MAP if "map" in needs.knows else None,
         plume=_PLUME if "plume" in needs.knows else None,
@@ -121,19 +121,19 @@ def briefing_for(seed: int, needs: Needs | None = None) -> Briefing:
     )
 
 
-def sensors_for(needs: Needs) -> tuple[SensorDescription, ...]:
+def build_sensors(needs: Needs) -> tuple[SensorDescription, ...]:
     """Return a nose, an anemometer and a PID, and after them as many more as a method needs.
 
     Nose and PID are on either side of the vehicle, for methods that compare two sides.
     """
     sensors = [
-        _sensor("nose", "tgs2600", "resistance", "ohm", y_m=0.2),
-        _sensor("wind", "anemometer", WIND_QUANTITY, "m/s, rad"),
-        _sensor("pid", "pid", "mixing_ratio", "ppm", y_m=-0.2),
+        _build_sensor("nose", "tgs2600", "resistance", "ohm", y_m=0.2),
+        _build_sensor("wind", "anemometer", WIND_QUANTITY, "m/s, rad"),
+        _build_sensor("pid", "pid", "mixing_ratio", "ppm", y_m=-0.2),
     ]
     for kind, n_needed in needs.sensors.items():
-        n_missing = n_needed - count_of_kind(kind, sensors)
-        sensors += [_sensor(f"{kind}_{i + 1}", *_MODEL_OF_KIND[kind]) for i in range(n_missing)]
+        n_missing = n_needed - count_instruments(kind, sensors)
+        sensors += [_build_sensor(f"{kind}_{i + 1}", *_MODELS_BY_KIND[kind]) for i in range(n_missing)]
     return tuple(sensors)
 
 
@@ -202,9 +202,9 @@ class ScriptedWorld:
                 quantity=sensor.quantity,
                 unit=sensor.unit,
                 values=values[sensor.quantity],
-                image=_PICTURE if sensor.quantity == CAMERA_QUANTITY else None,
+                image=_IMAGE if sensor.quantity == CAMERA_QUANTITY else None,
             )
-            for sensor in sensors_for(self.needs)
+            for sensor in build_sensors(self.needs)
         )
 
     # The vehicle looks along +x; ahead, left, back, right.
@@ -214,10 +214,10 @@ class ScriptedWorld:
 
 
 # Maps whose keys are data: what is added there would be data, too.
-_MAPS = ("parameters",)
+_FREE_FORM_FIELDS = ("parameters",)
 
 
-def with_unknown_fields(fields: dict[str, Any]) -> dict[str, Any]:
+def add_unknown_fields(fields: dict[str, Any]) -> dict[str, Any]:
     """Return a message's map as a later minor version might send it: more keys, of every type, at every level."""
     more: dict[str, Any] = {
         "x_text": "later",
@@ -228,25 +228,25 @@ def with_unknown_fields(fields: dict[str, Any]) -> dict[str, Any]:
         "x_list": [1, [2.5, "three"], {"four": 4}],
         "x_map": {"a": {"b": []}},
     }
-    later = {key: value if key in _MAPS else _extended(value, more) for key, value in fields.items()} | more
+    later = {key: value if key in _FREE_FORM_FIELDS else _extend(value, more) for key, value in fields.items()} | more
     if "contract_version" in later:
         major = CONTRACT_VERSION.split(".")[0]
         later |= {"contract_version": f"{major}.99", "contract_hash": "0" * 32}
     return later
 
 
-def _extended(value: Any, more: dict[str, Any]) -> Any:
+def _extend(value: Any, more: dict[str, Any]) -> Any:
     if isinstance(value, dict):
-        return {key: _extended(item, more) for key, item in value.items()} | more
-    return [_extended(item, more) for item in value] if isinstance(value, list | tuple) else value
+        return {key: _extend(item, more) for key, item in value.items()} | more
+    return [_extend(item, more) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _sensor(name: str, model: str, quantity: str, unit: str, *, y_m: float = 0.0) -> SensorDescription:
+def _build_sensor(name: str, model: str, quantity: str, unit: str, *, y_m: float = 0.0) -> SensorDescription:
     return SensorDescription(
         name=name,
         model=model,
         quantity=quantity,
         unit=unit,
         mount_body_m=(0.0, y_m, 0.1),
-        directions_body=NumericArray.from_array(_AROUND) if quantity == RANGE_QUANTITY else None,
+        directions_body=NumericArray.from_array(_BEAM_DIRECTIONS) if quantity == RANGE_QUANTITY else None,
     )

@@ -12,10 +12,9 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 import msgspec
 from pydantic import ValidationError
 
-from gslcosim.contract.description import checked, checked_json, description_of
+from gslcosim.base.errors import ContractError
 from gslcosim.contract.messages import Message
-from gslcosim.contract.record import Record
-from gslcosim.errors import ContractError
+from gslcosim.contract.record import Record, get_pydantic_model, validate_fields, validate_json
 
 AnyMessage = TypeVar("AnyMessage", bound=Message)
 
@@ -24,10 +23,10 @@ MAJOR_VERSION = 1
 _msgpack: Any = msgpack
 _ENCODER = msgspec.msgpack.Encoder()
 # A float64 whose exponent has all its bits; texts and arrays may hold the same bytes.
-_LOOKS_INFINITE = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]")
+_NON_FINITE_PATTERN = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]")
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 # How deep lists and maps of a foreign message may lie in each other; those of a command lie four deep.
-MAX_LEVELS = 32
+MAX_NESTING = 32
 
 
 def encode(message: Message) -> bytes:
@@ -42,8 +41,8 @@ def encode_finite(message: Message) -> bytes:
         ContractError: a real is not finite.
     """
     payload = _ENCODER.encode(message)
-    if _LOOKS_INFINITE.search(payload):
-        from_fields(type(message), message.model_dump())
+    if _NON_FINITE_PATTERN.search(payload):
+        build_message(type(message), message.model_dump())
     return payload
 
 
@@ -56,7 +55,7 @@ def decode(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = M
     name = message_type.__name__
     if len(payload) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(payload)}.")
-    return from_fields(message_type, _unpack_map(name, payload))
+    return build_message(message_type, _unpack_map(name, payload))
 
 
 def decode_trusted(message_type: type[AnyMessage], payload: bytes) -> AnyMessage:
@@ -66,18 +65,20 @@ def decode_trusted(message_type: type[AnyMessage], payload: bytes) -> AnyMessage
         ContractError: as `decode`.
     """
     try:
-        return _decoder_of(message_type).decode(payload)
+        return _get_decoder(message_type).decode(payload)
     except (msgspec.DecodeError, RecursionError, ValueError):
         return decode(message_type, payload)  # which says what is wrong
 
 
 @cache
-def _decoder_of(message_type: type[AnyMessage]) -> msgspec.msgpack.Decoder[AnyMessage]:
+def _get_decoder(message_type: type[AnyMessage]) -> msgspec.msgpack.Decoder[AnyMessage]:
     return msgspec.msgpack.Decoder(message_type)
 
 
-def decode_foreign(message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
-    """Return the message in a payload that a foreign process wrote; see `unpack_foreign` for what is refused beside.
+def decode_untrusted(
+    message_type: type[AnyMessage], payload: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES
+) -> AnyMessage:
+    """Return the message in a payload that a foreign process wrote; see `unpack_untrusted` for what is refused beside.
 
     Raises:
         ContractError: as `decode`; or a key is there twice, or lists and maps are too deep.
@@ -85,13 +86,13 @@ def decode_foreign(message_type: type[AnyMessage], payload: bytes, *, max_bytes:
     name = message_type.__name__
     if len(payload) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(payload)}.")
-    return from_fields(message_type, unpack_foreign(name, payload))
+    return build_message(message_type, unpack_untrusted(name, payload))
 
 
-def unpack_foreign(name: str, payload: bytes, *, has_lists: bool = False) -> dict[str, Any]:
+def unpack_untrusted(name: str, payload: bytes, *, has_lists: bool = False) -> dict[str, Any]:
     """Return the map in a payload that a foreign process wrote.
 
-    Each key is there once, and lists and maps are at most `MAX_LEVELS` deep. Our own services write neither, and are
+    Each key is there once, and lists and maps are at most `MAX_NESTING` deep. Our own services write neither, and are
     not asked: looking costs time.
 
     Args:
@@ -103,12 +104,12 @@ def unpack_foreign(name: str, payload: bytes, *, has_lists: bool = False) -> dic
         ContractError: it is not one msgpack map, or breaks one of the two rules.
     """
     fields = _unpack_map(name, payload, has_lists=has_lists, object_pairs_hook=_unique_keys)
-    check_levels(name, fields)
+    check_nesting(name, fields)
     return fields
 
 
-def load_json_foreign(name: str, text: str) -> Any:
-    """Return the value in a JSON text that a foreign process wrote; the rules of `unpack_foreign` hold.
+def load_untrusted_json(name: str, text: str) -> Any:
+    """Return the value in a JSON text that a foreign process wrote; the rules of `unpack_untrusted` hold.
 
     Raises:
         ContractError: a key is there twice, or lists and objects are too deep.
@@ -116,34 +117,34 @@ def load_json_foreign(name: str, text: str) -> Any:
     """
     try:
         value = json.loads(text, object_pairs_hook=_unique_keys)
-    except _KeyTwiceError as error:
+    except _DuplicateKeyError as error:
         raise ContractError(f"{name}: {error}") from error
-    check_levels(name, value)
+    check_nesting(name, value)
     return value
 
 
-def check_levels(name: str, value: object) -> None:
+def check_nesting(name: str, value: object) -> None:
     """Check how deep the lists and maps of a value lie in each other.
 
     Raises:
-        ContractError: deeper than `MAX_LEVELS`.
+        ContractError: deeper than `MAX_NESTING`.
     """
-    holders = [value] if type(value) in _HOLDERS else []
-    for _ in range(MAX_LEVELS):
-        holders = [item for holder in holders for item in _items(holder) if type(item) in _HOLDERS]
+    holders = [value] if type(value) in _CONTAINER_TYPES else []
+    for _ in range(MAX_NESTING):
+        holders = [item for holder in holders for item in _items(holder) if type(item) in _CONTAINER_TYPES]
         if not holders:
             return
-    raise ContractError(f"{name}: expected lists and maps at most {MAX_LEVELS} deep, were deeper.")
+    raise ContractError(f"{name}: expected lists and maps at most {MAX_NESTING} deep, were deeper.")
 
 
-_HOLDERS = frozenset({dict, list, tuple})
+_CONTAINER_TYPES = frozenset({dict, list, tuple})
 
 
 def _items(holder: Any) -> Iterable[object]:
     return holder.values() if isinstance(holder, dict) else holder  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
 
 
-class _KeyTwiceError(ValueError):
+class _DuplicateKeyError(ValueError):
     pass
 
 
@@ -153,67 +154,67 @@ def _unique_keys(pairs: list[tuple[Any, object]]) -> dict[Any, object]:
     if len(fields) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
-        raise _KeyTwiceError(f"expected each key once, was {_short(twice)} {keys.count(twice)} times.")
+        raise _DuplicateKeyError(f"expected each key once, was {_shorten(twice)} {keys.count(twice)} times.")
     return fields
 
 
 def encode_json(message: Message) -> bytes:
     """Return a message as one line of JSON in UTF-8, without a line end; bytes become base64 text."""
-    return json_line(message.model_dump())
+    return dump_json_line(message.model_dump())
 
 
-def json_line(fields: dict[str, Any]) -> bytes:
+def dump_json_line(fields: dict[str, Any]) -> bytes:
     """Return the fields of a message as one line of JSON in UTF-8, without a line end."""
-    text = json.dumps(fields, default=base64_text, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(fields, default=encode_base64, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.encode()
 
 
-def base64_text(value: object) -> str:
+def encode_base64(value: object) -> str:
     """Return bytes as JSON carries them; to be handed to `json.dumps` as `default`."""
     if isinstance(value, bytes):
         return base64.b64encode(value).decode()
     raise TypeError(f"expected bytes, was {type(value).__name__}")
 
 
-def with_bytes(message_type: type[Message], fields: dict[str, Any]) -> dict[str, Any]:
+def decode_base64_fields(message_type: type[Message], fields: dict[str, Any]) -> dict[str, Any]:
     """Return the fields of a JSON object with bytes where its base64 text stands for them; the rest as it is.
 
     Raises:
         ContractError: such a text is not base64.
     """
-    for path in _paths_of_bytes(message_type):
-        fields = _with_bytes_at(fields, path, f"{message_type.__name__}: {'.'.join(path)}")
+    for path in _find_bytes_paths(message_type):
+        fields = _decode_base64_at(fields, path, f"{message_type.__name__}: {'.'.join(path)}")
     return fields
 
 
-def _with_bytes_at(fields: dict[str, Any], path: tuple[str, ...], place: str) -> dict[str, Any]:
+def _decode_base64_at(fields: dict[str, Any], path: tuple[str, ...], place: str) -> dict[str, Any]:
     name, *rest = path
     value: Any = fields.get(name)
     if rest:
-        return {**fields, name: _with_bytes_at(value, tuple(rest), place)} if isinstance(value, dict) else fields  # pyright: ignore[reportUnknownArgumentType]
+        return {**fields, name: _decode_base64_at(value, tuple(rest), place)} if isinstance(value, dict) else fields  # pyright: ignore[reportUnknownArgumentType]
     if not isinstance(value, str):
         return fields
     try:
         return {**fields, name: base64.b64decode(value, validate=True)}
     except ValueError as error:
-        raise ContractError(f"{place}: expected base64 text, was {_short(value)} ({error}).") from error
+        raise ContractError(f"{place}: expected base64 text, was {_shorten(value)} ({error}).") from error
 
 
 # Not into lists: no message that an agent writes has bytes there.
 @cache
-def _paths_of_bytes(record: type[Record]) -> tuple[tuple[str, ...], ...]:
+def _find_bytes_paths(record: type[Record]) -> tuple[tuple[str, ...], ...]:
     paths: list[tuple[str, ...]] = []
-    for name, field in description_of(record).model_fields.items():
+    for name, field in get_pydantic_model(record).model_fields.items():
         for kind in (field.annotation, *get_args(field.annotation)):
             if kind is bytes:
                 paths.append((name,))
             elif isinstance(kind, type) and issubclass(kind, Record):
-                paths += [(name, *rest) for rest in _paths_of_bytes(kind)]
+                paths += [(name, *rest) for rest in _find_bytes_paths(kind)]
     return tuple(paths)
 
 
 def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int = MAX_MESSAGE_BYTES) -> AnyMessage:
-    """Return the message in a JSON object that a foreign process wrote; the rules are those of `decode_foreign`.
+    """Return the message in a JSON object that a foreign process wrote; the rules are those of `decode_untrusted`.
 
     Raises:
         ContractError: too large, not UTF-8, not a JSON object, a key is there twice, or not what the schema says.
@@ -222,55 +223,55 @@ def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int =
     if len(text) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(text)}.")
     with contextlib.suppress(ValueError, RecursionError):  # no JSON is told below, with the reader's words
-        load_json_foreign(name, text.decode())
+        load_untrusted_json(name, text.decode())
     try:
-        return checked_json(message_type, text)
+        return validate_json(message_type, text)
     except ValidationError as error:
         if error.errors(include_url=False)[0]["type"] in ("json_invalid", "model_type", "model_attributes_type"):
             what = error.errors(include_url=False)[0]["msg"]
             raise ContractError(
-                f"{name}: expected a JSON object in UTF-8, was {_short(text)} ({what[:1].lower()}{what[1:]})."
+                f"{name}: expected a JSON object in UTF-8, was {_shorten(text)} ({what[:1].lower()}{what[1:]})."
             ) from error
-        raise ContractError(f"{name}: {_problems_text(error)}") from error
+        raise ContractError(f"{name}: {_format_problems(error)}") from error
 
 
 class ObservationHead(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run itself needs to know of an observation: its tick, and whether it awaits a command."""
+    """Fields of an observation that a run itself needs: its tick, and whether it awaits a command."""
 
     tick: int
     awaiting_command: bool
 
 
-_HEADS = msgspec.msgpack.Decoder(ObservationHead)
+_HEAD_DECODER = msgspec.msgpack.Decoder(ObservationHead)
 
 
-def peek_observation(payload: bytes) -> ObservationHead:
+def decode_observation_head(payload: bytes) -> ObservationHead:
     """Return the head of an observation of one of our own services, without judging the rest.
 
     Raises:
         ContractError: not a msgpack map with both.
     """
     try:
-        return _HEADS.decode(payload)
+        return _HEAD_DECODER.decode(payload)
     except msgspec.DecodeError as error:
         raise ContractError(
-            f"Observation: expected a tick and awaiting_command, was {_short(payload)} ({error})."
+            f"Observation: expected a tick and awaiting_command, was {_shorten(payload)} ({error})."
         ) from error
 
 
-def from_fields(message_type: type[AnyMessage], fields: dict[str, object]) -> AnyMessage:
+def build_message(message_type: type[AnyMessage], fields: dict[str, object]) -> AnyMessage:
     """Return the message with these fields.
 
     Raises:
         ContractError: a field is missing, of the wrong type, or out of its range.
     """
     try:
-        return checked(message_type, fields)
+        return validate_fields(message_type, fields)
     except ValidationError as error:
-        raise ContractError(f"{message_type.__name__}: {_problems_text(error)}") from error
+        raise ContractError(f"{message_type.__name__}: {_format_problems(error)}") from error
 
 
-def encoding_of(message_type: type[Message]) -> str:
+def get_encoding(message_type: type[Message]) -> str:
     """Return the encoding header that travels with a message."""
     return f"application/msgpack;gslcosim.{message_type.__name__}/{MAJOR_VERSION}"
 
@@ -278,7 +279,7 @@ def encoding_of(message_type: type[Message]) -> str:
 def _unpack_map(name: str, payload: bytes, *, has_lists: bool = False, **hooks: Any) -> dict[str, Any]:
     try:
         fields = _msgpack.unpackb(payload, raw=False, strict_map_key=True, use_list=has_lists, **hooks)
-    except _KeyTwiceError as error:
+    except _DuplicateKeyError as error:
         raise ContractError(f"{name}: {error}") from error
     except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
         raise ContractError(
@@ -290,16 +291,16 @@ def _unpack_map(name: str, payload: bytes, *, has_lists: bool = False, **hooks: 
 
 
 # pydantic's own text spans several lines and quotes whole inputs; an agent's author wants one line a field.
-def _problems_text(error: ValidationError) -> str:
+def _format_problems(error: ValidationError) -> str:
     problems: list[str] = []
     for problem in error.errors(include_url=False)[:8]:
         place = ".".join(str(part) for part in problem["loc"]) or "message"
-        was = "" if problem["type"] == "missing" else f", was {_short(problem['input'])}"
+        was = "" if problem["type"] == "missing" else f", was {_shorten(problem['input'])}"
         problems.append(f"{place}: {problem['msg'][:1].lower()}{problem['msg'][1:]}{was}")
     return "; ".join(problems) + "."
 
 
-def _short(value: object) -> str:
+def _shorten(value: object) -> str:
     try:
         text = repr(value)
     except RecursionError:  # what msgpack and pydantic still read may be too deep to be shown

@@ -1,4 +1,4 @@
-"""Every message of a run: frozen facts, SI units with the unit in the name, readable in any language.
+"""All messages of a run: frozen facts, SI units with the unit in the name, readable in any language.
 
 All are msgpack maps with string keys. Unknown keys are ignored, NaN and infinity are refused.
 In JSON, which the gateway offers too, they are objects with the same keys; bytes are base64 text.
@@ -7,26 +7,257 @@ Frames: *world* is x east, y north, z up, right-handed, origin at the room's inn
 y left, z up. Quaternions are (w, x, y, z).
 """
 
-from typing import Literal
+from typing import Annotated, Literal, get_args
 
-from gslcosim.contract.arrays import NumericArray
-from gslcosim.contract.commands import AttitudeSetpoint as AttitudeSetpoint
-from gslcosim.contract.commands import Command as Command
-from gslcosim.contract.commands import Declaration as Declaration
-from gslcosim.contract.commands import DriveSetpoint as DriveSetpoint
-from gslcosim.contract.commands import RadioMessage as RadioMessage
-from gslcosim.contract.commands import RateSetpoint as RateSetpoint
-from gslcosim.contract.commands import Waypoint as Waypoint
-from gslcosim.contract.knowledge import Belief as Belief
-from gslcosim.contract.knowledge import KnownMap as KnownMap
-from gslcosim.contract.knowledge import NominalPlume as NominalPlume
-from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.contract.record import Message as Message
-from gslcosim.contract.record import Name as Name
+import numpy as np
+from pydantic import AfterValidator, Field, JsonValue, StringConstraints
+
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.record import Message, Name, NumericArray, Record
 from gslcosim.contract.record import Quaternion as Quaternion
-from gslcosim.contract.record import Record as Record
 from gslcosim.contract.record import Tick as Tick
-from gslcosim.quantities import Vec3 as Vec3
+
+MAX_BELIEF_CELLS = 65_536
+# How far the sum of a belief's probabilities may be from 1: single precision over many cells.
+BELIEF_SUM_TOLERANCE = 1e-3
+
+ParameterScalar = bool | int | float | Annotated[str, StringConstraints(max_length=1000)]
+# A parameter of a method: any scalar of YAML, or a list of them.
+ParameterValue = ParameterScalar | Annotated[tuple[ParameterScalar, ...], Field(max_length=1000)]
+CellSize = Annotated[float, Field(gt=0, le=1000)]
+
+
+class KnownMap(Record):
+    """The map of the room, for an agent that is granted it; part of `Briefing`. Since contract 1.2.
+
+    `occupied` is uint8, 1 where a cell is solid and 0 where it is air, in equal cells of `cell_m` whose first one
+    touches the corner `origin_m`; index order (x, y) or (x, y, z). A map with two axes is a horizontal slice: it has
+    `height_m`, the height at which the room was cut.
+    """
+
+    origin_m: Vec3
+    cell_m: CellSize
+    occupied: NumericArray
+    height_m: float | None = None
+
+
+class NominalPlume(Record):
+    """The nominal figures of the plume, for an agent that is granted them; part of `Briefing`. Since contract 1.2.
+
+    A source releases `puffs_per_s`, together `release_ppm_m3_s` of gas: the integral of the mixing ratio [ppm] over
+    all space grows by that much a second. A puff is born with the standard deviation `initial_sigma_m`, its variance
+    grows by `growth_m2_s`, and its centre wanders with the eddy diffusivity `diffusivity_m2_s` on each axis.
+    `wind_speed_m_s` is the nominal speed of the wind, at the inlet of a room. Where the source is, and how high, is
+    not told.
+    """
+
+    release_ppm_m3_s: float
+    puffs_per_s: float
+    initial_sigma_m: float
+    growth_m2_s: float
+    diffusivity_m2_s: float
+    wind_speed_m_s: float
+
+
+def _check_probability(probability: NumericArray) -> NumericArray:
+    if probability.dtype != "float32" or len(probability.shape) not in (2, 3):
+        raise ValueError(f"expected float32 with 2 or 3 axes, was {probability.dtype} with {len(probability.shape)}")
+    values = probability.to_array()
+    if not 1 <= values.size <= MAX_BELIEF_CELLS:
+        raise ValueError(f"expected 1 to {MAX_BELIEF_CELLS} cells, was {values.size}")
+    if values.min() < 0:
+        raise ValueError(f"expected probabilities that are not negative, was {values.min():g}")
+    total = float(values.sum(dtype=np.float64))
+    if abs(total - 1) > BELIEF_SUM_TOLERANCE:
+        raise ValueError(f"expected probabilities whose sum is 1, was {total:.6g}")
+    return probability
+
+
+class Belief(Record):
+    """Where an agent believes the source to be: a probability for each cell; part of `Command`. Since contract 1.2.
+
+    `probability` is float32 of shape (nx, ny) or (nx, ny, nz), none negative, together 1 (within 0.001), at most
+    65,536 cells of `cell_m`; the first cell touches the corner `origin_m`. A belief with two axes is about the place
+    in the plane, whatever the height; its `origin_m` has the height at which the agent searches.
+    At most one belief a second of simulated time is taken. It is judged and recorded; no other agent sees it.
+    """
+
+    origin_m: Vec3
+    cell_m: CellSize
+    probability: Annotated[NumericArray, AfterValidator(_check_probability)]
+
+
+class RadioMessage(Record):
+    """A text that an agent sends on a channel: to the agent named `to`, or to `all` other members of the channel.
+
+    How long it may be in UTF-8 is the channel's `max_bytes`; whether and when it is heard, the channel's business too.
+    Part of `Command`. Since contract 1.1.
+    """
+
+    channel: Name
+    text: Annotated[str, StringConstraints(max_length=65536)]
+    to: Name = "all"
+
+
+class Declaration(Record):
+    """Where an agent believes the source to be, and how sure it is (0 to 1)."""
+
+    position_world_m: Vec3
+    confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+BodyRate = Annotated[float, Field(ge=-50, le=50)]
+Angle = Annotated[float, Field(ge=-6.3, le=6.3)]
+HoldTime = Annotated[float, Field(ge=0, le=3600)]
+
+
+class Waypoint(Record):
+    """One place of a mission, part of `Command`. Since contract 1.1.
+
+    Without a velocity the vehicle comes to rest there and holds `hold_s`; with one it passes through with velocity
+    `velocity_world_m_s` and acceleration `acceleration_world_m_s2`. It gets there `after_s` after the waypoint before
+    (absent: as soon as its limits allow), and looks towards `yaw_rad`, counter-clockwise from world x (absent: as
+    before).
+    """
+
+    position_world_m: Vec3
+    velocity_world_m_s: Vec3 = (0.0, 0.0, 0.0)
+    acceleration_world_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    hold_s: HoldTime = 0.0
+    after_s: Annotated[float, Field(gt=0, le=3600)] | None = None
+    yaw_rad: Angle | None = None
+
+
+class AttitudeSetpoint(Record):
+    """Which attitude a multirotor is to take, for an agent with its own control; part of `Command`. Since contract 1.1.
+
+    Roll about body x, pitch about body y, yaw about z, turned in the order yaw, pitch, roll from the world frame.
+    `thrust_n` is the thrust of all rotors together; absent: as much as keeps the vertical speed at `climb_m_s`.
+    """
+
+    roll_rad: Annotated[float, Field(ge=-3.15, le=3.15)] = 0.0
+    pitch_rad: Annotated[float, Field(ge=-3.15, le=3.15)] = 0.0
+    yaw_rad: Angle = 0.0
+    thrust_n: Annotated[float, Field(ge=0)] | None = None
+    climb_m_s: float = 0.0
+
+
+class RateSetpoint(Record):
+    """Rates of a multirotor about its body axes, for an agent with its own control; part of `Command`.
+
+    `thrust_n` and `climb_m_s` are those of `AttitudeSetpoint`. Since contract 1.1.
+    """
+
+    rates_body_rad_s: tuple[BodyRate, BodyRate, BodyRate]
+    thrust_n: Annotated[float, Field(ge=0)] | None = None
+    climb_m_s: float = 0.0
+
+
+class DriveSetpoint(Record):
+    """Speed along the nose and rate of turn to the left of a vehicle on wheels; part of `Command`.
+
+    The radius of its circle is `speed_m_s` divided by `yaw_rate_rad_s`. Since contract 1.1.
+    """
+
+    speed_m_s: float
+    yaw_rate_rad_s: float = 0.0
+
+
+CommandKind = Literal[
+    "waypoint",
+    "hold",
+    "noop",
+    "declare_source",
+    "velocity",
+    "failed",
+    "mission",
+    "take_off",
+    "land",
+    "attitude",
+    "rates",
+    "drive",
+]
+
+# Which field a kind of command cannot do without.
+_NEEDED_BY_KIND = {
+    "waypoint": "position_world_m",
+    "velocity": "velocity_world_m_s",
+    "declare_source": "declaration",
+    "mission": "waypoints",
+    "attitude": "attitude",
+    "rates": "rates",
+    "drive": "drive",
+}
+
+
+# The same as JSON Schema, so that other languages' validators find it too.
+def _needed_by_kind() -> list[JsonValue]:
+    return [
+        {
+            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+            "then": {"properties": {name: {"not": {"type": "null"}}}, "required": [name]},
+        }
+        for kind, name in _NEEDED_BY_KIND.items()
+    ]
+
+
+class Command(Message):
+    """An agent's answer to the observation of the same `tick`, on `agents/<id>/command`.
+
+    `waypoint` flies to `position_world_m` and holds there `hold_s` (absent: the briefing's);
+    `velocity` flies with `velocity_world_m_s` and does not stop for the next command, which is asked for after
+    `hold_s`; at the edge of the room the vehicle stops by itself;
+    `hold` stays for `hold_s`; `noop` changes nothing; `declare_source` states `declaration` and holds.
+    `failed` is written by the runtime in place of an agent that is gone: nothing follows it on this port.
+    `contract` (since 1.1) may say in the first command which contract the agent was made for, as `1.1` or `1.1+hash`;
+    the door reads it and does not pass it on. `outgoing` (since 1.1) are texts for other agents, sent with a command of
+    any kind.
+    Since 1.1 also: `mission` flies to all `waypoints` and then asks; `take_off` rises from where it has landed to the
+    briefing's search height; `land` comes down, stands and stops its rotors; `attitude` and `rates` leave attitude or
+    rates of a multirotor to the agent, and `drive` the speed and turning of a vehicle on wheels: they hold until the
+    next command, which is asked for after `hold_s`.
+    With `waypoint`, `velocity` and `hold` the vehicle looks towards `yaw_rad`, counter-clockwise from world x, or along
+    its path with `faces_path`; with neither it goes on to look where it did.
+    `belief` (since 1.2) publishes where the agent believes the source to be, with a command of any kind; at most one a
+    second of simulated time is taken.
+    """
+
+    kind: CommandKind
+    position_world_m: Vec3 | None = None
+    hold_s: HoldTime | None = None
+    declaration: Declaration | None = None
+    reason: Annotated[str, StringConstraints(max_length=500)] = ""
+    velocity_world_m_s: Vec3 | None = None
+    contract: Annotated[str, StringConstraints(max_length=80)] | None = None
+    outgoing: Annotated[tuple[RadioMessage, ...], Field(max_length=16)] = ()
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=1, max_length=1000)] | None = None
+    attitude: AttitudeSetpoint | None = None
+    rates: RateSetpoint | None = None
+    drive: DriveSetpoint | None = None
+    yaw_rad: Angle | None = None
+    faces_path: bool = False
+    belief: Belief | None = None
+
+    def check_together(self) -> None:
+        """Raise ValueError where what the kind of command cannot do without is missing; see `Record`."""
+        needed = _NEEDED_BY_KIND.get(self.kind)
+        if needed is not None and getattr(self, needed) is None:
+            raise ValueError(f"a {self.kind} command needs {needed}")
+
+    @classmethod
+    def json_schema_extra(cls) -> dict[str, JsonValue]:
+        """Return the same rule in words of JSON Schema; see `Record`."""
+        return {"allOf": _needed_by_kind()}
+
+    @property
+    def closes_port(self) -> bool:
+        """True when no further message follows on this port."""
+        return self.kind == "failed"
+
+
+# All kinds that an agent may write; `failed` is the runtime's.
+AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
+
 
 CONTRACT_VERSION = "1.2"
 
@@ -149,7 +380,7 @@ class CameraImage(Record):
 
 
 class CameraFrame(Record):
-    """What one camera sees; part of `CameraFrames`. Since contract 1.1."""
+    """Image of one camera; part of `CameraFrames`. Since contract 1.1."""
 
     agent: Name
     sensor: Name
@@ -178,7 +409,7 @@ class RadioReception(Record):
 
 
 class RadioTransmission(Record):
-    """What became of a text that was sent at the end of the tick before; part of `RadioTraffic`.
+    """Fate of a text that was sent at the end of the tick before; part of `RadioTraffic`.
 
     It is heard by `reached`, after the channel's delay; by `lost` it would have been, but for the channel's losses; the
     other members it was meant for were `out_of_range`. `refusal` says why it was not sent at all.
@@ -200,7 +431,7 @@ class RadioArrival(Record):
 
 
 class RadioTraffic(Message):
-    """What is on the air. Written by radio on `truth/radio` every tick, in runs whose scenario has channels. Truth.
+    """Texts on the air. Written by radio on `truth/radio` every tick, in runs whose scenario has channels. Truth.
 
     By sender's name, in the order of the sender's command; arrivals by their sending tick first. Since contract 1.1.
     """
@@ -251,7 +482,7 @@ class Bounds(Record):
 
 
 class Briefing(Message):
-    """What an agent is told once, before its first observation. Written by sensing on `agents/<id>/briefing`.
+    """Mission and sensors of an agent, once before its first observation, by sensing on `agents/<id>/briefing`.
 
     `seed` is the agent's own seed for its random draws; `bounds` is the room. `tick` is 0.
     `contract_version` and `contract_hash` (since 1.1) say which contract the run speaks: an agent made for another
@@ -284,7 +515,7 @@ class Briefing(Message):
 
 
 class Reading(Record):
-    """What one instrument reports: one or several numbers in `unit` (see the sensor's description).
+    """Output of one instrument: one or several numbers in `unit` (see the sensor's description).
 
     `is_saturated` says that the instrument is at the end of its range; `is_warming_up` (since 1.1) that it does not
     measure yet, and that its values mean nothing. `array` and `image` (since 1.1) are what does not fit `values`:
@@ -327,7 +558,7 @@ class Observation(Message):
 
     @property
     def is_question(self) -> bool:
-        """Whether the agent is asked."""
+        """True when the agent is asked for a command."""
         return self.awaiting_command
 
     def reading(self, sensor: str) -> Reading:
@@ -343,7 +574,7 @@ class Observation(Message):
 
 
 class Ending(Message):
-    """Told to an agent when the run is over, on `agents/<id>/ending`: it should exit."""
+    """End of the run, sent to an agent on `agents/<id>/ending`: it should exit."""
 
     reason: str
 
@@ -352,7 +583,7 @@ class Ending(Message):
 
 
 class BeliefScore(Record):
-    """How good a belief is, by the truth; part of `AgentScore` and `AgentResult`. Since contract 1.2.
+    """Quality of a belief, by the truth; part of `AgentScore` and `AgentResult`. Since contract 1.2.
 
     `expected_distance_m` is the mean distance of the believed places to the nearest source: the earth mover's distance
     of the belief to the truth. `mass_near_frac` is the probability within the success radius of a source,
@@ -367,7 +598,7 @@ class BeliefScore(Record):
 
 
 class AgentScore(Record):
-    """How one agent stands at this tick; `belief` (since 1.2) judges the last belief that it published, if any."""
+    """Standing of one agent at this tick; `belief` (since 1.2) judges the last belief that it published, if any."""
 
     agent: Name
     distance_to_source_m: float
@@ -408,7 +639,7 @@ class RefereeEvent(Record):
 
 
 class Score(Message):
-    """How all agents stand. Written by referee on `referee/score` every tick.
+    """Standing of all agents. Written by referee on `referee/score` every tick.
 
     `is_final` announces that the verdict of the same tick follows on `referee/verdict` and the run ends.
     """

@@ -1,4 +1,4 @@
-"""What a participant declares and what a core is: the plug between models and the runtime."""
+"""Interface between models and the runtime: cores, what they declare, and what else they may support."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Read:
 
 @dataclass(frozen=True, kw_only=True)
 class ParticipantSpec:
-    """The declared dataflow of one participant; it steps every tick from 0.
+    """Declared dataflow of one participant; it steps every tick from 0.
 
     `window_ticks` is the credit: no writer this participant reads from runs further ahead of it.
     """
@@ -53,7 +53,7 @@ class Episode:
     """
 
     seed: int
-    is_rehearsal: bool = False
+    is_warmup: bool = False
 
 
 Inbox = Mapping[str, Message]
@@ -84,8 +84,8 @@ class Core(Protocol):
 
 
 @runtime_checkable
-class Closes(Protocol):
-    """A core that holds something open, such as a file: it is closed after the last tick, whatever ended the run."""
+class SupportsClose(Protocol):
+    """Core that holds something open, such as a file: it is closed after the last tick, whatever ended the run."""
 
     def close(self) -> None:
         """Let go of it; called once."""
@@ -93,20 +93,20 @@ class Closes(Protocol):
 
 
 @runtime_checkable
-class Accounts(Protocol):
-    """A core that has something for `result.json` beside the verdict."""
+class SupportsSummary(Protocol):
+    """Core that adds figures to `result.json` beside the verdict."""
 
-    def account(self) -> Mapping[str, Any]:
-        """Return what it has to tell, by key of `result.json`, in plain values; called after the last tick."""
+    def summary(self) -> Mapping[str, Any]:
+        """Return the figures by key of `result.json`, in plain values; called after the last tick."""
         ...
 
 
 @runtime_checkable
-class WorksAhead(Protocol):
-    """A core that can do a part of its work before its inputs are there."""
+class SupportsPrefetch(Protocol):
+    """Core that can do a part of its work before its inputs are there."""
 
-    def work_ahead(self) -> bool:
-        """Do a small part of what later steps need whatever they are told, and return whether there was one to do.
+    def prefetch(self) -> bool:
+        """Do a small part of the work that any later step needs, and return whether there was one to do.
 
         It is called, or not, whenever the core waits for inputs: what the core writes must not depend on it.
         """
@@ -114,8 +114,8 @@ class WorksAhead(Protocol):
 
 
 @runtime_checkable
-class Snapshots(Protocol):
-    """A core that tells its state itself, because it holds what nobody else can look into, such as a C library's.
+class SupportsSnapshots(Protocol):
+    """Core that reads and restores its state itself, because it holds opaque objects, such as a C library's.
 
     The runtime looks through all other cores; see `docs/snapshots.md`.
     """
@@ -127,15 +127,15 @@ class Snapshots(Protocol):
         """
         ...
 
-    def bring_back(self, state: Mapping[str, Any]) -> None:
-        """Take a state that a core of the same scenario and code has told; called after `reset`, before any step."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore a state that a core of the same scenario and code has returned; called after `reset`."""
         ...
 
 
 @runtime_checkable
-class Rehearses(Protocol):
-    """A core that computes in flight what its first ticks do not reach."""
+class SupportsWarmup(Protocol):
+    """Core that computes in a run with kernels that its first ticks do not reach."""
 
-    def rehearse(self) -> None:
-        """Use those kernels once, after the made-up ticks and before the reset that begins the run."""
+    def warm_up(self) -> None:
+        """Use those kernels once, after the synthetic ticks and before the reset that starts the run."""
         ...

@@ -1,4 +1,4 @@
-"""What a run and a model of a user's own say to each other, through the gateway: a contract beside that of agents.
+"""Messages between a run and a model of a user's own, through the gateway: a contract beside that of agents.
 
 It has a version of its own: agents take no part in it, and their briefing does not change with it.
 """
@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import Field, StringConstraints
 
-from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.contract.messages import Bounds
+from gslcosim.contract.messages import Bounds, ParameterValue
 from gslcosim.contract.record import Message, Name, Record
 
 PARTICIPATION_VERSION = "1.0"
@@ -25,7 +24,7 @@ _Port = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 _Ports = Annotated[tuple[_Port, ...], Field(max_length=MAX_PORTS)]
 
 
-def own_port(participant: str, word: str) -> str:
+def build_own_port(participant: str, word: str) -> str:
     """Return the port of a participant's own that a word of its `writes` stands for."""
     return f"participant/{participant}/{word}"
 
@@ -66,7 +65,7 @@ class VehicleOfRun(Record):
 
 
 class ParticipantBriefing(Message):
-    """What a participant is told in answer to its hello. `tick` is 0.
+    """Ports, scenario and settings that a participant gets in answer to its hello. `tick` is 0.
 
     It steps at tick 0 and every `period_ticks` after it. `seed` is its own, for all that it draws at random; `bounds`
     is the room. `reads` and `writes` are the ports as the run understands them, `parameters` its settings in the
@@ -111,7 +110,7 @@ class ParticipantOutputs(Message):
 
 
 class ParticipantValues(Message):
-    """What a participant writes on a port of its own, `participant/<name>/<word>`, at each tick of its period.
+    """Values that a participant writes on a port of its own, `participant/<name>/<word>`, once a period.
 
     Numbers and truth values by name, curves in the recording; other participants may read them.
     """
@@ -119,7 +118,7 @@ class ParticipantValues(Message):
     values: Annotated[dict[Name, bool | float], Field(max_length=MAX_VALUES)]
 
 
-def payload_of_inputs(tick: int, time_s: float, payloads: Mapping[str, bytes]) -> bytes:
+def encode_inputs(tick: int, time_s: float, payloads: Mapping[str, bytes]) -> bytes:
     """Return the canonical bytes of `ParticipantInputs` from those of the messages in it.
 
     Args:

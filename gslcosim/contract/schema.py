@@ -1,15 +1,20 @@
-"""The contract as JSON Schema 2020-12, and its identity: a hash over what the schemas say, without their prose."""
+"""JSON Schemas of the contract, its identity as a hash without prose, and the check that both sides speak the same.
+
+`docs/contract-evolution.md` has the rules; decision 0008 says why an agent tells its contract in its first command.
+"""
 
 import hashlib
 import json
+import re
 from functools import cache
 from typing import Any, cast
 
+from gslcosim.base.errors import ContractError
 from gslcosim.contract import messages, participation
-from gslcosim.contract.description import description_of
+from gslcosim.contract.environment_messages import WindShare
 from gslcosim.contract.messages import CONTRACT_VERSION, Message
 from gslcosim.contract.participation import PARTICIPATION_VERSION
-from gslcosim.contract.ventilation import WindShare
+from gslcosim.contract.record import get_pydantic_model
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _BYTES = {"type": "string", "contentEncoding": "base64"}
@@ -17,61 +22,61 @@ _PROSE = ("title", "description")
 _LIMITS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
 
 
-def message_types() -> tuple[type[Message], ...]:
+def list_message_types() -> tuple[type[Message], ...]:
     """Return all message types of the contract, by name."""
     found = [item for item in vars(messages).values() if isinstance(item, type) and issubclass(item, Message)]
     return tuple(sorted((item for item in found if item is not Message), key=lambda item: item.__name__))
 
 
-def participation_types() -> tuple[type[Message], ...]:
+def list_participation_types() -> tuple[type[Message], ...]:
     """Return the message types between a run and models of a user's own, by name; agents meet none of them."""
     found = [item for item in vars(participation).values() if isinstance(item, type) and issubclass(item, Message)]
     own = (item for item in found if item.__module__ == participation.__name__)
     return tuple(sorted((*own, WindShare), key=lambda item: item.__name__))
 
 
-def published_types() -> tuple[type[Message], ...]:
+def list_published_types() -> tuple[type[Message], ...]:
     """Return all message types that are published, by name."""
-    return tuple(sorted((*message_types(), *participation_types()), key=lambda item: item.__name__))
+    return tuple(sorted((*list_message_types(), *list_participation_types()), key=lambda item: item.__name__))
 
 
-def json_schema_of(message_type: type[Message]) -> dict[str, Any]:
+def build_json_schema(message_type: type[Message]) -> dict[str, Any]:
     """Return the JSON Schema of a message, complete in itself.
 
     It is open: unknown keys are allowed. Two rules JSON Schema cannot say are left to the reader: a whole number
     written with a point (`3.0`) is no integer here, and reals are finite.
     """
     # pydantic's titles only repeat the names.
-    schema = _pruned(description_of(message_type).model_json_schema(), ("title",))
+    schema = _prune(get_pydantic_model(message_type).model_json_schema(), ("title",))
     name = message_type.__name__
-    is_agents = message_type in message_types()
+    is_agents = message_type in list_message_types()
     part = f"contract:{CONTRACT_VERSION}" if is_agents else f"participation:{PARTICIPATION_VERSION}"
     return {"$schema": DIALECT, "$id": f"urn:gslcosim:{part}:{name}", "title": name, **schema}
 
 
 @cache
-def contract_hash() -> str:
+def get_contract_hash() -> str:
     """Return the hash of the canonical JSON Schemas; two processes that speak the same contract have the same."""
-    return _hash_of(message_types())
+    return _hash_schemas(list_message_types())
 
 
 @cache
-def participation_hash() -> str:
+def get_participation_hash() -> str:
     """Return the hash of the canonical JSON Schemas of all that a participant may be sent or send."""
-    return _hash_of(published_types())
+    return _hash_schemas(list_published_types())
 
 
-def _hash_of(types: tuple[type[Message], ...]) -> str:
-    schemas = {item.__name__: _pruned(description_of(item).model_json_schema(), _PROSE) for item in types}
+def _hash_schemas(types: tuple[type[Message], ...]) -> str:
+    schemas = {item.__name__: _prune(get_pydantic_model(item).model_json_schema(), _PROSE) for item in types}
     text = json.dumps(schemas, sort_keys=True, separators=(",", ":"))
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 # pydantic's word for bytes is no standard's, and its versions differ in how they write limits (1 or 1.0). In
 # `properties` and `$defs` a key is a name, which may well be `title`; elsewhere it is a word of JSON Schema.
-def _pruned(schema: Any, dropped: tuple[str, ...]) -> Any:
+def _prune(schema: Any, dropped: tuple[str, ...]) -> Any:
     if isinstance(schema, list):
-        return [_pruned(item, dropped) for item in cast(list[Any], schema)]
+        return [_prune(item, dropped) for item in cast(list[Any], schema)]
     if not isinstance(schema, dict):
         return schema
     words = cast(dict[str, Any], schema)
@@ -80,9 +85,67 @@ def _pruned(schema: Any, dropped: tuple[str, ...]) -> Any:
     changed: dict[str, Any] = {}
     for word, value in words.items():
         if word in ("properties", "$defs"):
-            changed[word] = {name: _pruned(item, dropped) for name, item in value.items()}
+            changed[word] = {name: _prune(item, dropped) for name, item in value.items()}
         elif word in _LIMITS and float(value).is_integer():
             changed[word] = int(value)
         elif word not in dropped:
-            changed[word] = _pruned(value, dropped)
+            changed[word] = _prune(value, dropped)
     return changed
+
+
+_CONTRACT_PATTERN = re.compile(r"(?P<major>\d{1,6})\.(?P<minor>\d{1,6})(?:\+(?P<hash>[0-9a-f]{32}))?", re.ASCII)
+
+
+class ContractVersionError(ContractError):
+    """An agent was made for another major version of the contract; its author builds it again for this one."""
+
+
+def format_own_contract() -> str:
+    """Return what this code speaks, as an agent may tell it: version and hash."""
+    return f"{CONTRACT_VERSION}+{get_contract_hash()}"
+
+
+def check_contract(told: str) -> None:
+    """Check what the other side says it speaks.
+
+    Another minor version is fine in both directions: later fields are ignored or have defaults.
+
+    Args:
+        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+
+    Raises:
+        ContractVersionError: the major version is another one; nothing the other side says can be trusted.
+        ContractError: not of that form, or the same version with another hash; the messages may still fit.
+    """
+    found = check_version(told, CONTRACT_VERSION)
+    minor = CONTRACT_VERSION.split(".")[1]
+    is_same = int(found["minor"]) == int(minor)
+    if is_same and found["hash"] is not None and found["hash"] != get_contract_hash():
+        raise ContractError(
+            f"contract: expected hash {get_contract_hash()} for version {CONTRACT_VERSION}, was {found['hash']}. "
+            "The agent was made with another build of the contract; `gslcosim schema export` writes this one's."
+        )
+
+
+def check_version(told: str, spoken: str) -> re.Match[str]:
+    """Check the version in what the other side says it speaks, and return its parts: `major`, `minor`, `hash`.
+
+    Args:
+        told: `MAJOR.MINOR`, or `MAJOR.MINOR+HASH`.
+        spoken: The version of this side.
+
+    Raises:
+        ContractVersionError: the major version is another one.
+        ContractError: not of that form.
+    """
+    found = _CONTRACT_PATTERN.fullmatch(told)
+    if found is None:
+        raise ContractError(f"contract: expected MAJOR.MINOR or MAJOR.MINOR+HASH, was {told[:60]!r}.")
+    major = spoken.split(".")[0]
+    if int(found["major"]) != int(major):
+        raise ContractVersionError(
+            f"contract: expected major version {major} (this run speaks {spoken}), was "
+            f"{found['major']}.{found['minor']}. Build the agent with the contract of this gslcosim: "
+            "`gslcosim schema export` writes it."
+        )
+    return found

@@ -1,1 +1,1 @@
-"""Rooms: grids, occupancy, layouts, wind frames, and the folder that holds them."""
+"""Environments: grids, occupancy, layouts, wind frames, and the folder that holds them."""

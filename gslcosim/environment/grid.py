@@ -1,4 +1,4 @@
-"""The one grid type: which cell holds a point, and where a cell's centre is."""
+"""Grid of equal cubic cells: which cell holds a point, and where a cell's centre is."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.quantities import Vec3
+from gslcosim.base.quantities import Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""What every core knows of the room: geometry, occupancy and wind, read-only."""
+"""Environment model that every core shares: geometry, occupancy and wind, read-only."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,12 +8,12 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid import Grid
-from gslcosim.quantities import Vec3
 
 
 class Cell(IntEnum):
-    """What a cell of the occupancy grid holds; the numbers are GADEN's."""
+    """Content of a cell of the occupancy grid; the numbers are GADEN's."""
 
     FREE = 0
     SOLID = 1
@@ -109,8 +109,8 @@ AT_START: Closed = ("at start",)
 """In place of names: as at the start of a run. It is no name, which has no blank."""
 
 
-class Situation(NamedTuple):
-    """Which doors are closed, and the place of the event whose inlet makes the wind."""
+class EnvironmentVariant(NamedTuple):
+    """Variant of an environment: its closed doors, and the place of the event whose inlet makes the wind."""
 
     closed: Closed = ()
     i_wind: int = OWN_WIND
@@ -135,7 +135,7 @@ class Environment:
     content_hash: str
     lights: tuple[Light, ...] = ()
     meshes: tuple[VisualMesh, ...] = ()
-    later_rooms: Mapping[Situation, Self] = field(default_factory=dict[Situation, Self])
+    later_rooms: Mapping[EnvironmentVariant, Self] = field(default_factory=dict[EnvironmentVariant, Self])
 
     def by_doors(self) -> dict[Closed, Self]:
         """Return the room at the start as `AT_START`, and later rooms by their closed doors, whatever their wind.

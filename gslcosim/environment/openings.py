@@ -1,12 +1,12 @@
-"""Inlets and outlets: on which face of the room they lie, and how they snap to whole cells."""
+"""Inlets and outlets: the face of the environment on which they lie, and how they snap to whole cells."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.model import Opening
-from gslcosim.quantities import Vec3
 from gslcosim.scenario.models.scenario import OpeningSpec
 from gslcosim.scenario.problems import Problem
 
@@ -58,7 +58,7 @@ def default_outlet(size_m: Vec3, opening_m: tuple[float, float] | None = None) -
     return OpeningSpec(min_m=(x_m, y_m - width_m, 0.0), max_m=(x_m, y_m, height_m))
 
 
-def face_of(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
+def find_face(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
     """Return the face of the room that an opening lies flat on, if there is one."""
     for face in FACES:
         where_m = face.coordinate_m(grid)
@@ -68,9 +68,9 @@ def face_of(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
     return None
 
 
-def problems_of_opening(opening: OpeningSpec, grid: Grid, path: str) -> list[Problem]:
+def find_opening_problems(opening: OpeningSpec, grid: Grid, path: str) -> list[Problem]:
     """Return what is wrong with the place of an opening; `path` is where it stands in the scenario."""
-    face = face_of(opening, grid)
+    face = find_face(opening, grid)
     if face is None:
         return [
             Problem(
@@ -95,7 +95,7 @@ def problems_of_opening(opening: OpeningSpec, grid: Grid, path: str) -> list[Pro
     return problems
 
 
-def snapped(opening: OpeningSpec, grid: Grid, face: Face) -> tuple[Vec3, Vec3]:
+def snap_to_cells(opening: OpeningSpec, grid: Grid, face: Face) -> tuple[Vec3, Vec3]:
     """Return an opening's corners (min, max) [m] moved to borders of cells, at least one cell wide.
 
     Each edge goes to the nearest border; an edge half-way goes outward, so 1.5 m becomes 1.6 m with 0.2 m cells.
@@ -107,13 +107,13 @@ def snapped(opening: OpeningSpec, grid: Grid, face: Face) -> tuple[Vec3, Vec3]:
             lows_m.append(face.coordinate_m(grid))
             highs_m.append(face.coordinate_m(grid))
             continue
-        first, last = snapped_range(opening.min_m[axis], opening.max_m[axis], grid, axis, is_outward=True)
+        first, last = snap_range(opening.min_m[axis], opening.max_m[axis], grid, axis, is_outward=True)
         lows_m.append(border_m(grid, axis, first))
         highs_m.append(border_m(grid, axis, last))
     return (lows_m[0], lows_m[1], lows_m[2]), (highs_m[0], highs_m[1], highs_m[2])
 
 
-def snapped_range(low_m: float, high_m: float, grid: Grid, axis: int, *, is_outward: bool) -> tuple[int, int]:
+def snap_range(low_m: float, high_m: float, grid: Grid, axis: int, *, is_outward: bool) -> tuple[int, int]:
     """Return the cells [first, last) of a span on one axis, clipped to the grid, at least one where it overlaps it.
 
     Ends go to the nearest border of cells. An end half-way between two borders goes outward or, otherwise, up, which
@@ -148,7 +148,7 @@ def cells_at(opening: Opening, grid: Grid) -> tuple[slice, slice, slice]:
     Raises:
         ValueError: the opening is on no face of the grid.
     """
-    face = face_of(opening, grid)
+    face = find_face(opening, grid)
     if face is None:
         raise ValueError(f"opening {opening.name} is on no face of the grid: {_box(opening.min_m, opening.max_m)}")
     slices: list[slice] = []
@@ -156,14 +156,14 @@ def cells_at(opening: Opening, grid: Grid) -> tuple[slice, slice, slice]:
         if axis == face.axis:
             slices.append(slice(-1, None) if face.is_upper else slice(0, 1))
         else:
-            slices.append(slice(*snapped_range(opening.min_m[axis], opening.max_m[axis], grid, axis, is_outward=True)))
+            slices.append(slice(*snap_range(opening.min_m[axis], opening.max_m[axis], grid, axis, is_outward=True)))
     return slices[0], slices[1], slices[2]
 
 
 def are_overlapping(a: Opening, b: Opening, grid: Grid) -> bool:
     """Return whether two openings lie on one face and share a part of it, not only an edge."""
-    face = face_of(a, grid)
-    if face is None or face != face_of(b, grid):
+    face = find_face(a, grid)
+    if face is None or face != find_face(b, grid):
         return False
     return all(
         min(a.max_m[axis], b.max_m[axis]) - max(a.min_m[axis], b.min_m[axis]) > _ON_FACE_M
@@ -172,7 +172,7 @@ def are_overlapping(a: Opening, b: Opening, grid: Grid) -> bool:
     )
 
 
-def problems_of_inflow(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
+def find_inflow_problems(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
     """Return what is wrong with the wind at an inlet: still air is fine, air that does not enter is not."""
     if not any(velocity_m_s) or velocity_m_s[face.axis] * face.inward > 0:
         return ()
@@ -188,7 +188,7 @@ def problems_of_inflow(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
     )
 
 
-def notice_of_snapping(kind: str, before: OpeningSpec, after: tuple[Vec3, Vec3], cell_m: float) -> str | None:
+def describe_snapping(kind: str, before: OpeningSpec, after: tuple[Vec3, Vec3], cell_m: float) -> str | None:
     """Return a sentence that says how far an opening moved to whole cells; nothing when it did not."""
     moved_m = max(abs(b - a) for b, a in zip((*before.min_m, *before.max_m), (*after[0], *after[1]), strict=True))
     if moved_m <= _ON_FACE_M:

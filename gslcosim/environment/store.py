@@ -1,6 +1,10 @@
-"""The environment folder: a room with its wind on disk, format version 1.
+"""Environment folder: an environment with its wind on disk, format version 1, and its meshes as glTF.
 
-    environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
+Each mesh is a node of its name with one primitive: positions in single precision, indices, and a material with the base
+colour. glTF's y points up, so x, y, z are stored as x, z, -y; nothing else is done to the numbers, so reading returns
+what was written.
+
+environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
     visual.glb         meshes to be looked at (glTF 2.0, y up, metres; see `visual_meshes`); only where the header's
@@ -16,6 +20,7 @@ Unknown keys in environment.yaml are ignored; additions have defaults; a changed
 """
 
 import errno
+import io
 import re
 import shutil
 import uuid
@@ -29,15 +34,68 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gslcosim.environment.data_files import load_npy
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.foreign_json import describe_validation_errors
+from gslcosim.base.quantities import Vec3
+from gslcosim.environment.formats.data_files import load_npy
+from gslcosim.environment.geometry_model import content_hash
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, VisualMesh, WindFrames
-from gslcosim.environment.room import content_hash_of
-from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
-from gslcosim.errors import EnvironmentDataError
-from gslcosim.foreign_json import describe_validation_errors
-from gslcosim.quantities import Vec3
-from gslcosim.safe_files import read_regular_file
+
+
+def encode_glb(meshes: Sequence[VisualMesh]) -> bytes:
+    """Return meshes as a binary glTF file."""
+    # trimesh takes half a second to import, and only rooms with meshes need it.
+    import trimesh
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    scene = trimesh.Scene()
+    for mesh in meshes:
+        x, y, z = mesh.vertices_m.T
+        color = [round(channel * 255) for channel in mesh.rgba]
+        material = PBRMaterial(
+            name=mesh.name, baseColorFactor=color, alphaMode="BLEND" if mesh.rgba[3] < 1 else "OPAQUE", doubleSided=True
+        )
+        part = trimesh.Trimesh(
+            vertices=np.stack((x, z, -y), axis=1),
+            faces=mesh.faces,
+            process=False,
+            visual=TextureVisuals(material=material),
+        )
+        scene.add_geometry(part, node_name=mesh.name, geom_name=mesh.name)
+    content = scene.export(file_type="glb")
+    assert isinstance(content, bytes), "glb is bytes"
+    return content
+
+
+def load_visual_meshes(path: Path, names: Sequence[str]) -> tuple[VisualMesh, ...]:
+    """Return the meshes of a file of `encode_glb`, in the order of their names.
+
+    Raises:
+        EnvironmentDataError: the file is missing or damaged, or holds other meshes.
+    """
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type="glb", process=False)
+        return tuple(_mesh_of(name, scene.geometry[name]) for name in names)
+    except FileNotFoundError as error:
+        raise EnvironmentDataError(f"{path.name}: expected meshes, was missing.\nFile: {path}") from error
+    except Exception as error:
+        # The library raises whatever its parser runs into: each of it means that the file is damaged.
+        raise EnvironmentDataError(
+            f"{path.name}: expected whole glTF with {len(names)} meshes, was {path.stat().st_size} bytes that are not "
+            f"({type(error).__name__}: {error}). Make the environment again.\nFile: {path}"
+        ) from error
+
+
+def _mesh_of(name: str, part: Any) -> VisualMesh:
+    x, up, south = np.asarray(part.vertices).T
+    r, g, b, a = (float(channel) / 255 for channel in part.visual.material.main_color)
+    return VisualMesh.of(name, np.stack((x, -south, up), axis=1), np.asarray(part.faces), (r, g, b, a))
+
 
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE: Final = "environment.yaml"
@@ -135,7 +193,7 @@ def save_environment(
         np.save(beside / OCCUPANCY_FILE, np.ascontiguousarray(environment.occupancy, dtype=np.uint8))
         np.save(beside / WIND_FILE, np.ascontiguousarray(environment.wind.velocity_m_s, dtype="<f4"))
         if environment.meshes:
-            (beside / MESHES_FILE).write_bytes(glb_of(environment.meshes))
+            (beside / MESHES_FILE).write_bytes(encode_glb(environment.meshes))
         (beside / HEADER_FILE).write_text(_header_text(environment, made_from, notices), encoding="utf-8")
         for name, content in (extras or {}).items():
             (beside / name).write_bytes(content)
@@ -169,7 +227,7 @@ def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: boo
         lights=tuple(Light(**light.model_dump()) for light in header.lights),
         meshes=_load_meshes(folder, header) if with_meshes or check_hash else (),
     )
-    if check_hash and (found := content_hash_of(environment, environment.wind)) != header.content_hash:
+    if check_hash and (found := content_hash(environment, environment.wind)) != header.content_hash:
         raise EnvironmentDataError(
             f"content_hash: expected {header.content_hash}, was {found}. "
             f"A file was changed after it was saved; make the environment again.\nFolder: {folder}"

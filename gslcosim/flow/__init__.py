@@ -1,14 +1,15 @@
-"""Offline wind: incompressible flow on a staggered grid, from a room's geometry to velocities at cell centres."""
+"""Wind solvers: incompressible flow on a staggered grid, from a geometry to velocities at cell centres."""
 
-from gslcosim.errors import FlowError
-from gslcosim.flow.plot import plot_history
+from gslcosim.base.errors import FlowError
+from gslcosim.flow.boundaries.inflow import Schedule, log_profile, parabolic_profile
+from gslcosim.flow.boundaries.patches import Inlet, MovingWall, Open, Outlet, Patch, SlipWall
+from gslcosim.flow.convergence import ConvergenceResult, WindowCheck
+from gslcosim.flow.history_plot import plot_history
 from gslcosim.flow.report import WindReport
-from gslcosim.flow.settling import Settling, WindowCheck
 from gslcosim.flow.solve import solve_wind, solve_wind_report
-from gslcosim.flow.walls.inflow import Schedule, log_profile, parabolic_profile
-from gslcosim.flow.walls.patches import Inlet, MovingWall, Open, Outlet, Patch, SlipWall
 
 __all__ = [
+    "ConvergenceResult",
     "FlowError",
     "Inlet",
     "MovingWall",
@@ -16,7 +17,6 @@ __all__ = [
     "Outlet",
     "Patch",
     "Schedule",
-    "Settling",
     "SlipWall",
     "WindReport",
     "WindowCheck",

@@ -1,4 +1,4 @@
-"""A developed flow to begin with, solved on cells of twice the size, where a second of flow costs a sixteenth."""
+"""Coarse start: a developed flow solved on cells of twice the size, where a second of flow costs a sixteenth."""
 
 import math
 from collections.abc import Callable
@@ -8,15 +8,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import FlowError
-from gslcosim.flow.pressure_kernels import HIGH, LOW
-from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, SettlingWatch, settling_window_s
+from gslcosim.base.errors import FlowError
+from gslcosim.flow.boundaries.domain import Domain, build_domain
+from gslcosim.flow.boundaries.padding import clear_ghosts
+from gslcosim.flow.boundaries.patches import Inlet, Patch
+from gslcosim.flow.boundaries.placement import PlacedPatch
+from gslcosim.flow.convergence import WIND_TOLERANCE_FRAC, ConvergenceMonitor, settling_window_s
+from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, Velocity, make_model, still_velocity
-from gslcosim.flow.walls.boundary import clear_ghosts
-from gslcosim.flow.walls.domain import Domain, build_domain
-from gslcosim.flow.walls.patches import Inlet, Patch
-from gslcosim.flow.walls.placement import PlacedPatch
 
 # Below so many cells a flow from still air develops in seconds of computing; chosen.
 LEAST_CELLS = 30_000
@@ -29,8 +29,8 @@ _Number = TypeVar("_Number", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Numerics:
-    """How a flow is solved, on whichever cells; see `solve_wind_report`."""
+class SolverNumerics:
+    """Numerical settings of a solve, on whichever cells; see `solve_wind_report`."""
 
     turbulence: str
     nu_m2_s: float
@@ -46,7 +46,7 @@ class Numerics:
 
 
 def develop_on_coarse_cells(
-    domain: Domain, numerics: Numerics, *, max_time_s: float, progress: Callable[[float], None] | None = None
+    domain: Domain, numerics: SolverNumerics, *, max_time_s: float, progress: Callable[[float], None] | None = None
 ) -> FlowSolver | None:
     """Solve the start of a flow on cells of twice the size, until its energy no longer changes.
 
@@ -63,11 +63,14 @@ def develop_on_coarse_cells(
     """
     is_steady = all(p.inflow and p.inflow.factor is None and p.inflow.velocity is None for p in domain.inlets)
     is_long = domain.n_air >= LEAST_CELLS and max_time_s < N_WINDOWS_FROM_STILL * settling_window_s(domain)
-    coarse_domain = coarsened(domain) if is_steady and is_long else None
+    coarse_domain = coarsen_domain(domain) if is_steady and is_long else None
     if coarse_domain is None:
         return None
     longest_s = LONGEST_START * max_time_s
-    watch, solver = SettlingWatch(coarse_domain, tolerance_frac=WIND_TOLERANCE_FRAC), numerics.solver(coarse_domain)
+    watch, solver = (
+        ConvergenceMonitor(coarse_domain, tolerance_frac=WIND_TOLERANCE_FRAC),
+        numerics.solver(coarse_domain),
+    )
     try:
         while solver.time_s < longest_s and not watch.has_developed:
             record = solver.step(until_s=min(longest_s, watch.next_stop_s(solver.time_s)))
@@ -80,14 +83,14 @@ def develop_on_coarse_cells(
     return solver
 
 
-def continue_on_fine_cells(coarse: FlowSolver, domain: Domain, numerics: Numerics) -> FlowSolver:
+def continue_on_fine_cells(coarse: FlowSolver, domain: Domain, numerics: SolverNumerics) -> FlowSolver:
     """Return a solver on cells of half the size whose flow is that of another; its time begins anew."""
     fine = numerics.solver(domain, initial_velocity=spread_velocity(coarse, domain))
-    take_up(coarse, fine)
+    transfer_state(coarse, fine)
     return fine
 
 
-def coarsened(domain: Domain) -> Domain | None:
+def coarsen_domain(domain: Domain) -> Domain | None:
     """Return a domain on cells of twice the size; nothing where its openings do not fit them or air no longer passes.
 
     A cell of two in each direction is air when more than half of it is, so that walls one cell thick stay closed.
@@ -155,7 +158,7 @@ def _without_divergence(solver: FlowSolver) -> Velocity:
     return u, v, w
 
 
-def take_up(coarse: FlowSolver, fine: FlowSolver) -> None:
+def transfer_state(coarse: FlowSolver, fine: FlowSolver) -> None:
     """Give a solver on cells of half the size the pressure and the turbulence of a flow; see `spread_velocity`."""
     is_known = _spread(coarse.domain.air, fine.domain.shape) & fine.domain.air[_INNER]
     fine.pressure[_INNER] = np.where(is_known, _spread(coarse.pressure, fine.domain.shape), np.float32(0))

@@ -1,4 +1,4 @@
-"""Two winds in the same room: how alike they are; and both solvers on one room, with their times."""
+"""Comparison of two winds in one environment, and of both solvers with their times."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import ShapeError
+from gslcosim.base.errors import ShapeError
+from gslcosim.flow.boundaries.patches import Patch
 from gslcosim.flow.openfoam import find_installation, solve_wind_openfoam
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence, solve_wind
-from gslcosim.flow.walls.patches import Patch
 
 
 @dataclass(frozen=True, kw_only=True)
-class Likeness:
-    """How alike two fields a and b are over the air's cells.
+class FieldSimilarity:
+    """Similarity of two fields a and b over the air's cells.
 
     Attributes:
         correlation: Pearson's, of all values; of a velocity: of all components of all cells.
@@ -35,11 +35,11 @@ class Likeness:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindAgreement(Likeness):
-    """How alike two winds are: all components together, each component, and the speed."""
+class WindAgreement(FieldSimilarity):
+    """Agreement of two winds: all components together, each component, and the speed."""
 
-    components: tuple[Likeness, Likeness, Likeness]
-    speed: Likeness
+    components: tuple[FieldSimilarity, FieldSimilarity, FieldSimilarity]
+    speed: FieldSimilarity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,12 +92,12 @@ def compare_winds(a_m_s: NDArray[np.floating], b_m_s: NDArray[np.floating], free
     return WindAgreement(**vars(_likeness(a.ravel(), b.ravel())), components=(u, v, w), speed=speed)
 
 
-def _likeness(a: NDArray[np.float64], b: NDArray[np.float64]) -> Likeness:
+def _likeness(a: NDArray[np.float64], b: NDArray[np.float64]) -> FieldSimilarity:
     rms_a, rms_b = (float(np.sqrt(np.mean(values**2))) for values in (a, b))
     spread = float(a.std() * b.std())
     covariance = float(np.mean((a - a.mean()) * (b - b.mean())))
     rms_difference = float(np.sqrt(np.mean((a - b) ** 2)))
-    return Likeness(
+    return FieldSimilarity(
         correlation=covariance / spread if spread > 0 else float("nan"),
         rms_relative=rms_difference / rms_b if rms_b > 0 else float("nan"),
         bias=float(np.mean(a - b)),

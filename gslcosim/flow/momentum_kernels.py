@@ -10,7 +10,7 @@ friction at walls is added afterwards by `wall_kernels`.
 import numba
 import numpy as np
 
-from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow.pressure import HIGH, LOW
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -1,12 +1,328 @@
-"""The pressure solver: makes a staggered velocity field divergence-free."""
+# pyright: basic
+"""Pressure solver: makes a staggered velocity field divergence-free, by multigrid-preconditioned conjugate gradients.
+
+All arrays are padded: cell (0, 0, 0) is at index (2, 2, 2), with two cells below and three above per axis.
+Padding of potentials, right-hand sides and coefficients of closed faces is zero and stays so.
+
+The system is  sum over the six faces of  a_f (x_c - x_n) = b_c,  a_f >= 0 the face's coefficient:
+0 closed, 1 between two air cells, 2 to an outlet (x = 0 on the face, half a cell away).
+"""
+
+# ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow import pressure_kernels as kernels
-from gslcosim.flow.pressure_kernels import HIGH, LOW
+LOW = 2  # padding below cell 0 on every axis
+HIGH = 3  # padding above the last cell: one face more than cells, and the advection stencil's reach
+
+
+@numba.njit(cache=True, nogil=True)
+def negative_divergence(u, v, w, x_coefficient, y_coefficient, z_coefficient, b):
+    """Write inflow minus outflow of every cell, b = -(div u) h, and return its root mean square and maximum.
+
+    b_c = u_i - u_{i+1} + v_j - v_{j+1} + w_k - w_{k+1}
+    [m/s] = [m/s]
+
+    Cells without an open face (solids) get zero.
+
+    Args:
+        u: Padded x-face velocities [m/s]; u[i, j, k] is on the low-x face of cell (i, j, k).
+        v: Same on low-y faces [m/s].
+        w: Same on low-z faces [m/s].
+        x_coefficient: Face coefficients of the pressure system, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        b: Written: padded right-hand side [m/s].
+
+    Returns:
+        (sum of squares over cells [m2/s2], largest magnitude [m/s]).
+
+    Held by:
+        tests/unit/flow/test_pressure.py (zero for a linear solenoidal field)
+    """
+    nx, ny, nz = b.shape
+    row = np.zeros(nz, np.float32)
+    largest = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                is_open = (
+                    x_coefficient[i, j, k] + x_coefficient[i + 1, j, k]
+                    + y_coefficient[i, j, k] + y_coefficient[i, j + 1, k]
+                    + z_coefficient[i, j, k] + z_coefficient[i, j, k + 1]
+                ) > 0  # fmt: skip
+                net = u[i, j, k] - u[i + 1, j, k] + v[i, j, k] - v[i, j + 1, k] + w[i, j, k] - w[i, j, k + 1]
+                b[i, j, k] = net if is_open else np.float32(0)
+            for k in range(LOW, nz - HIGH):
+                row[k] += b[i, j, k] * b[i, j, k]
+                largest[k] = max(largest[k], abs(b[i, j, k]))
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total, np.max(largest)
+
+
+@numba.njit(cache=True, nogil=True)
+def subtract_gradient(u, v, w, x, x_coefficient, y_coefficient, z_coefficient):
+    """Correct face velocities in place so that they are divergence-free: u_f -= a_f (x_c - x_low).
+
+    [m/s] = [m/s]: x is the pressure times dt / h.
+
+    Args:
+        u: Padded x-face velocities [m/s], modified.
+        v: y-face velocities [m/s], modified.
+        w: z-face velocities [m/s], modified.
+        x: Padded solution of the pressure system [m/s].
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+
+    Held by:
+        tests/unit/flow/test_pressure.py (divergence after a projection)
+    """
+    nx, ny, nz = x.shape
+    for i in range(LOW, nx - HIGH + 1):
+        for j in range(LOW, ny - HIGH + 1):
+            for k in range(LOW, nz - HIGH + 1):
+                u[i, j, k] -= x_coefficient[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
+            for k in range(LOW, nz - HIGH + 1):
+                v[i, j, k] -= y_coefficient[i, j, k] * (x[i, j, k] - x[i, j - 1, k])
+            for k in range(LOW, nz - HIGH + 1):
+                w[i, j, k] -= z_coefficient[i, j, k] * (x[i, j, k] - x[i, j, k - 1])
+
+
+@numba.njit(cache=True, nogil=True)
+def accumulate_scaled(target, x, factor):
+    """Add factor * x to the target in place (all padding included)."""
+    nx, ny, nz = x.shape
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                target[i, j, k] += factor * x[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def smooth_first_colour(x, b, inverse_diagonal, colour_masks, colour):
+    """Start a Gauss-Seidel sweep from x = 0: one colour becomes b / diagonal, the other 0.
+
+    Args:
+        x: Written: padded potential [m/s].
+        b: Padded right-hand side [m/s].
+        inverse_diagonal: 1 / sum of the six coefficients, 0 in solids.
+        colour_masks: (2, nz) float32, 1 where k has the parity of the row's index.
+        colour: 0 or 1, the parity of i + j + k that is set.
+    """
+    nx, ny, nz = x.shape
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            parity = (i + j + colour) & 1
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] = colour_masks[parity, k] * b[i, j, k] * inverse_diagonal[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def smooth_colour(x, b, x_coefficient, y_coefficient, z_coefficient, inverse_diagonal, colour_masks, colour):
+    """Solve the equation of every cell of one chequerboard colour for its own value, in place.
+
+    x_c = (b_c + sum a_f x_n) / sum a_f   for cells with (i + j + k) mod 2 = colour
+
+    The whole row is computed and only one colour of it taken over: that vectorises, a stride of two does not.
+    Cells of one colour do not touch, so their order does not matter.
+
+    Args:
+        x: Padded potential [m/s], modified.
+        b: Padded right-hand side [m/s].
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        inverse_diagonal: 1 / sum of the six coefficients, 0 in solids.
+        colour_masks: (2, nz) float32, 1 where k has the parity of the row's index.
+        colour: 0 or 1.
+
+    Held by:
+        tests/unit/flow/test_pressure.py (the V-cycle is symmetric and contracts)
+    """
+    nx, ny, nz = x.shape
+    row = np.empty(nz, np.float32)
+    ax, ay, az = x_coefficient, y_coefficient, z_coefficient
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                row[k] = (
+                    b[i, j, k]
+                    + ax[i, j, k] * x[i - 1, j, k] + ax[i + 1, j, k] * x[i + 1, j, k]
+                    + ay[i, j, k] * x[i, j - 1, k] + ay[i, j + 1, k] * x[i, j + 1, k]
+                    + az[i, j, k] * x[i, j, k - 1] + az[i, j, k + 1] * x[i, j, k + 1]
+                ) * inverse_diagonal[i, j, k]  # fmt: skip
+            parity = (i + j + colour) & 1
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] += colour_masks[parity, k] * (row[k] - x[i, j, k])
+
+
+@numba.njit(cache=True, nogil=True)
+def restrict_residual(x, b, x_coefficient, y_coefficient, z_coefficient, coarse_b):
+    """Sum the residual b - A x of the eight cells below each coarse cell.
+
+    Args:
+        x: Padded potential [m/s].
+        b: Padded right-hand side [m/s].
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        coarse_b: Written: right-hand side of the coarser level [m/s].
+    """
+    ncx, ncy, ncz = coarse_b.shape
+    nx, ny, nz = x.shape
+    ax, ay, az = x_coefficient, y_coefficient, z_coefficient
+    row = np.zeros(nz + 1, np.float32)
+    for ci in range(LOW, ncx - HIGH):
+        for cj in range(LOW, ncy - HIGH):
+            row[:] = 0
+            for child in range(4):
+                i = 2 * ci - LOW + child // 2
+                j = 2 * cj - LOW + child % 2
+                if i >= nx - HIGH or j >= ny - HIGH:  # the outer half of the last coarse cell of an odd count
+                    continue
+                for k in range(LOW, nz - HIGH):
+                    row[k] += b[i, j, k] - (
+                        ax[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
+                        + ax[i + 1, j, k] * (x[i, j, k] - x[i + 1, j, k])
+                        + ay[i, j, k] * (x[i, j, k] - x[i, j - 1, k])
+                        + ay[i, j + 1, k] * (x[i, j, k] - x[i, j + 1, k])
+                        + az[i, j, k] * (x[i, j, k] - x[i, j, k - 1])
+                        + az[i, j, k + 1] * (x[i, j, k] - x[i, j, k + 1])
+                    )
+            for ck in range(LOW, ncz - HIGH):
+                k = 2 * ck - LOW
+                coarse_b[ci, cj, ck] = row[k] + row[k + 1]
+
+
+@numba.njit(cache=True, nogil=True)
+def prolong(x, coarse_x, inverse_diagonal):
+    """Add each coarse cell's correction to the (up to) eight cells below it, in place; solids stay 0.
+
+    Args:
+        x: Padded potential of the finer level [m/s], modified.
+        coarse_x: Padded correction [m/s].
+        inverse_diagonal: Of the finer level; 0 marks solids.
+    """
+    nx, ny, nz = x.shape
+    row = np.zeros(nz + 2, np.float32)
+    for i in range(LOW, nx - HIGH):
+        ci = (i + LOW) // 2
+        for j in range(LOW, ny - HIGH):
+            cj = (j + LOW) // 2
+            for ck in range(LOW, coarse_x.shape[2] - HIGH):
+                row[2 * ck - LOW] = coarse_x[ci, cj, ck]
+                row[2 * ck - LOW + 1] = coarse_x[ci, cj, ck]
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] += row[k] if inverse_diagonal[i, j, k] > 0 else np.float32(0)
+
+
+@numba.njit(cache=True, nogil=True)
+def apply_operator(x, x_coefficient, y_coefficient, z_coefficient, ax_out):
+    """Write A x and return x . A x.
+
+    (A x)_c = sum a_f (x_c - x_n)
+
+    Args:
+        x: Padded vector.
+        x_coefficient: Face coefficients, low-x faces.
+        y_coefficient: Same, low-y faces.
+        z_coefficient: Same, low-z faces.
+        ax_out: Written: padded product.
+
+    Returns:
+        The scalar product of x and A x, summed along rows, then over rows in index order (float64).
+    """
+    nx, ny, nz = x.shape
+    ax, ay, az = x_coefficient, y_coefficient, z_coefficient
+    row = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                ax_out[i, j, k] = (
+                    ax[i, j, k] * (x[i, j, k] - x[i - 1, j, k])
+                    + ax[i + 1, j, k] * (x[i, j, k] - x[i + 1, j, k])
+                    + ay[i, j, k] * (x[i, j, k] - x[i, j - 1, k])
+                    + ay[i, j + 1, k] * (x[i, j, k] - x[i, j + 1, k])
+                    + az[i, j, k] * (x[i, j, k] - x[i, j, k - 1])
+                    + az[i, j, k + 1] * (x[i, j, k] - x[i, j, k + 1])
+                )
+            for k in range(LOW, nz - HIGH):
+                row[k] += x[i, j, k] * ax_out[i, j, k]
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def descend(x, residual, direction, a_direction, step):
+    """Take one step of conjugate gradients in place: x += s d, r -= s A d.
+
+    Args:
+        x: Padded solution, modified.
+        residual: Padded residual b - A x, modified.
+        direction: Padded search direction d.
+        a_direction: A d.
+        step: s.
+
+    Returns:
+        (sum of squares of the new residual, its largest magnitude).
+    """
+    nx, ny, nz = x.shape
+    step32 = np.float32(step)
+    row = np.zeros(nz, np.float32)
+    largest = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                x[i, j, k] += step32 * direction[i, j, k]
+            for k in range(LOW, nz - HIGH):
+                residual[i, j, k] -= step32 * a_direction[i, j, k]
+            for k in range(LOW, nz - HIGH):
+                row[k] += residual[i, j, k] * residual[i, j, k]
+                largest[k] = max(largest[k], abs(residual[i, j, k]))
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total, np.max(largest)
+
+
+@numba.njit(cache=True, nogil=True)
+def scalar_product(x, y):
+    """Return x . y over the cells, summed along rows, then over rows in index order (float64)."""
+    nx, ny, nz = x.shape
+    row = np.zeros(nz, np.float32)
+    total = 0.0
+    for i in range(LOW, nx - HIGH):
+        row[:] = 0
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                row[k] += x[i, j, k] * y[i, j, k]
+        for k in range(LOW, nz - HIGH):
+            total += row[k]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_direction(direction, preconditioned, factor):
+    """Form the next search direction in place: d = z + factor d."""
+    nx, ny, nz = direction.shape
+    factor32 = np.float32(factor)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                direction[i, j, k] = preconditioned[i, j, k] + factor32 * direction[i, j, k]
+
 
 F32 = NDArray[np.float32]
 
@@ -21,7 +337,7 @@ def padded(shape: tuple[int, int, int]) -> F32:
 
 @dataclass(frozen=True, kw_only=True)
 class SolveStats:
-    """How a pressure solve went: iterations, and the largest residual before and after [m/s]."""
+    """Statistics of a pressure solve: iterations, and the largest residual before and after [m/s]."""
 
     iterations: int
     first_max_m_s: float
@@ -53,7 +369,7 @@ class _Level:
 
     # One red-black sweep from x = 0 towards the right-hand side b.
     def smooth_from_zero(self, b: F32) -> None:
-        kernels.smooth_first_colour(self.x, b, self.inverse_diagonal, self.colour_masks, 0)
+        smooth_first_colour(self.x, b, self.inverse_diagonal, self.colour_masks, 0)
         self._smooth(b, 1)
 
     # The mirror image of the sweep above, so that the whole cycle is symmetric.
@@ -66,7 +382,7 @@ class _Level:
         self._smooth(b, 1)
 
     def _smooth(self, b: F32, colour: int) -> None:
-        kernels.smooth_colour(self.x, b, *self.coefficients, self.inverse_diagonal, self.colour_masks, colour)
+        smooth_colour(self.x, b, *self.coefficients, self.inverse_diagonal, self.colour_masks, colour)
 
     # Coefficient of a coarse face: half the sum of the four fine ones on it (area over distance).
     def coarsened(self) -> "tuple[F32, F32, F32]":
@@ -151,13 +467,13 @@ class PressureSolver:
             Iterations and residuals.
         """
         fine = self._fine
-        sum_of_squares, first = kernels.negative_divergence(u, v, w, *fine.coefficients, fine.b)
+        sum_of_squares, first = negative_divergence(u, v, w, *fine.coefficients, fine.b)
         if self._is_closed:
             self._remove_mean(fine.b)
         self.x[:] = 0
         target = tolerance_m_s**2 * self._n_air
         iterations, last = self._iterate(sum_of_squares, float(first), target, max_tolerance_m_s, max_iterations)
-        kernels.subtract_gradient(u, v, w, self.x, *fine.coefficients)
+        subtract_gradient(u, v, w, self.x, *fine.coefficients)
         return SolveStats(iterations=iterations, first_max_m_s=float(first), last_max_m_s=last)
 
     # Conjugate gradients on A x = b with b in the finest level's `b`, which becomes the residual.
@@ -171,14 +487,14 @@ class PressureSolver:
             if not (sum_of_squares > target or largest > max_target):  # also ends at once on NaN
                 return iteration, largest
             self._precondition()
-            product = kernels.scalar_product(fine.x, fine.b)
+            product = scalar_product(fine.x, fine.b)
             factor = product / previous_product if iteration else 0.0
-            kernels.turn_direction(direction, fine.x, factor)
-            curvature = kernels.apply_operator(direction, *fine.coefficients, self._a_direction)
+            turn_direction(direction, fine.x, factor)
+            curvature = apply_operator(direction, *fine.coefficients, self._a_direction)
             if not curvature > 0:
                 return iteration, largest
             step = product / curvature
-            sum_of_squares, last = kernels.descend(self.x, fine.b, direction, self._a_direction, step)
+            sum_of_squares, last = descend(self.x, fine.b, direction, self._a_direction, step)
             largest, previous_product = float(last), product
         return max_iterations, largest
 
@@ -186,7 +502,7 @@ class PressureSolver:
     def _precondition(self) -> None:
         for fine, coarse in zip(self.levels, self.levels[1:]):
             fine.smooth_from_zero(fine.b)
-            kernels.restrict_residual(fine.x, fine.b, *fine.coefficients, coarse.b)
+            restrict_residual(fine.x, fine.b, *fine.coefficients, coarse.b)
         coarsest = self.levels[-1]
         coarsest.smooth_from_zero(coarsest.b)
         for _ in range(_COARSEST_SWEEPS):
@@ -194,7 +510,7 @@ class PressureSolver:
             coarsest.smooth_back(coarsest.b)
         coarsest.smooth_back(coarsest.b)
         for fine, coarse in zip(self.levels[-2::-1], self.levels[:0:-1]):
-            kernels.prolong(fine.x, coarse.x, fine.inverse_diagonal)
+            prolong(fine.x, coarse.x, fine.inverse_diagonal)
             fine.smooth_back(fine.b)
         if self._is_closed:
             self._remove_mean(self._fine.x)

@@ -1,4 +1,4 @@
-"""What a solve tells about itself beside the wind."""
+"""Report of a solve beside the wind: steps, mass balance, history and whether it settled."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.flow.convergence import ConvergenceResult
 from gslcosim.flow.pressure import F32
-from gslcosim.flow.settling import Settling
 from gslcosim.flow.solver import StepRecord
 from gslcosim.flow.turbulence import Velocity
 
@@ -42,7 +42,7 @@ class WindReport:
     n_air_cells: int
     n_cut_off_cells: int
     history: tuple[StepRecord, ...]
-    settling: Settling | None = None
+    settling: ConvergenceResult | None = None
     frames_m_s: F32 | None = None
     frame_times_s: NDArray[np.float64] | None = None
 

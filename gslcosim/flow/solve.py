@@ -1,4 +1,4 @@
-"""From a room to its wind: the functions that the rest of gslcosim and its users call."""
+"""Wind of an environment: the functions that the rest of gslcosim and its users call."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,19 +7,17 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import FlowError
-from gslcosim.flow.coarse_start import Numerics, continue_on_fine_cells, develop_on_coarse_cells
-from gslcosim.flow.frames import FrameKeeper
-from gslcosim.flow.means import MeanFrom
-from gslcosim.flow.pressure import F32
-from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.base.errors import FlowError
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.boundaries.padding import clear_ghosts
+from gslcosim.flow.boundaries.patches import Patch
+from gslcosim.flow.coarse_start import SolverNumerics, continue_on_fine_cells, develop_on_coarse_cells
+from gslcosim.flow.convergence import WIND_TOLERANCE_FRAC, ConvergenceMonitor, ConvergenceResult
+from gslcosim.flow.observers import FrameRecorder, MeanRecorder
+from gslcosim.flow.pressure import F32, HIGH, LOW
 from gslcosim.flow.report import WindReport
-from gslcosim.flow.settling import WIND_TOLERANCE_FRAC, Settling, SettlingWatch
 from gslcosim.flow.solver import FlowSolver, StepRecord, mass_balance
 from gslcosim.flow.turbulence import Velocity
-from gslcosim.flow.walls.boundary import clear_ghosts
-from gslcosim.flow.walls.domain import build_domain
-from gslcosim.flow.walls.patches import Patch
 
 AIR_NU_M2_S = 1.5e-5
 MAX_TIME_S = 600.0
@@ -138,23 +136,25 @@ def solve_wind_report(
         raise FlowError(f"nu_m2_s: expected a viscosity above 0 m2/s, was {nu_m2_s}; air has {AIR_NU_M2_S}.")
     domain = build_domain(free, cell_m, patches)
     limit_s = max_time_s if end_time_s is None else end_time_s
-    numerics = Numerics(turbulence=turbulence, nu_m2_s=nu_m2_s, courant=courant, max_step_s=max_step_s or math.inf)
+    numerics = SolverNumerics(
+        turbulence=turbulence, nu_m2_s=nu_m2_s, courant=courant, max_step_s=max_step_s or math.inf
+    )
     watch = mean = frames = coarse = None
     if end_time_s is None:
         if save_every_s is None:
             start_progress = _share_of(progress, 0.0, START_SHARE)
             coarse = develop_on_coarse_cells(domain, numerics, max_time_s=max_time_s, progress=start_progress)
         progress = _share_of(progress, 0.0 if coarse is None else START_SHARE, 1.0)
-        watch = SettlingWatch(
+        watch = ConvergenceMonitor(
             domain,
             tolerance_frac=settle_tolerance_frac,
             coarse_start_s=0.0 if coarse is None else coarse.time_s,
             max_time_s=max_time_s,
         )
     elif average_from_s is not None:
-        mean = MeanFrom(domain, average_from_s)
+        mean = MeanRecorder(domain, average_from_s)
     if save_every_s is not None:
-        frames = FrameKeeper(domain, save_every_s=save_every_s, save_from_s=save_from_s, end_s=limit_s)
+        frames = FrameRecorder(domain, save_every_s=save_every_s, save_from_s=save_from_s, end_s=limit_s)
     solver = numerics.solver(domain) if coarse is None else continue_on_fine_cells(coarse, domain, numerics)
     if frames is not None:
         frames.start(solver)
@@ -194,7 +194,7 @@ def _check_times(
 def _run(
     solver: FlowSolver,
     limit_s: float,
-    watch: SettlingWatch | None,
+    watch: ConvergenceMonitor | None,
     observers: Sequence[_Observer],
     progress: Callable[[float], None] | None,
 ) -> list[StepRecord]:
@@ -215,8 +215,8 @@ def _report(
     solver: FlowSolver,
     velocity: Velocity,
     history: tuple[StepRecord, ...],
-    settling: Settling | None,
-    frames: FrameKeeper | None,
+    settling: ConvergenceResult | None,
+    frames: FrameRecorder | None,
 ) -> WindReport:
     domain = solver.domain
     divergence_m_s = solver.divergence_m_s(velocity)

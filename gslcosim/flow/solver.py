@@ -1,4 +1,4 @@
-"""The time stepping: Heun's method with one projection per step and a time step by Courant number."""
+"""Time stepping: Heun's method with one projection per step and a time step by Courant number."""
 
 import math
 from dataclasses import dataclass
@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import FlowError
-from gslcosim.flow import momentum_kernels, pressure_kernels
-from gslcosim.flow.pressure import F32, PressureSolver, SolveStats, padded
-from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.base.errors import FlowError
+from gslcosim.flow import momentum_kernels, pressure
+from gslcosim.flow.boundaries import opening_edge_kernels, wall_friction
+from gslcosim.flow.boundaries.domain import Domain
+from gslcosim.flow.boundaries.padding import fill_padding, impose_inlets, impose_open_pressure
+from gslcosim.flow.pressure import F32, HIGH, LOW, PressureSolver, SolveStats, padded
 from gslcosim.flow.turbulence import TurbulenceModel, Velocity, still_velocity
-from gslcosim.flow.walls import lip_kernels, wall_kernels
-from gslcosim.flow.walls.boundary import fill_padding, impose_inlets, impose_open_pressure
-from gslcosim.flow.walls.domain import Domain
 
 _RUNAWAY_SPEEDS = 50.0  # times the largest speed on the boundary; beyond, the solve has diverged
 _VISCOUS_LIMIT = 0.07  # nu dt / h^2; Heun is stable up to 1/12 where the stress acts on a not yet projected field
@@ -132,7 +131,7 @@ class FlowSolver:
         impose_inlets(self.domain, self.velocity, end_s)
         stats = self._projection.project(*self.velocity, tolerance_m_s=self._tolerance_m_s)
         factor = np.float32(self.domain.cell_m / dt_s)
-        pressure_kernels.accumulate_scaled(self.pressure, self._projection.x, factor)
+        pressure.accumulate_scaled(self.pressure, self._projection.x, factor)
         self.n_steps += 1
         self.time_s = end_s
         return self._record(survey, dt_s, stats)
@@ -154,9 +153,7 @@ class FlowSolver:
     def divergence_m_s(self, velocity: Velocity | None = None) -> float:
         """Return the largest |div u| h of a cell [m/s]."""
         scratch = padded(self.domain.shape)
-        _, largest = pressure_kernels.negative_divergence(
-            *(velocity or self.velocity), *self.domain.coefficients, scratch
-        )
+        _, largest = pressure.negative_divergence(*(velocity or self.velocity), *self.domain.coefficients, scratch)
         return float(largest)
 
     # One stage of Heun's method, boundary values and wall friction included.
@@ -172,12 +169,12 @@ class FlowSolver:
                 dt_s, domain.cell_m, weight, out[axis],
             )  # fmt: skip
         for lip in domain.lips:
-            lip_kernels.carry_past_lips(
+            opening_edge_kernels.carry_past_edges(
                 start[lip.component].ravel(), start[lip.carrier].ravel(), lip.near, lip.behind, lip.through,
                 lip.target, lip.away, lip.inward, dt_s, domain.cell_m, weight, out[lip.component].ravel(),
             )  # fmt: skip
         for axis in range(3):
-            wall_kernels.rub(
+            wall_friction.apply_friction(
                 start[axis].ravel(), out[axis].ravel(), walls.faces[axis], walls.owners[axis],
                 walls.wall_speed_m_s[axis], model.friction_m_s, dt_s, domain.cell_m, weight,
             )  # fmt: skip

@@ -1,17 +1,295 @@
-"""Turbulence models: what eddy viscosity and wall friction the momentum equation sees."""
+# pyright: basic
+"""Turbulence models: eddy viscosity and wall friction that the momentum equation sees.
+
+Padding and index order are those of `pressure_kernels`; scalars are at cell centres.
+"""
+
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
 from typing import Protocol
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow import turbulence_kernels as kernels
-from gslcosim.flow.pressure import F32, padded
-from gslcosim.flow.pressure_kernels import HIGH, LOW
-from gslcosim.flow.walls import wall_kernels
-from gslcosim.flow.walls.domain import Domain
-from gslcosim.flow.walls.patches import Inlet
-from gslcosim.flow.walls.placement import PlacedPatch
+from gslcosim.flow.boundaries import wall_friction
+from gslcosim.flow.boundaries.domain import Domain
+from gslcosim.flow.boundaries.patches import Inlet
+from gslcosim.flow.boundaries.placement import PlacedPatch
+from gslcosim.flow.pressure import F32, HIGH, LOW, padded
+
+C_MU = 0.09
+C_1 = 1.44
+C_2 = 1.92
+SIGMA_K = 1.0
+SIGMA_EPSILON = 1.3
+K_FLOOR_M2_S2 = 1e-10
+EPSILON_FLOOR_M2_S3 = 1e-12
+
+
+@numba.njit(cache=True, nogil=True)
+def strain_squared(u, v, w, cell_m, out):
+    """Write 2 S:S at cell centres, S the strain rate, from central differences of the face velocities.
+
+    2 S:S = 2 (u_x^2 + v_y^2 + w_z^2) + (u_y + v_x)^2 + (u_z + w_x)^2 + (v_z + w_y)^2
+    [1/s2] = [m/s / m]^2
+
+    Args:
+        u: Padded x-face velocities [m/s].
+        v: y-face velocities [m/s].
+        w: z-face velocities [m/s].
+        cell_m: Edge of a cell [m].
+        out: Written: padded 2 S:S [1/s2].
+
+    Held by:
+        tests/unit/flow/test_turbulence.py (exact for linear fields)
+    """
+    nx, ny, nz = u.shape
+    per_cell = np.float32(1 / cell_m)
+    quarter = np.float32(0.25 / cell_m)
+    two = np.float32(2)
+    row = np.zeros(nz, np.float32)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                a = per_cell * (u[i + 1, j, k] - u[i, j, k])
+                b = per_cell * (v[i, j + 1, k] - v[i, j, k])
+                c = per_cell * (w[i, j, k + 1] - w[i, j, k])
+                row[k] = two * (a * a + b * b + c * c)
+            for k in range(LOW, nz - HIGH):
+                s = quarter * (
+                    u[i, j + 1, k] + u[i + 1, j + 1, k] - u[i, j - 1, k] - u[i + 1, j - 1, k]
+                    + v[i + 1, j, k] + v[i + 1, j + 1, k] - v[i - 1, j, k] - v[i - 1, j + 1, k]
+                )  # fmt: skip
+                row[k] += s * s
+            for k in range(LOW, nz - HIGH):
+                s = quarter * (
+                    u[i, j, k + 1] + u[i + 1, j, k + 1] - u[i, j, k - 1] - u[i + 1, j, k - 1]
+                    + w[i + 1, j, k] + w[i + 1, j, k + 1] - w[i - 1, j, k] - w[i - 1, j, k + 1]
+                )  # fmt: skip
+                row[k] += s * s
+            for k in range(LOW, nz - HIGH):
+                s = quarter * (
+                    v[i, j, k + 1] + v[i, j + 1, k + 1] - v[i, j, k - 1] - v[i, j + 1, k - 1]
+                    + w[i, j + 1, k] + w[i, j + 1, k + 1] - w[i, j - 1, k] - w[i, j - 1, k + 1]
+                )  # fmt: skip
+                out[i, j, k] = row[k] + s * s
+
+
+@numba.njit(cache=True, nogil=True)
+def production_from_strain(nu, nu_m2_s, production):
+    """Turn 2 S:S into the production of turbulence energy, P = nu_t 2 S:S [m2/s3], in place.
+
+    Args:
+        nu: Padded total viscosity, nu_t + nu_m2_s in air and 0 elsewhere [m2/s].
+        nu_m2_s: Molecular viscosity [m2/s].
+        production: Padded 2 S:S [1/s2], becomes P.
+    """
+    nx, ny, nz = nu.shape
+    molecular = np.float32(nu_m2_s)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                production[i, j, k] *= max(nu[i, j, k] - molecular, np.float32(0))
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _limited_value(speed, courant, far_low, low, high, far_high):
+    # Upwind value moved to the middle of the time step, van Leer's limiter without a division by zero.
+    is_forward = speed > 0
+    centre = low if is_forward else high
+    behind = far_low if is_forward else far_high
+    ahead = high if is_forward else low
+    a = centre - behind
+    b = ahead - centre
+    product = a * b
+    total = a + b
+    slope = np.float32(2) * product / (total if total != 0 else np.float32(1))
+    slope = slope if product > 0 else np.float32(0)
+    return centre + np.float32(0.5) * (np.float32(1) - courant) * slope
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _flux_row(speed, far_low, low, high, far_high, nu_low, nu_high, molecular, per_sigma, per_cell, dt, row, n_k):
+    # Advective and diffusive flux of a scalar through one row of faces; the five rows are those around the faces.
+    for k in range(LOW, n_k):
+        courant = abs(speed[k]) * dt * per_cell
+        row[k] = speed[k] * _limited_value(speed[k], courant, far_low[k], low[k], high[k], far_high[k])
+    half = np.float32(0.5)
+    for k in range(LOW, n_k):
+        both = min(nu_low[k], nu_high[k])
+        diffusivity = molecular + per_sigma * (half * (nu_low[k] + nu_high[k]) - molecular)
+        diffusivity = diffusivity if both > 0 else np.float32(0)
+        row[k] -= diffusivity * per_cell * (high[k] - low[k])
+
+
+@numba.njit(cache=True, nogil=True)
+def transport_scalar(scalar, u, v, w, nu, nu_m2_s, sigma, dt_s, cell_m, out):
+    """Advect and diffuse a scalar for one time step (sources and sinks are the caller's).
+
+    out = s + dt (-div(u s) + div((nu + nu_t / sigma) grad s))
+    [s] = [s] + [s] [1/s]
+
+    One explicit step: the face value is upwind plus a van Leer slope, taken at the middle of the time step, so it is
+    of second order in smooth regions and makes no new extremes. Nothing diffuses into solids or through the box.
+
+    Args:
+        scalar: Padded scalar at cell centres; its padding at inlets holds the incoming value.
+        u: Padded x-face velocities [m/s].
+        v: y-face velocities [m/s].
+        w: z-face velocities [m/s].
+        nu: Padded total viscosity nu_t + nu_m2_s, 0 outside air [m2/s].
+        nu_m2_s: Molecular viscosity [m2/s].
+        sigma: Turbulent Prandtl number of the scalar.
+        dt_s: Time step [s].
+        cell_m: Edge of a cell [m].
+        out: Written: padded scalar after the step; not `scalar`.
+
+    Stability: (|u| + |v| + |w|) dt < h and nu dt < h^2 / 6, which `solver` sees to.
+    Source: van Leer 1974, doi:10.1016/0021-9991(74)90019-9 (limiter).
+    Held by: tests/unit/flow/test_turbulence.py (total kept; constant stays; no new extremes)
+    """
+    nx, ny, nz = scalar.shape
+    per_cell = np.float32(1 / cell_m)
+    dt = np.float32(dt_s)
+    molecular = np.float32(nu_m2_s)
+    per_sigma = np.float32(1 / sigma)
+    n_k = nz - HIGH
+    s = scalar
+    x_low = np.zeros((ny, nz), np.float32)
+    x_high = np.zeros(nz, np.float32)
+    y_low = np.zeros(nz, np.float32)
+    y_high = np.zeros(nz, np.float32)
+    z = np.zeros(nz, np.float32)
+    for j in range(LOW, ny - HIGH):
+        _flux_row(
+            u[LOW, j], s[LOW - 2, j], s[LOW - 1, j], s[LOW, j], s[LOW + 1, j], nu[LOW - 1, j], nu[LOW, j],
+            molecular, per_sigma, per_cell, dt, x_low[j], n_k,
+        )  # fmt: skip
+    for i in range(LOW, nx - HIGH):
+        _flux_row(
+            v[i, LOW], s[i, LOW - 2], s[i, LOW - 1], s[i, LOW], s[i, LOW + 1], nu[i, LOW - 1], nu[i, LOW],
+            molecular, per_sigma, per_cell, dt, y_low, n_k,
+        )  # fmt: skip
+        for j in range(LOW, ny - HIGH):
+            _flux_row(
+                u[i + 1, j], s[i - 1, j], s[i, j], s[i + 1, j], s[i + 2, j], nu[i, j], nu[i + 1, j],
+                molecular, per_sigma, per_cell, dt, x_high, n_k,
+            )  # fmt: skip
+            _flux_row(
+                v[i, j + 1], s[i, j - 1], s[i, j], s[i, j + 1], s[i, j + 2], nu[i, j], nu[i, j + 1],
+                molecular, per_sigma, per_cell, dt, y_high, n_k,
+            )  # fmt: skip
+            _z_flux_row(s[i, j], w[i, j], nu[i, j], molecular, per_sigma, per_cell, dt, z, n_k)
+            for k in range(LOW, n_k):
+                change = x_low[j, k] - x_high[k] + y_low[k] - y_high[k] + z[k] - z[k + 1]
+                out[i, j, k] = s[i, j, k] + dt * per_cell * change
+            x_low[j, :] = x_high
+            y_low[:] = y_high
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _z_flux_row(s, w, nu, molecular, per_sigma, per_cell, dt, row, n_k):
+    half = np.float32(0.5)
+    for k in range(LOW, n_k + 1):
+        courant = abs(w[k]) * dt * per_cell
+        row[k] = w[k] * _limited_value(w[k], courant, s[k - 2], s[k - 1], s[k], s[k + 1])
+    for k in range(LOW, n_k + 1):
+        both = min(nu[k - 1], nu[k])
+        diffusivity = molecular + per_sigma * (half * (nu[k - 1] + nu[k]) - molecular)
+        diffusivity = diffusivity if both > 0 else np.float32(0)
+        row[k] -= diffusivity * per_cell * (s[k] - s[k - 1])
+
+
+@numba.njit(cache=True, nogil=True)
+def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s):
+    """Apply production and dissipation to the moved k and epsilon, sinks implicitly, in place.
+
+    k = (k' + dt P) / (1 + dt e / k)
+    e = (e' + dt C_1 P e / k) / (1 + dt C_2 e / k)         primes: after transport; right-hand k, e: before the step
+    [m2/s2], [m2/s3]
+
+    Args:
+        k_old: Padded turbulence energy before the step [m2/s2].
+        e_old: Padded dissipation before the step [m2/s3].
+        k_moved: Padded energy after transport, becomes the new energy [m2/s2].
+        e_moved: Padded dissipation after transport, becomes the new dissipation [m2/s3].
+        production: Padded P [m2/s3].
+        nu: Padded total viscosity; 0 marks what is not air and stays untouched.
+        dt_s: Time step [s].
+
+    Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, equations 2.2-2.4 (C_1 1.44, C_2 1.92).
+    Held by: tests/unit/flow/test_turbulence.py (decay)
+    """
+    nx, ny, nz = k_old.shape
+    dt = np.float32(dt_s)
+    one = np.float32(1)
+    c_1 = np.float32(C_1)
+    c_2 = np.float32(C_2)
+    k_floor = np.float32(K_FLOOR_M2_S2)
+    e_floor = np.float32(EPSILON_FLOOR_M2_S3)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                rate = e_old[i, j, k] / max(k_old[i, j, k], k_floor)
+                energy = (k_moved[i, j, k] + dt * production[i, j, k]) / (one + dt * rate)
+                loss = (e_moved[i, j, k] + dt * c_1 * rate * production[i, j, k]) / (one + dt * c_2 * rate)
+                is_air = nu[i, j, k] > 0
+                k_moved[i, j, k] = max(energy, k_floor) if is_air else k_old[i, j, k]
+                e_moved[i, j, k] = max(loss, e_floor) if is_air else e_old[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation):
+    """Take over the new k and epsilon and set nu = nu_m2_s + C_mu k^2 / epsilon [m2/s] in air.
+
+    Args:
+        k_new: Padded new energy [m2/s2].
+        e_new: Padded new dissipation [m2/s3].
+        nu_m2_s: Molecular viscosity [m2/s].
+        nu: Padded total viscosity, modified where it is not 0.
+        energy: Written: copy of `k_new` in all cells of the box.
+        dissipation: Written: copy of `e_new`.
+
+    Source: Launder and Spalding 1974, equation 2.1 (C_mu 0.09).
+    """
+    nx, ny, nz = nu.shape
+    molecular = np.float32(nu_m2_s)
+    c_mu = np.float32(C_MU)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                eddy = c_mu * k_new[i, j, k] * k_new[i, j, k] / max(e_new[i, j, k], np.float32(EPSILON_FLOOR_M2_S3))
+                nu[i, j, k] = molecular + eddy if nu[i, j, k] > 0 else np.float32(0)
+                energy[i, j, k] = k_new[i, j, k]
+            for k in range(LOW, nz - HIGH):
+                dissipation[i, j, k] = e_new[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def eddy_viscosity_smagorinsky(strain, constant, nu_m2_s, cell_m, nu):
+    """Set nu = nu_m2_s + (C h)^2 |S| in air, |S| = sqrt(2 S:S).
+
+    [m2/s] = [m]^2 [1/s]
+
+    Args:
+        strain: Padded 2 S:S [1/s2].
+        constant: Smagorinsky's C.
+        nu_m2_s: Molecular viscosity [m2/s].
+        cell_m: Edge of a cell, h [m].
+        nu: Padded total viscosity, modified where it is not 0.
+
+    Source: Smagorinsky 1963, doi:10.1175/1520-0493(1963)091<0099:GCEWTP>2.3.CO;2.
+    """
+    nx, ny, nz = nu.shape
+    molecular = np.float32(nu_m2_s)
+    squared_length = np.float32((constant * cell_m) ** 2)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                total = molecular + squared_length * np.sqrt(strain[i, j, k])
+                nu[i, j, k] = total if nu[i, j, k] > 0 else np.float32(0)
+
 
 Velocity = tuple[F32, F32, F32]
 
@@ -40,7 +318,7 @@ class Laminar:
     def __init__(self, domain: Domain, nu_m2_s: float) -> None:
         self.nu = _molecular(domain, nu_m2_s)
         self.friction_m_s = np.zeros(domain.friction.cells.size)
-        wall_kernels.viscous_friction(self.friction_m_s, nu_m2_s, domain.cell_m)
+        wall_friction.viscous_friction(self.friction_m_s, nu_m2_s, domain.cell_m)
 
     def update(self, velocity: Velocity, dt_s: float, scratch: Velocity) -> None:
         """Do nothing."""
@@ -64,10 +342,10 @@ class Smagorinsky:
         """Recompute eddy viscosity and friction."""
         cell_m, walls = self._domain.cell_m, self._domain.friction
         u, v, w = velocity
-        kernels.strain_squared(*velocity, cell_m, scratch[0])
-        kernels.eddy_viscosity_smagorinsky(scratch[0], self._constant, self._nu_m2_s, cell_m, self.nu)
+        strain_squared(*velocity, cell_m, scratch[0])
+        eddy_viscosity_smagorinsky(scratch[0], self._constant, self._nu_m2_s, cell_m, self.nu)
         _, ny, nz = self.nu.shape
-        wall_kernels.power_law_friction(
+        wall_friction.power_law_friction(
             walls.cells, walls.velocity_m_s, u.ravel(), v.ravel(), w.ravel(), ny * nz, nz,
             self._nu_m2_s, cell_m, self.friction_m_s,
         )  # fmt: skip
@@ -102,18 +380,18 @@ class KEpsilon:
         u, v, w = velocity
         _, ny, nz = self.nu.shape
         self._fill_outlets()
-        kernels.strain_squared(*velocity, cell_m, production)
-        kernels.production_from_strain(self.nu, self._nu_m2_s, production)
-        wall_kernels.wall_production(
+        strain_squared(*velocity, cell_m, production)
+        production_from_strain(self.nu, self._nu_m2_s, production)
+        wall_friction.wall_production(
             walls.cells, walls.velocity_m_s, u.ravel(), v.ravel(), w.ravel(), ny * nz, nz, self.k.ravel(),
             self._nu_m2_s, self.friction_m_s, cell_m, production.ravel(),
         )  # fmt: skip
         for scalar, sigma, moved in (
-            (self.k, kernels.SIGMA_K, k_new),
-            (self.epsilon, kernels.SIGMA_EPSILON, e_new),
+            (self.k, SIGMA_K, k_new),
+            (self.epsilon, SIGMA_EPSILON, e_new),
         ):
-            kernels.transport_scalar(scalar, *velocity, self.nu, self._nu_m2_s, sigma, dt_s, cell_m, moved)
-        kernels.react_k_epsilon(self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s)
+            transport_scalar(scalar, *velocity, self.nu, self._nu_m2_s, sigma, dt_s, cell_m, moved)
+        react_k_epsilon(self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s)
         self._take_over(k_new, e_new)
 
     def set_turbulence(self, k_m2_s2: F32, epsilon_m2_s3: F32) -> None:
@@ -123,9 +401,9 @@ class KEpsilon:
     # Make the new k and epsilon current, with the walls' values, and derive viscosity and friction.
     def _take_over(self, k_new: F32, e_new: F32) -> None:
         cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self._nu_m2_s
-        wall_kernels.wall_dissipation(cells, k_new.ravel(), nu, cell_m, e_new.ravel())
-        kernels.eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon)
-        wall_kernels.log_law_friction(cells, self.k.ravel(), nu, cell_m, self.friction_m_s)
+        wall_friction.wall_dissipation(cells, k_new.ravel(), nu, cell_m, e_new.ravel())
+        eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon)
+        wall_friction.log_law_friction(cells, self.k.ravel(), nu, cell_m, self.friction_m_s)
 
     # Outside an outlet k and epsilon are those inside.
     def _fill_outlets(self) -> None:
@@ -152,7 +430,7 @@ def inlet_turbulence(placed: PlacedPatch, domain: Domain) -> tuple[float, float]
     sides = [(row.stop - row.start) * domain.cell_m for row in placed.rows]
     length = 0.1 * min(sides)
     k = max(1.5 * (inlet.turbulence_intensity * speed) ** 2, 1e-8)
-    return k, kernels.C_MU**0.75 * k**1.5 / length
+    return k, C_MU**0.75 * k**1.5 / length
 
 
 def make_model(name: str, domain: Domain, nu_m2_s: float) -> TurbulenceModel:

@@ -1,1 +1,1 @@
-"""Method cards: what a search method needs, knows and can be set to, readable without running it."""
+"""Method cards: needs, knowledge and settings of a search method, readable without running it."""

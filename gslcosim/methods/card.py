@@ -1,4 +1,4 @@
-"""The card of a search method: a YAML file beside its program, read without running anything of it."""
+"""Card of a search method: a YAML file beside its program, read without running anything of it."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal, Self
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.yaml_core import CoreLoader
+from gslcosim.contract.messages import ParameterValue
 from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS
-from gslcosim.safe_files import read_regular_file
-from gslcosim.yaml_core import CoreLoader
 
 CARD_FILE = "method.yaml"
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")

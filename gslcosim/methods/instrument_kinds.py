@@ -1,4 +1,4 @@
-"""The kinds of instruments that a method may need, by what they report."""
+"""Kinds of instruments that a method may need, by what they report."""
 
 from collections.abc import Callable, Iterable
 
@@ -47,7 +47,7 @@ INSTRUMENT_KINDS: dict[str, tuple[Callable[[SensorDescription], bool], str]] = {
 }
 
 
-def count_of_kind(kind: str, sensors: Iterable[SensorDescription]) -> int:
+def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
     """Return how many sensors are of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
     is_of_kind, _ = INSTRUMENT_KINDS[kind]
     return sum(is_of_kind(sensor) for sensor in sensors)

@@ -1,4 +1,4 @@
-"""Whether a vehicle, a grant of knowledge and parameters are enough for a method, by its card."""
+"""Check of a method's needs: sensors of the vehicle, granted knowledge and parameters."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 from gslcosim.contract.messages import SensorDescription
 from gslcosim.methods.card import MethodCard
-from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS, count_of_kind
+from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS, count_instruments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class Shortage:
         return f"{self.part}: expected {self.expected}, was {self.found}. {self.remedy}"
 
 
-def shortages_of(
+def find_shortages(
     card: MethodCard,
     *,
     sensors: Iterable[SensorDescription],
@@ -51,7 +51,7 @@ def shortages_of(
 
 def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Shortage]:
     for kind, n_needed in card.needs.sensors.items():
-        n_found = count_of_kind(kind, sensors)
+        n_found = count_instruments(kind, sensors)
         if n_found < n_needed:
             yield Shortage(
                 part="sensors",

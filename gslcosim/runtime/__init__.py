@@ -1,1 +1,1 @@
-"""Hosts cores in one process or behind a bus, and supervises; the only code that waits or reads a clock."""
+"""Runtime: hosts cores in one process or behind a bus, and supervises; the only code that waits or reads a clock."""

@@ -1,12 +1,12 @@
-"""The declared dataflow of a run: who reads what from whom, checked before anything starts."""
+"""Declared dataflow of a run: who reads what from whom, checked before anything starts."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from gslcosim.base.errors import DataflowError
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import ParticipantSpec, Write
-from gslcosim.errors import DataflowError
 
 ONCE = "once"
 
@@ -23,8 +23,8 @@ class Dataflow:
     participants: tuple[ParticipantSpec, ...]
 
     def __post_init__(self) -> None:
-        problems = [*port_problems(self.participants), *self._announcement_problems()]
-        if not problems and (cycle := cycle_without_delay(self.participants)):
+        problems = [*find_port_problems(self.participants), *self._announcement_problems()]
+        if not problems and (cycle := find_undelayed_cycle(self.participants)):
             problems = [f"{' → '.join([*cycle, cycle[0]])}: expected a delay of at least 1 tick on one of these reads."]
         if problems:
             raise DataflowError("The dataflow cannot run:\n" + "\n".join(f"  {problem}" for problem in problems))
@@ -59,7 +59,7 @@ class Dataflow:
         done: list[str] = []
         while len(done) < len(self.participants):
             ready = (
-                p.name for p in self.participants if p.name not in done and _waits_for(p, self.writer_of) <= {*done}
+                p.name for p in self.participants if p.name not in done and _list_awaited(p, self.writer_of) <= {*done}
             )
             done.append(next(ready))
         return tuple(done)
@@ -70,7 +70,7 @@ class Dataflow:
         for name in self.order():
             participant = self.by_name[name]
             reads = ", ".join(f"{r.port}[k-{r.delay_ticks}]" if r.delay_ticks else r.port for r in participant.reads)
-            writes = ", ".join(_write_text(write) for write in participant.writes)
+            writes = ", ".join(_format_write(write) for write in participant.writes)
             lines.append(f"{name}: reads {reads or 'nothing'}; writes {writes or 'nothing'}")
         return "\n".join(lines) + "\n"
 
@@ -89,7 +89,7 @@ class Dataflow:
                     )
 
 
-def port_problems(participants: Sequence[ParticipantSpec]) -> Iterable[str]:
+def find_port_problems(participants: Sequence[ParticipantSpec]) -> Iterable[str]:
     """Yield what is wrong with the ports of participants: no writer or several, or an impossible delay."""
     written: dict[str, str] = {}
     for participant in participants:
@@ -107,10 +107,10 @@ def port_problems(participants: Sequence[ParticipantSpec]) -> Iterable[str]:
                 yield f"{participant.name} reads its own {read.port}: expected a delay of at least 1 tick."
 
 
-def cycle_without_delay(participants: Sequence[ParticipantSpec]) -> list[str]:
+def find_undelayed_cycle(participants: Sequence[ParticipantSpec]) -> list[str]:
     """Return the participants of a ring of reads without any delay, in the order of writing; empty without one."""
     writer_of = {write.port: participant.name for participant in participants for write in participant.writes}
-    open_nodes = {participant.name: _waits_for(participant, writer_of) for participant in participants}
+    open_nodes = {participant.name: _list_awaited(participant, writer_of) for participant in participants}
     while free := [name for name, waits in open_nodes.items() if not waits & open_nodes.keys()]:
         for name in free:
             del open_nodes[name]
@@ -123,12 +123,12 @@ def cycle_without_delay(participants: Sequence[ParticipantSpec]) -> list[str]:
 
 
 # The participants whose output of the same tick this one needs.
-def _waits_for(participant: ParticipantSpec, writer_of: Mapping[str, str]) -> set[str]:
+def _list_awaited(participant: ParticipantSpec, writer_of: Mapping[str, str]) -> set[str]:
     undelayed = (read for read in participant.reads if read.delay_ticks == 0)
     return {writer_of[read.port] for read in undelayed} - {participant.name}
 
 
-def _write_text(write: Write) -> str:
+def _format_write(write: Write) -> str:
     if write.announced_in == ONCE:
         return f"{write.port} (once)"
     if write.announced_in:

@@ -11,19 +11,19 @@ from typing import Annotated, TypedDict
 
 import msgspec
 
-from gslcosim.errors import UsageError
-from gslcosim.foreign_json import FROM_A_COPY, JsonObject, checked_value, read_json
-from gslcosim.machine import machine_error
-from gslcosim.runtime.participants import upstream_rank
-from gslcosim.safe_files import replace_file
+from gslcosim.base.errors import UsageError
+from gslcosim.base.files import replace_file
+from gslcosim.base.foreign_json import FROM_A_COPY, JsonObject, checked_value, read_json
+from gslcosim.base.os_errors import build_machine_error
+from gslcosim.runtime.services import get_upstream_rank
 
 SCHEMA = "gslcosim/digest/1"
 LINK_BYTES = 8
 _EMPTY_LINK = bytes(LINK_BYTES)
 
 
-class TrailFields(TypedDict):
-    """A `Trail` as msgpack and JSON can carry it: the links as Base64."""
+class HashChainFields(TypedDict):
+    """A `HashChain` as msgpack and JSON can carry it: the links as Base64."""
 
     ticks: list[int]
     links: str
@@ -33,7 +33,7 @@ class TrailFields(TypedDict):
 _MAX_BYTES = 8_000_000_000
 
 
-class _PortTrail(TrailFields):
+class _PortTrail(HashChainFields):
     participant: str
 
 
@@ -43,7 +43,7 @@ class _DigestFile(TypedDict):
 
 
 @dataclass
-class Trail:
+class HashChain:
     """The chain of one port: after each message the hash of the link before, the tick and the message's bytes."""
 
     # Whole machine words: as Python's numbers they would be the most that a long run keeps.
@@ -58,22 +58,22 @@ class Trail:
         self.ticks.append(tick)
         self.links += link.digest()
 
-    def until(self, final_tick: int) -> "Trail":
+    def until(self, final_tick: int) -> "HashChain":
         """Return the chain without what came after a tick."""
         n = sum(tick <= final_tick for tick in self.ticks)
-        return Trail(self.ticks[:n], self.links[: n * LINK_BYTES])
+        return HashChain(self.ticks[:n], self.links[: n * LINK_BYTES])
 
     def link(self, index: int) -> bytes:
         """Return the hash after the message of that index; -1 is the last, and an empty chain has zeros."""
         at = range(0, len(self.links), LINK_BYTES)
         return bytes(self.links[at[index] : at[index] + LINK_BYTES]) if at else _EMPTY_LINK
 
-    def as_fields(self) -> TrailFields:
+    def as_fields(self) -> HashChainFields:
         """Return the chain as fields of messages and files."""
         return {"ticks": self.ticks.tolist(), "links": base64.b64encode(self.links).decode()}
 
     @classmethod
-    def from_fields(cls, fields: TrailFields) -> "Trail":
+    def from_fields(cls, fields: HashChainFields) -> "HashChain":
         """Return the chain from `as_fields`.
 
         Raises:
@@ -92,10 +92,10 @@ class RunDigest:
 
     final_tick: int
     writer_of: dict[str, str]
-    trails: dict[str, Trail]
+    trails: dict[str, HashChain]
 
     @classmethod
-    def of(cls, trails: Mapping[str, Trail], writer_of: Mapping[str, str], final_tick: int) -> "RunDigest":
+    def of(cls, trails: Mapping[str, HashChain], writer_of: Mapping[str, str], final_tick: int) -> "RunDigest":
         """Return the digest of whole chains, without what came after the final tick."""
         cut = {port: trail.until(final_tick) for port, trail in trails.items()}
         return cls(final_tick, {port: writer_of[port] for port in trails}, cut)
@@ -129,7 +129,7 @@ class RunDigest:
         try:
             replace_file(path.parent, path.name, (json.dumps(content) + "\n").encode())
         except OSError as error:
-            raise machine_error(error, path.name, "a file that can be written", path=path) from error
+            raise build_machine_error(error, path.name, "a file that can be written", path=path) from error
 
     @classmethod
     def load(cls, path: Path) -> "RunDigest":
@@ -145,7 +145,7 @@ class RunDigest:
         content = checked_value(read, _DigestFile, place=f"{path.parent.name}/{path.name}")
         ports = content["ports"]
         try:
-            trails = {port: Trail.from_fields(fields) for port, fields in ports.items()}
+            trails = {port: HashChain.from_fields(fields) for port, fields in ports.items()}
         except (ValueError, OverflowError) as error:
             raise UsageError(
                 f"{path.name}: expected ticks with a link each, was {error}. {FROM_A_COPY}\nFile: {path}"
@@ -163,7 +163,7 @@ class Divergence:
     text: str
 
 
-def first_divergence(a: RunDigest, b: RunDigest) -> Divergence | None:
+def find_first_divergence(a: RunDigest, b: RunDigest) -> Divergence | None:
     """Return the earliest tick, and there the most upstream port, at which two runs differ; None when they are equal.
 
     The most upstream one is the cause, the others are its consequences.
@@ -171,9 +171,9 @@ def first_divergence(a: RunDigest, b: RunDigest) -> Divergence | None:
     found: list[tuple[int, tuple[int, int], Divergence]] = []
     for port in sorted({*a.trails, *b.trails}):
         writer = a.writer_of.get(port) or b.writer_of[port]
-        divergence = _port_divergence(port, writer, a.trails.get(port), b.trails.get(port))
+        divergence = _find_port_divergence(port, writer, a.trails.get(port), b.trails.get(port))
         if divergence:
-            found.append((divergence.tick, upstream_rank(writer), divergence))
+            found.append((divergence.tick, get_upstream_rank(writer), divergence))
     if found:
         return min(found, key=lambda item: item[:2])[2]
     if a.final_tick != b.final_tick:
@@ -182,7 +182,7 @@ def first_divergence(a: RunDigest, b: RunDigest) -> Divergence | None:
     return None
 
 
-def _port_divergence(port: str, writer: str, a: Trail | None, b: Trail | None) -> Divergence | None:
+def _find_port_divergence(port: str, writer: str, a: HashChain | None, b: HashChain | None) -> Divergence | None:
     if a is None or b is None:
         present = a or b
         tick = present.ticks[0] if present and present.ticks else 0

@@ -1,4 +1,4 @@
-"""A run in one process and one thread: the same cores, gates and doors, without a bus."""
+"""Run in one process and one thread: the same cores, gates and agent sessions, without a bus."""
 
 import os
 import queue
@@ -10,45 +10,46 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.agent_kit import Agent
+from gslcosim.base.errors import GslCosimError, RunFolderError
+from gslcosim.base.interruption import Interruption
+from gslcosim.base.os_errors import format_fault
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
-from gslcosim.contract.participant import Accounts, Closes, Core
-from gslcosim.errors import GslCosimError, RunFolderError
-from gslcosim.interruption import Interruption
-from gslcosim.machine import fault_text
-from gslcosim.runtime.agents.desk import Desk, agent_statuses, desk_of
-from gslcosim.runtime.agents.door import faults_of
-from gslcosim.runtime.agents.events import AgentEvent, PutEvent
-from gslcosim.runtime.agents.guests import Guests
-from gslcosim.runtime.agents.links import AgentLink, ObjectLink
-from gslcosim.runtime.agents.starting import python_agent_types
-from gslcosim.runtime.agents.threaded_link import ThreadedLink, Worker
-from gslcosim.runtime.assembly import build_core, dataflow_of, service_names
-from gslcosim.runtime.clock_pace import PACED, clock_pace_of
+from gslcosim.contract.participant import Core, SupportsClose, SupportsSummary
+from gslcosim.runtime.agents.gateway_transport import GatewayAgents
+from gslcosim.runtime.agents.loader import load_agent_types
+from gslcosim.runtime.agents.session import AgentSession, build_agent_statuses, build_session
+from gslcosim.runtime.agents.transport import (
+    AgentEvent,
+    AgentTransport,
+    EventSink,
+    ObjectTransport,
+    ThreadedTransport,
+    WorkerThread,
+)
+from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import RunDigest
-from gslcosim.runtime.gate import NO_LIMIT
-from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
-from gslcosim.runtime.outcome import Outcome, ServiceFault, ending_of
-from gslcosim.runtime.pauses import Pauses
-from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
-from gslcosim.runtime.setup import Setup
-from gslcosim.runtime.snapshots.taking import Keeping
-from gslcosim.runtime.status import FlightStatus, ParticipantStatus
-from gslcosim.runtime.stepper import Sent, Stepper
-from gslcosim.runtime.stops import ProcessWatch
-from gslcosim.runtime.watching.own_process import cpu_s, memory_bytes
+from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses, PauseDetector, StopMonitor
+from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
+from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
+from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.status import ParticipantStatus, RunStatus
+from gslcosim.runtime.stepper import NO_TICK_LIMIT, PACED_PARTICIPANT, SentMessage, Stepper, build_clock_pace
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.scratch import ScratchFolder
-from gslcosim.ticks import seconds_from_ticks
 
 REPORT_EVERY_TICKS = 64
-LOOK_EVERY_S = 0.1
+POLL_PERIOD_S = 0.1
 # Is told every message with its port, in the order in which they are delivered.
-Watch = Callable[[str, Message], None]
+MessageObserver = Callable[[str, Message], None]
 
 
-class InProcessFlight:
-    """Flies a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
+class InProcessRun:
+    """Run of a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
     The flight ends with the verdict, or after `until_tick` if that comes first.
@@ -56,11 +57,11 @@ class InProcessFlight:
 
     def __init__(
         self,
-        setup: Setup,
-        desks: Mapping[str, Desk],
+        setup: RunSetup,
+        desks: Mapping[str, AgentSession],
         events: "queue.SimpleQueue[AgentEvent]",
-        report: Callable[[FlightStatus], None],
-        watch: Watch | None = None,
+        report: Callable[[RunStatus], None],
+        watch: MessageObserver | None = None,
         until_tick: int | None = None,
     ) -> None:
         self._watch = watch
@@ -68,11 +69,11 @@ class InProcessFlight:
         self._desks = desks
         self._setup = setup
         self._report = report
-        self._dataflow = dataflow_of(setup.scenario)
+        self._dataflow = build_dataflow(setup.scenario)
         self._observed_by = {keys.observation(name): desk for name, desk in desks.items()}
         self._briefed_by = {keys.briefing(name): desk for name, desk in desks.items()}
-        self._keeping = Keeping.of(setup)
-        order = [name for name in self._dataflow.order() if name in service_names(setup.scenario)]
+        self._keeping = SnapshotPolicy.of(setup)
+        order = [name for name in self._dataflow.order() if name in list_service_names(setup.scenario)]
         self._steppers = {name: self._keeping.stepper(build_core(name, setup), self._dataflow) for name in order}
         self._readers: dict[str, list[Stepper]] = {
             port: [s for s in self._steppers.values() if any(read.port == port for read in s.spec.reads)]
@@ -83,20 +84,20 @@ class InProcessFlight:
         # In one thread nobody runs ahead, so credit is never needed.
         for name in order:
             for reader in self._dataflow.readers_of(name):
-                self._steppers[name].gate.grant(reader.name, NO_LIMIT)
+                self._steppers[name].gate.grant(reader.name, NO_TICK_LIMIT)
         self._verdict: Verdict | None = None
         self._culprit = "runtime"
-        self._pauses = Pauses()
-        self._pace = clock_pace_of(setup)
+        self._pauses = PauseDetector()
+        self._pace = build_clock_pace(setup)
 
-    def fly(self, is_interrupted: Callable[[], bool]) -> Outcome:
+    def fly(self, is_interrupted: Callable[[], bool]) -> RunOutcome:
         """Fly until the verdict, a fault or an interruption."""
-        outcome = Outcome()
-        for _ in self.pauses(outcome, is_interrupted):
+        outcome = RunOutcome()
+        for _ in self.iter_pauses(outcome, is_interrupted):
             pass
         return outcome
 
-    def pauses(self, outcome: Outcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
+    def iter_pauses(self, outcome: RunOutcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
 
         Whoever flies an agent by hand answers in the pause.
@@ -118,7 +119,7 @@ class InProcessFlight:
         except Exception as error:  # a fault of any core ends the run with its name
             # The journal of commands is the runtime's own, whoever asked the agent.
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
-            text = fault_text(error, traceback.format_exc())
+            text = format_fault(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
         outcome.is_cut = self._verdict is None and outcome.fault is None and not self._tick_is_open()
         outcome.is_interrupted = self._verdict is None and outcome.fault is None and not outcome.is_cut
@@ -127,10 +128,10 @@ class InProcessFlight:
         outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
         outcome.verdict = self._verdict
         outcome.decisions_s = [taken_s for desk in self._desks.values() for taken_s in desk.decisions_s]
-        outcome.agent_faults = faults_of(desk.door for desk in self._desks.values())
+        outcome.agent_faults = collect_faults(desk.door for desk in self._desks.values())
         outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
-        outcome.account = _account_of(stepper.core for stepper in self._steppers.values())
-        outcome.account |= self._pace.account() if self._pace else {}
+        outcome.summary = _collect_summaries(stepper.core for stepper in self._steppers.values())
+        outcome.summary |= self._pace.summary() if self._pace else {}
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
 
@@ -139,9 +140,9 @@ class InProcessFlight:
         self._keeping.go_on(self._steppers.values(), self._dataflow)
         for told in self._setup.snapshot.told() if self._setup.snapshot else ():
             for agent, payload in told:
-                self._deliver_all(self._desks[agent].observe(codec.peek_observation(payload), payload))
+                self._deliver_all(self._desks[agent].observe(codec.decode_observation_head(payload), payload))
                 self._hear_agents()
-            while any(desk.owes_answer for desk in self._desks.values()) and not is_interrupted():
+            while any(desk.is_pending for desk in self._desks.values()) and not is_interrupted():
                 self._wait_for_agent()
             if is_interrupted():
                 return
@@ -156,11 +157,11 @@ class InProcessFlight:
             self._hear_agents()
             self._keep_pace(is_interrupted)
             for name, stepper in steppers:
-                may_step = stepper.gate.may_step()
+                may_step = stepper.gate.can_step()
                 while not may_step and self._waits_for_agent(stepper) and not is_interrupted():
                     yield
                     self._wait_for_agent()
-                    may_step = stepper.gate.may_step()
+                    may_step = stepper.gate.can_step()
                 if is_interrupted():
                     return
                 if may_step:
@@ -170,35 +171,35 @@ class InProcessFlight:
                 elif not stepper.gate.is_finished:
                     missing = ", ".join(f"{m.port} at tick {m.tick}" for m in stepper.gate.missing())
                     raise GslCosimError(f"{name} cannot step tick {stepper.gate.next_tick}: it lacks {missing}.")
-            self._keeping.take_due(self._steppers.values())
+            self._keeping.write_due_parts(self._steppers.values())
             if self._tick % REPORT_EVERY_TICKS == 0 or self._pace is not None:
                 self._tell(started)
 
     def _keep_pace(self, is_interrupted: Callable[[], bool]) -> None:
         if self._pace is None:
             return
-        tick = self._steppers[PACED].gate.next_tick
+        tick = self._steppers[PACED_PARTICIPANT].gate.next_tick
         while (wait_s := self._pace.wait_s(tick, time.monotonic())) > 0 and not is_interrupted():
             with suppress(queue.Empty):
-                self._hear(self._events.get(timeout=min(wait_s, LOOK_EVERY_S)))
+                self._hear(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
         self._pace.begins(tick, time.monotonic())
 
     def _waits_for_agent(self, stepper: Stepper) -> bool:
-        return not stepper.gate.is_finished and any(desk.owes_answer for desk in self._desks.values())
+        return not stepper.gate.is_finished and any(desk.is_pending for desk in self._desks.values())
 
     def _wait_for_agent(self) -> None:
         self._renew()
         with suppress(queue.Empty):
-            self._hear(self._events.get(timeout=LOOK_EVERY_S))
+            self._hear(self._events.get(timeout=POLL_PERIOD_S))
         self._renew()
         for desk in self._desks.values():
-            self._deliver_all(desk.check_time())
+            self._deliver_all(desk.check_deadline())
 
     # While this process stood still no agent was late.
     def _renew(self) -> None:
         if missed_s := self._pauses.missed_s(time.monotonic()):
             for desk in self._desks.values():
-                desk.postpone(missed_s)
+                desk.extend_deadlines(missed_s)
 
     # One round, so that an agent that never stops talking does not stop the run.
     def _hear_agents(self) -> None:
@@ -215,7 +216,7 @@ class InProcessFlight:
         sim_time_s = seconds_from_ticks(self._tick, self._setup.scenario.tick_ns)
         wall_s = max(time.perf_counter() - started, 1e-9)
         self._report(
-            FlightStatus(
+            RunStatus(
                 state="flying",
                 sim_time_s=sim_time_s,
                 real_time_factor=sim_time_s / wall_s,
@@ -225,7 +226,7 @@ class InProcessFlight:
 
     # On the thread of whoever looks.
     def _participants(self) -> list[ParticipantStatus]:
-        taken_s, held_bytes = cpu_s(), memory_bytes()
+        taken_s, held_bytes = read_cpu_s(), read_memory_bytes()
         services = [
             ParticipantStatus(
                 name=name,
@@ -238,13 +239,13 @@ class InProcessFlight:
             )
             for name, stepper in self._steppers.items()
         ]
-        return services + agent_statuses(self._desks)
+        return services + build_agent_statuses(self._desks)
 
-    def _deliver_all(self, sent: Iterable[Sent]) -> None:
+    def _deliver_all(self, sent: Iterable[SentMessage]) -> None:
         for each in sent:
             self._deliver(each)
 
-    def _deliver(self, sent: Sent) -> None:
+    def _deliver(self, sent: SentMessage) -> None:
         port, message = sent.port, sent.message
         if self._watch is not None:
             self._watch(port, message)
@@ -262,17 +263,17 @@ class InProcessFlight:
             for stepper in self._steppers.values():
                 stepper.gate.final_tick = message.tick
 
-    def _close(self, outcome: Outcome) -> None:
+    def _close(self, outcome: RunOutcome) -> None:
         for name, stepper in self._steppers.items():
             try:
-                if isinstance(stepper.core, Closes):
+                if isinstance(stepper.core, SupportsClose):
                     stepper.core.close()
             except Exception as error:  # the others must still be closed
-                text = fault_text(error, traceback.format_exc())
+                text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
         for desk in self._desks.values():
-            desk.end(ending_of(self._verdict))
+            desk.end(build_ending(self._verdict))
 
     def _digest(self, final_tick: int) -> RunDigest:
         trails = {port: trail for s in self._steppers.values() for port, trail in s.trails.items()}
@@ -280,18 +281,18 @@ class InProcessFlight:
         return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
 
 
-def _account_of(cores: Iterable[Core]) -> dict[str, Any]:
-    accounts = (core.account() for core in cores if isinstance(core, Accounts))
+def _collect_summaries(cores: Iterable[Core]) -> dict[str, Any]:
+    accounts = (core.summary() for core in cores if isinstance(core, SupportsSummary))
     return {key: told for account in accounts for key, told in account.items()}
 
 
-def fly_in_process(
-    setup: Setup,
+def run_in_process(
+    setup: RunSetup,
     directory: Path,
     network: Network,
-    report: Callable[[FlightStatus], None],
-    watch: Watch | None = None,
-) -> Outcome:
+    report: Callable[[RunStatus], None],
+    watch: MessageObserver | None = None,
+) -> RunOutcome:
     """Fly a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
 
     Args:
@@ -305,46 +306,53 @@ def fly_in_process(
         UsageError: an agent is neither, or cannot be loaded or started.
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    guests = Guests(setup, directory, network, events.put)
-    agent_types = python_agent_types(setup.scenario, directory, guests)
-    desks: dict[str, Desk] = {}
-    workers: dict[str, Worker] = {}
+    guests = GatewayAgents(setup, directory, network, events.put)
+    agent_types = load_agent_types(setup.scenario, directory, guests)
+    desks: dict[str, AgentSession] = {}
+    workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
         is_guest = agent.name in guests
-        link = guests.link_of(agent.name) if is_guest else _link_here(agent, agent_types, workers, events.put)
-        desks[agent.name] = desk_of(agent, setup, link)
+        link = (
+            guests.get_transport(agent.name)
+            if is_guest
+            else _build_local_transport(agent, agent_types, workers, events.put)
+        )
+        desks[agent.name] = build_session(agent, setup, link)
         desks[agent.name].is_ready = not is_guest
     with ExitStack() as stack:
         socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
         interruption = stack.enter_context(Interruption())
-        children = stack.enter_context(Children(guests.exited))
-        stack.enter_context(ProcessWatch(lambda: children.pids, guests.stopped))
+        children = stack.enter_context(ChildProcesses(guests.exited))
+        stack.enter_context(StopMonitor(lambda: children.pids, guests.stopped))
         stack.callback(guests.close)
         guests.start(children, socket_dir)
-        _await_guests(guests, desks, events, interruption)
-        outcome = InProcessFlight(setup, desks, events, report, watch).fly(interruption.is_set)
-        children.wait(EXIT_LIMIT_S)
+        _await_gateway_agents(guests, desks, events, interruption)
+        outcome = InProcessRun(setup, desks, events, report, watch).fly(interruption.is_set)
+        children.wait(EXIT_TIMEOUT_S)
     return outcome
 
 
 # Time does not wait for an agent in free mode, so it decides on a thread of its own.
-def _link_here(
-    agent: AgentSpec, types: Mapping[str, type[Agent]], workers: dict[str, Worker], put: PutEvent
-) -> AgentLink:
-    link = ObjectLink(agent.name, types[agent.process], put)
-    return ThreadedLink(link, workers.setdefault(agent.process, Worker())) if agent.is_free else link
+def _build_local_transport(
+    agent: AgentSpec, types: Mapping[str, type[Agent]], workers: dict[str, WorkerThread], put: EventSink
+) -> AgentTransport:
+    link = ObjectTransport(agent.name, types[agent.process], put)
+    return ThreadedTransport(link, workers.setdefault(agent.process, WorkerThread())) if agent.is_free else link
 
 
-def _await_guests(
-    guests: Guests, desks: Mapping[str, Desk], events: "queue.SimpleQueue[AgentEvent]", interruption: Interruption
+def _await_gateway_agents(
+    guests: GatewayAgents,
+    desks: Mapping[str, AgentSession],
+    events: "queue.SimpleQueue[AgentEvent]",
+    interruption: Interruption,
 ) -> None:
-    deadline_s, pauses = time.monotonic() + JOIN_LIMIT_S, Pauses()
+    deadline_s, pauses = time.monotonic() + JOIN_TIMEOUT_S, PauseDetector()
     while not interruption.is_set() and (lacking := [desk for desk in desks.values() if desk.is_awaited]):
         deadline_s += pauses.missed_s(time.monotonic())
         if time.monotonic() > deadline_s:
             for desk in lacking:
-                desk.lose(guests.absence_text(desk.agent))
+                desk.lose(guests.describe_absence(desk.agent))
             return
         with suppress(queue.Empty):
-            event = events.get(timeout=LOOK_EVERY_S)
+            event = events.get(timeout=POLL_PERIOD_S)
             desks[event.agent].handle(event)

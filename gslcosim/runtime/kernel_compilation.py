@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
-from gslcosim._kernel_cache import NUMBA_VARIABLE
-from gslcosim.disk_cache import mark_used
-from gslcosim.runtime.status import FlightStatus
+from gslcosim.base.disk_cache import mark_used
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE
+from gslcosim.runtime.status import RunStatus
 
 LOOK_EVERY_S = 0.5
 TEXT = "compiling kernels"
@@ -52,12 +52,12 @@ class CompilationReporter:
         folder: Where kernels are added.
     """
 
-    def __init__(self, report: Callable[[FlightStatus], None], folder: KernelFolder | None = None) -> None:
+    def __init__(self, report: Callable[[RunStatus], None], folder: KernelFolder | None = None) -> None:
         self._report = report
         self._folder = folder or KernelFolder()
         self._folder.mark_used()
         self._guard = threading.Lock()
-        self._last = FlightStatus(state="starting")
+        self._last = RunStatus(state="starting")
         self._is_compiling = False
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watches kernels", daemon=True)
@@ -75,7 +75,7 @@ class CompilationReporter:
         """True if kernels were compiled."""
         return self._is_compiling
 
-    def __call__(self, status: FlightStatus) -> None:
+    def __call__(self, status: RunStatus) -> None:
         """Report a status."""
         with self._guard:
             self._last = status
@@ -93,7 +93,7 @@ class CompilationReporter:
                     self._report(self._completed(replace(self._last, run_dir=None)))
             return
 
-    def _completed(self, status: FlightStatus) -> FlightStatus:
+    def _completed(self, status: RunStatus) -> RunStatus:
         if not self._is_compiling or status.state != "starting":
             return status
         return replace(status, text=", ".join(filter(None, (TEXT, status.text))), is_compiling=True)

@@ -10,8 +10,8 @@ from typing import Annotated, Any, TypedDict
 
 import msgspec
 
-from gslcosim.foreign_json import ForeignFileError, parse_json
-from gslcosim.safe_files import open_for_writing, read_regular_file, write_all
+from gslcosim.base.files import open_for_writing, read_regular_file, write_all
+from gslcosim.base.foreign_json import ForeignFileError, parse_json
 
 NAME = "machine.log"
 

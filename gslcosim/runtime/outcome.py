@@ -1,18 +1,18 @@
-"""The result of a run as `result.json` holds it, and its exit code."""
+"""Outcome of a run as `result.json` holds it, and its exit code."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gslcosim.base.errors import ExitCode
+from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract.messages import Ending, Verdict
-from gslcosim.errors import ExitCode
-from gslcosim.runtime.agents.door import AgentFault
+from gslcosim.runtime.agents.validator import AgentFault
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.scenario import Scenario
-from gslcosim.ticks import seconds_from_ticks
 
 
-def ending_of(verdict: Verdict | None) -> Ending:
+def build_ending(verdict: Verdict | None) -> Ending:
     """Return what the agents of a run are told at its end."""
     if verdict is None:
         return Ending(tick=0, reason="the run was ended")
@@ -30,8 +30,8 @@ class ServiceFault:
 
 
 @dataclass(kw_only=True)
-class Outcome:
-    """Everything a flight has brought in: a verdict with digests, or the fault that ended it."""
+class RunOutcome:
+    """Outcome of a run: a verdict with digests, or the fault that ended it."""
 
     ticks_flown: int = 0
     flight_wall_s: float = 0.0
@@ -45,7 +45,7 @@ class Outcome:
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
     # What participants have to tell besides, by key of the result.
-    account: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    summary: Mapping[str, Any] = field(default_factory=dict[str, Any])
     # What each decision of an agent took by the clock; only where the agents fly in this process.
     decisions_s: list[float] = field(default_factory=list[float])
     # By agent what its process was confined by.
@@ -53,7 +53,7 @@ class Outcome:
 
     @property
     def is_valid(self) -> bool:
-        """Whether the run counts."""
+        """True when the run counts."""
         return self.verdict is not None and self.digest is not None and self.fault is None and not self.is_interrupted
 
     @property
@@ -92,8 +92,8 @@ class Outcome:
             "faults": self._faults(),
             "sandboxes": dict(self.sandboxes),
             "agents": self._agents(scenario),
-            **self.account,
-            "timing_us_per_tick": {name: _per_tick_us(timing) for name, timing in self.timing.items()},
+            **self.summary,
+            "timing_us_per_tick": {name: _get_per_tick_us(timing) for name, timing in self.timing.items()},
         }
 
     # With what each was set to and granted, without which its figures cannot be compared with another's.
@@ -125,7 +125,7 @@ class Outcome:
         return faults
 
 
-def _per_tick_us(timing: Mapping[str, int]) -> dict[str, float]:
+def _get_per_tick_us(timing: Mapping[str, int]) -> dict[str, float]:
     n_steps = max(timing.get("n_steps", 0), 1)
     return {
         kind.removesuffix("_ns"): round(total / n_steps / 1000, 1)

@@ -1,4 +1,4 @@
-"""The run directory: everything a run leaves behind, in one place."""
+"""Run directory: everything a run leaves behind, in one place."""
 
 import contextlib
 import hashlib
@@ -20,24 +20,24 @@ import yaml
 from pydantic import ValidationError
 
 import gslcosim
-from gslcosim._code_identity import COMPUTING_PACKAGES
+from gslcosim.base.code_identity import COMPUTING_PACKAGES
+from gslcosim.base.errors import RunFolderError
+from gslcosim.base.files import append_bytes, open_for_writing, read_regular_file, replace_file
+from gslcosim.base.foreign_json import FROM_A_COPY, ForeignFileError, describe_validation_errors, read_json
+from gslcosim.base.os_errors import build_machine_error, describe_os_error, find_remedy, format_machine_error
+from gslcosim.base.yaml_core import BoundedLoader
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim.contract.schema import contract_hash
-from gslcosim.errors import RunFolderError
-from gslcosim.foreign_json import FROM_A_COPY, ForeignFileError, describe_validation_errors, read_json
-from gslcosim.machine import machine_error, machine_text, reason_of, remedy_of
+from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.installed_packages import compare_with_lock, installed_versions, versions_hash
-from gslcosim.safe_files import append_to, open_for_writing, read_regular_file, replace_file
 from gslcosim.scenario.models.scenario import Processes, Scenario
-from gslcosim.yaml_core import BoundedLoader
 
 # Room kept free for the result: where a disk runs full in flight, this is what can still be written.
-RESERVE = ".reserve"
-INPUTS = "inputs.log"
+RESERVE_FILE = ".reserve"
+INPUTS_FILE = "inputs.log"
 RESERVE_BYTES = 32 * 1024
 # What computes a flight, and what carries and records it.
-PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
+MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
 
 
 # `result.json` has a few kB for each agent; a scenario as resolved has all defaults.
@@ -136,8 +136,8 @@ class RunDir:
                 run_dir._reserve()
                 return run_dir
         except OSError as error:
-            remedy = f"{remedy_of(error)} --runs-dir chooses another."
-            raise machine_error(
+            remedy = f"{find_remedy(error)} --runs-dir chooses another."
+            raise build_machine_error(
                 error, "runs directory", "a folder that can be written", path=runs_dir, remedy=remedy
             ) from error
 
@@ -163,13 +163,13 @@ class RunDir:
 
     @property
     def setup(self) -> Path:
-        """What a service needs to build its core; see `gslcosim.runtime.assembly`."""
+        """Setup that a service needs to build its core; see `gslcosim.runtime.setup`."""
         return self.path / "setup.json"
 
     @property
     def inputs(self) -> Path:
         """The commands that took effect, one JSON object a line."""
-        return self.path / INPUTS
+        return self.path / INPUTS_FILE
 
     def load_scenario(self) -> Scenario:
         """Read the scenario as resolved; its agents' relative paths start elsewhere.
@@ -215,7 +215,7 @@ class RunDir:
         """Return the log file of a participant."""
         return self.path / "logs" / f"{participant}.log"
 
-    def last_words(self, participant: str, n_lines: int = 5) -> str:
+    def log_tail(self, participant: str, n_lines: int = 5) -> str:
         """Return the last lines of a participant's log, each shortened; empty when there are none."""
         try:
             lines = self.log(participant).read_text(errors="replace").splitlines()
@@ -248,17 +248,17 @@ class RunDir:
             "environment_hash": environment_hash,
             **({"participants": programs} if programs else {}),
             "scenario_sha256": hashlib.sha256(self.scenario.read_bytes()).hexdigest(),
-            "contract_hash": contract_hash(),
+            "contract_hash": get_contract_hash(),
             "gslcosim": gslcosim.__version__,
-            "git": _git_revision(),
+            "git": _read_git_revision(),
             "python": sys.version.split()[0],
-            "packages": {name: package_version(name) for name in PACKAGES},
+            "packages": {name: get_package_version(name) for name in MANIFEST_PACKAGES},
             "installed_sha256": versions_hash(versions),
             "lock": compare_with_lock(versions),
             "platform": platform.platform(),
-            "cpu_flags": cpu_flags(),
+            "cpu_flags": read_cpu_flags(),
         }
-        self.replace("manifest.json", _as_json(manifest))
+        self.replace("manifest.json", _dump_json(manifest))
 
     def save_result(self, result: Mapping[str, Any]) -> None:
         """Write `result.json`, with the room that was kept free for it.
@@ -267,8 +267,8 @@ class RunDir:
             RunFolderError: it cannot be written.
         """
         with contextlib.suppress(OSError):
-            (self.path / RESERVE).unlink()
-        self.replace("result.json", _as_json(result))
+            (self.path / RESERVE_FILE).unlink()
+        self.replace("result.json", _dump_json(result))
 
     def log_command(self, agent: str, command: Command) -> None:
         """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text.
@@ -278,9 +278,9 @@ class RunDir:
         """
         line = {"agent": agent, **command.model_dump(exclude_none=True)}
         try:
-            append_to(self.path, INPUTS, (json.dumps(line, default=codec.base64_text) + "\n").encode())
+            append_bytes(self.path, INPUTS_FILE, (json.dumps(line, default=codec.encode_base64) + "\n").encode())
         except OSError as error:
-            raise self._cannot_write(INPUTS, error) from error
+            raise self._cannot_write(INPUTS_FILE, error) from error
 
     def replace(self, name: str, text: str) -> None:
         """Write a file of the run at once, never half.
@@ -310,14 +310,14 @@ class RunDir:
                 f"{name}: expected the run's folder, was gone. Something has taken it away while the run flew, an "
                 f"agent or another program; fly again without it.\nFile: {self.path}"
             )
-        return RunFolderError(machine_text(error, name, "a file that can be written", path=self.path / name))
+        return RunFolderError(format_machine_error(error, name, "a file that can be written", path=self.path / name))
 
     def _reserve(self) -> None:
         if not hasattr(os, "posix_fallocate"):
             return
         # Where there is no room for it now the first file that is written says so.
         with contextlib.suppress(OSError):
-            fd = open_for_writing(self.path, RESERVE)
+            fd = open_for_writing(self.path, RESERVE_FILE)
             try:
                 os.posix_fallocate(fd, 0, RESERVE_BYTES)
             finally:
@@ -326,17 +326,17 @@ class RunDir:
 
 def _why_no_scenario(error: OSError | ValueError | yaml.YAMLError) -> str:
     if isinstance(error, OSError):
-        return reason_of(error)
+        return describe_os_error(error)
     if isinstance(error, ValidationError):
         return f"another ({describe_validation_errors(error)[0]})"
     return "no YAML" if isinstance(error, yaml.YAMLError) else "no UTF-8 text"
 
 
-def _as_json(content: Mapping[str, Any]) -> str:
+def _dump_json(content: Mapping[str, Any]) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-def package_version(package: str) -> str:
+def get_package_version(package: str) -> str:
     """Return the version of an installed package, or `missing`."""
     try:
         return importlib.metadata.version(package)
@@ -344,7 +344,7 @@ def package_version(package: str) -> str:
         return "missing"
 
 
-def _git_revision() -> str | None:
+def _read_git_revision() -> str | None:
     folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
         return None
@@ -355,7 +355,7 @@ def _git_revision() -> str | None:
         return None
 
 
-def cpu_flags() -> str:
+def read_cpu_flags() -> str:
     """Return what the processor can do, as the kernel tells it."""
     info = Path("/proc/cpuinfo")
     if not info.exists():

@@ -1,4 +1,4 @@
-"""What every core of a run is built from, and how the services of a run come by it."""
+"""Setup of a run: all that its cores are built from, and the file by which services read it."""
 
 import json
 from collections.abc import Mapping
@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.model import Environment, Situation
+from gslcosim.environment.model import Environment, EnvironmentVariant
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.agents.past import Past
+from gslcosim.runtime.agents.validator import RecordedCommands
+from gslcosim.runtime.replay.snapshot import Snapshot
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.snapshots.shelf import Snapshot
 from gslcosim.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
-    """What every core of a run is built from.
+class RunSetup:
+    """Input that every core of a run is built from.
 
     `directory` is where relative paths of agents and participants start; `past` has the commands that count whatever
     agents answer, where the run is a fork; services do not need it.
@@ -31,10 +31,10 @@ class Setup:
     environment_dir: Path
     environment: Environment
     directory: Path | None = None
-    past: Past | None = None
+    past: RecordedCommands | None = None
     paced_from_tick: int | None = None
     snapshot: Snapshot | None = None
-    later_rooms: Mapping[Situation, Path] = field(default_factory=dict[Situation, Path])
+    later_rooms: Mapping[EnvironmentVariant, Path] = field(default_factory=dict[EnvironmentVariant, Path])
     sources: tuple[Path, ...] = ()
 
     @property
@@ -61,7 +61,7 @@ class Setup:
         self.run_dir.replace(self.run_dir.setup.name, json.dumps(places) + "\n")
 
     @classmethod
-    def load(cls, path: Path) -> "Setup":
+    def load(cls, path: Path) -> "RunSetup":
         """Read what `save` wrote into a run directory.
 
         Raises:
@@ -73,13 +73,13 @@ class Setup:
         environment_dir = Path(saved["environment"])
         environment = load_environment(environment_dir)
         later_rooms = {
-            Situation(tuple(each["closed"]), each["i_wind"]): Path(each["folder"])
+            EnvironmentVariant(tuple(each["closed"]), each["i_wind"]): Path(each["folder"])
             for each in saved.get("later_rooms", ())
         }
         if later_rooms:
-            from gslcosim.generation.later_rooms import with_later_rooms
+            from gslcosim.environment.generation.variants import with_variants
 
-            environment = with_later_rooms(environment, later_rooms)
+            environment = with_variants(environment, later_rooms)
         return cls(
             run_dir=run_dir,
             scenario=scenario,

@@ -1,9 +1,29 @@
-"""What a flight tells while it goes on, and what it leaves behind."""
+"""Status of a run while it goes on, served on a unix socket of its user: `gslcosim ps`, `top` and `stop`."""
 
+import contextlib
+import json
+import os
+import secrets
+import signal
+import socket
+import sys
+import tempfile
+import threading
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self, TypedDict
+
+from gslcosim.base.errors import RunTimeoutError, UsageError
+from gslcosim.base.foreign_json import ForeignFileError, JsonObject, checked_value, parse_json
+from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.runtime.processes.current_process import get_user_id
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import Processes
 
 ParticipantState = Literal["joining", "working", "waiting", "deciding", "done", "silent"]
 
@@ -35,7 +55,7 @@ def no_participants() -> list[ParticipantStatus]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightStatus:
+class RunStatus:
     """One moment of a flight, for a person to watch.
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
@@ -57,9 +77,304 @@ class FlightStatus:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightResult:
+class RunResult:
     """The end of a flight: exit code, run directory, and the content of its `result.json`."""
 
     exit_code: int
     run_dir: Path
     result: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+SOCKET_SUFFIX = ".flight"
+_SEND_TIMEOUT_S = 1.0
+_BACKLOG = 16
+
+
+def get_status_folder() -> Path:
+    """Return where the windows of this user's flights are; it need not exist."""
+    return Path(tempfile.gettempdir()) / f".gslcosim-flights-{get_user_id()}"
+
+
+class StatusServer:
+    """Server of a run's status: reports pass through it, and a client of its unix socket gets the last one as JSON.
+
+    A connection is answered and closed; nothing is read from it. Processes that are confined more than the flight, such
+    as its agents, are only told why they are refused. Where no socket can be made, on Windows or on a full
+    disk, the flight goes on without a window.
+
+    Args:
+        run_dir: The run.
+        scenario: What is flown.
+        processes: How the run is spread over processes.
+        report: Is told every report, too.
+    """
+
+    def __init__(
+        self, run_dir: RunDir, scenario: Scenario, processes: Processes, report: Callable[[RunStatus], None]
+    ) -> None:
+        self._report = report
+        self._tick_ns = scenario.tick_ns
+        self._status = RunStatus(state="starting")
+        self._began_s = time.monotonic()
+        self._facts: dict[str, Any] = {
+            "run_id": run_dir.run_id,
+            "run_dir": str(run_dir.path.resolve()),
+            "scenario": scenario.name,
+            "seed": scenario.seed,
+            "processes": processes,
+            "pid": os.getpid(),
+            "began_at": datetime.now(UTC).isoformat(timespec="seconds"),
+            "time_limit_s": scenario.referee.stop.time_limit_s,
+        }
+        self._path: Path | None = None
+        self._listener: socket.socket | None = None
+
+    def __enter__(self) -> Self:
+        with contextlib.suppress(OSError):
+            self._open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        listener, self._listener = self._listener, None
+        if listener is None:
+            return
+        # Wakes the thread, which close alone does not.
+        with contextlib.suppress(OSError):
+            listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+    def __call__(self, status: RunStatus) -> None:
+        """Take a report, and pass it on."""
+        self._status = status
+        self._report(status)
+
+    def look(self) -> dict[str, Any]:
+        """Return what somebody who looks now is told."""
+        status = self._status
+        return {
+            **self._facts,
+            "state": status.state,
+            "text": status.text,
+            "wall_s": time.monotonic() - self._began_s,
+            "sim_time_s": status.sim_time_s,
+            "real_time_factor": status.real_time_factor,
+            "participants": [
+                {**asdict(participant), "sim_time_s": seconds_from_ticks(max(participant.tick, 0), self._tick_ns)}
+                for participant in status.participants()
+            ],
+        }
+
+    def _answer(self, connection: socket.socket) -> dict[str, Any]:
+        try:
+            check_peer(connection, place=str(self._facts["run_id"]))
+        except UsageError as error:
+            return {"refused": str(error)}
+        return self.look()
+
+    def _open(self) -> None:
+        if sys.platform == "win32":
+            return
+        folder = get_status_folder()
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.is_symlink() or folder.stat().st_uid != get_user_id() or folder.stat().st_mode & 0o077:
+            return
+        _remove_stale(folder)
+        path = folder / f"{os.getpid()}-{secrets.token_hex(3)}{SOCKET_SUFFIX}"
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            with short_socket_address(path) as address:
+                listener.bind(address)
+            listener.listen(_BACKLOG)
+        except OSError:
+            listener.close()
+            raise
+        self._path, self._listener = path, listener
+        threading.Thread(target=self._serve, args=(listener,), name="window", daemon=True).start()
+
+    def _serve(self, listener: socket.socket) -> None:
+        while self._listener is not None:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            with connection, contextlib.suppress(OSError):
+                connection.settimeout(_SEND_TIMEOUT_S)
+                connection.sendall(json.dumps(self._answer(connection)).encode())
+
+
+# Of flights that were killed: nobody listens there any more.
+def _remove_stale(folder: Path) -> None:
+    for window in folder.glob(f"*{SOCKET_SUFFIX}"):
+        with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
+            caller.settimeout(0)
+            try:
+                with short_socket_address(window) as address:
+                    caller.connect(address)
+            except ConnectionRefusedError:
+                window.unlink()
+
+
+QUERY_TIMEOUT_S = 2.0
+STOP_TIMEOUT_S = 20.0
+_POLL_PERIOD_S = 0.05
+
+# What a status socket tells is a few hundred bytes for each participant.
+_MAX_STATUS_BYTES = 4_000_000
+
+
+class _ParticipantFacts(TypedDict):
+    name: str
+    state: str
+    tick: int
+    waits_for: list[str]
+    queued_ticks: int
+    pid: int | None
+    cpu_s: float | None
+    memory_bytes: int | None
+    n_resends: int
+
+
+class _FlightFacts(TypedDict):
+    run_id: str
+    run_dir: str
+    processes: str | list[object]
+    began_at: str
+    state: str
+    text: str
+    wall_s: float
+    sim_time_s: float
+    time_limit_s: float
+    real_time_factor: float
+    participants: list[_ParticipantFacts]
+
+
+# Of a flight whose process stands still.
+_UNKNOWN_FACTS: dict[str, Any] = {
+    "run_id": "",
+    "run_dir": "",
+    "processes": "",
+    "began_at": "",
+    "state": "silent",
+    "text": "",
+    "wall_s": 0.0,
+    "sim_time_s": 0.0,
+    "time_limit_s": 0.0,
+    "real_time_factor": 0.0,
+    "participants": [],
+}
+
+
+@dataclass(frozen=True)
+class ActiveRun:
+    """Run that goes on now.
+
+    `facts` are those of `FlightWindow.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
+    behind the window, as the system says and not the flight.
+    """
+
+    window: Path
+    pid: int
+    facts: dict[str, Any]
+    looked_at_s: float
+
+    @property
+    def run_id(self) -> str:
+        """The name of the run."""
+        return self.facts["run_id"] or f"process {self.pid}"
+
+
+def list_active_runs() -> list[ActiveRun]:
+    """Return the flights of this user that go on now, the oldest first; windows of killed flights are removed."""
+    found = [query_status(window) for window in get_status_folder().glob(f"*{SOCKET_SUFFIX}")]
+    return sorted((flight for flight in found if flight is not None), key=lambda flight: flight.facts["began_at"])
+
+
+def query_status(window: Path) -> ActiveRun | None:
+    """Return the flight behind a window; None where it has ended.
+
+    It is `silent` where it tells nothing in time, `refused`, with the reason as its `text`, where it and this process
+    are not confined alike, and `unreadable` where it tells something else than flights do.
+    """
+    if sys.platform == "win32":
+        return None
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection, contextlib.suppress(OSError, ValueError):
+        connection.settimeout(QUERY_TIMEOUT_S)
+        try:
+            with short_socket_address(window) as address:
+                connection.connect(address)
+        except ConnectionRefusedError:
+            window.unlink(missing_ok=True)
+            return None
+        try:
+            check_peer(connection, place=window.name)
+            facts = parse_json(_read_all(connection), JsonObject, place=window.name)
+            if "refused" in facts:
+                raise UsageError(str(facts["refused"]))
+            checked_value(facts, _FlightFacts, place=window.name)
+        except ForeignFileError as error:
+            facts = _UNKNOWN_FACTS | {"state": "unreadable", "text": str(error)}
+        except UsageError as error:
+            facts = _UNKNOWN_FACTS | {"state": "refused", "text": str(error)}
+        except TimeoutError:
+            facts = _UNKNOWN_FACTS
+        return ActiveRun(window, _find_pid(connection, window), facts, time.monotonic())
+    return None
+
+
+def find_active_run(run: str | None) -> ActiveRun:
+    """Return the flight that a person names.
+
+    Args:
+        run: The run's id or the beginning of it, or its folder; None is the only one that goes on.
+
+    Raises:
+        UsageError: none fits, or several do.
+    """
+    flights = list_active_runs()
+    fitting = [flight for flight in flights if run is None or _matches(run, flight)]
+    if len(fitting) == 1:
+        return fitting[0]
+    names = ", ".join(flight.run_id for flight in flights) or "none"
+    if run is None:
+        wanted = "one flight that goes on, or the name of one of several"
+        raise UsageError(f"RUN: expected {wanted}, found {names}.")
+    raise UsageError(f"{run}: expected the id or folder of one flight that goes on, found {names}.")
+
+
+def stop_run(flight: ActiveRun) -> None:
+    """Interrupt a flight as Ctrl-C does, and wait until it has ended in order.
+
+    Raises:
+        RunTimeoutError: it goes on nevertheless.
+    """
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(flight.pid, signal.SIGINT)
+    deadline_s = time.monotonic() + STOP_TIMEOUT_S
+    while flight.window.exists():
+        if time.monotonic() > deadline_s:
+            raise RunTimeoutError(
+                f"{flight.run_id}: expected its end within {STOP_TIMEOUT_S:g} s, goes on. "
+                f"End its process {flight.pid} with: kill -9 {flight.pid}"
+            )
+        time.sleep(_POLL_PERIOD_S)
+
+
+def _matches(run: str, flight: ActiveRun) -> bool:
+    return flight.run_id.startswith(run) or os.path.realpath(run) == flight.facts["run_dir"]
+
+
+def _read_all(connection: socket.socket) -> bytes:
+    data = bytearray()
+    deadline_s = time.monotonic() + QUERY_TIMEOUT_S
+    while part := connection.recv(65536):
+        data += part
+        if len(data) > _MAX_STATUS_BYTES or time.monotonic() > deadline_s:
+            raise TimeoutError
+    return bytes(data)
+
+
+# Elsewhere than on Linux it is the one in the window's name.
+def _find_pid(connection: socket.socket, window: Path) -> int:
+    return read_peer_pid(connection) if sys.platform == "linux" else int(window.name.partition("-")[0])

@@ -1,4 +1,4 @@
-"""One participant as the runtime sees it: a core behind its gate, checked, timed and digested."""
+"""Stepping of one participant: a gate for its inputs, a stepper that checks and digests, the clock's pace."""
 
 import time
 from collections import deque
@@ -6,19 +6,182 @@ from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from typing import Any
 
+from gslcosim.base.errors import ModelError, SnapshotError
+from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
-from gslcosim.contract.participant import Core, Episode, Inbox, Outbox, ParticipantSpec, Snapshots
-from gslcosim.errors import ModelError, SnapshotError
+from gslcosim.contract.participant import Core, Episode, Inbox, Outbox, ParticipantSpec, SupportsSnapshots
 from gslcosim.runtime.dataflow import ONCE, Dataflow
-from gslcosim.runtime.digest import Trail
-from gslcosim.runtime.gate import Gate
-from gslcosim.runtime.snapshots.keeping import keeper_of
-from gslcosim.runtime.snapshots.parts import SnapshotPart, maker_of
+from gslcosim.runtime.digest import HashChain
+from gslcosim.runtime.replay.snapshot import SnapshotPart, build_state_adapter, hash_external_core
+from gslcosim.runtime.setup import RunSetup
+
+NO_TICK_LIMIT = 2**62
 
 
 @dataclass(frozen=True)
-class Sent:
+class MissingInput:
+    """An input that is not here yet: the message of a port at a tick."""
+
+    port: str
+    tick: int
+
+
+@dataclass
+class Gate:
+    """Holds a participant's inputs and decides when its next step may happen.
+
+    A step of tick k needs, for each read, the message of tick k - delay where one exists. It exists at the ticks of
+    the port's period, or where its announcement says so, and never after a message that closes the port. A writer may
+    be at most `window_ticks` ahead of each reader (the reader's window).
+
+    Duplicates and inputs of the past are ignored; messages may be delivered in any order.
+    """
+
+    dataflow: Dataflow
+    name: str
+    next_tick: int = 0
+    final_tick: int | None = None
+    _held: dict[str, dict[int, Message]] = field(init=False, repr=False)
+    _announced: dict[str, dict[int, frozenset[str]]] = field(init=False, repr=False)
+    _closed: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
+    _credit: dict[str, int] = field(init=False, repr=False)
+    _credit_until: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        spec = self.dataflow.by_name[self.name]
+        writes = self.dataflow.writes
+        self._reads = tuple((read.port, read.delay_ticks, writes[read.port]) for read in spec.reads)
+        self._delays = {read.port: read.delay_ticks for read in spec.reads}
+        self._held = {read.port: {} for read in spec.reads}
+        announcers = {write.announced_in for _, _, write in self._reads if write.announced_in not in (None, ONCE)}
+        self._announced = {port: {} for port in announcers if port}
+        self._longest_delay = max((read.delay_ticks for read in spec.reads), default=0)
+        readers = self.dataflow.readers_of(self.name)
+        self._windows = {reader.name: reader.window_ticks for reader in readers}
+        self._credit = dict.fromkeys(self._windows, -1)
+        self._credit_until = self._last_tick_in_credit()
+
+    def deliver(self, port: str, message: Message) -> bool:
+        """Take an input and return whether it was new; one that is known, past or not read is ignored."""
+        delay = self._delays.get(port)
+        if delay is None or message.tick < self.next_tick - delay or message.tick in self._held[port]:
+            return False
+        self._held[port][message.tick] = message
+        self._note(port, message)
+        return True
+
+    def wrote(self, port: str, message: Message) -> None:
+        """Take note of an output of the participant itself, which may announce something it reads."""
+        self._note(port, message)
+
+    def grant(self, reader: str, tick: int) -> None:
+        """Take note that a reader has finished a tick."""
+        if tick > self._credit.get(reader, tick):
+            self._credit[reader] = tick
+            self._credit_until = self._last_tick_in_credit()
+
+    def missing(self) -> list[MissingInput]:
+        """Return the inputs that the next step still needs; for an unknown announcement, the announcement."""
+        needed: list[MissingInput] = []
+        for port, delay, write in self._reads:
+            tick = self.next_tick - delay
+            if tick < 0 or tick in self._held[port]:
+                continue
+            if self._closed.get(port, tick) < tick:
+                continue
+            if write.announced_in is None:
+                if tick % write.period_ticks == 0:
+                    needed.append(MissingInput(port, tick))
+            elif write.announced_in != ONCE:
+                announced = self._announced[write.announced_in].get(tick)
+                if announced is None:
+                    needed.append(MissingInput(write.announced_in, tick))
+                elif port in announced:
+                    needed.append(MissingInput(port, tick))
+        return needed
+
+    def lacking_credit(self) -> list[str]:
+        """Return the readers that the next step would leave too far behind."""
+        return [name for name, window in self._windows.items() if self.next_tick > self._credit[name] + window]
+
+    @property
+    def is_finished(self) -> bool:
+        """True when the run's last tick has been stepped."""
+        return self.final_tick is not None and self.next_tick > self.final_tick
+
+    def can_step(self) -> bool:
+        """Return whether the next step may happen now."""
+        tick = self.next_tick
+        return tick <= self._credit_until and not self.is_finished and not self.missing()
+
+    def take(self) -> tuple[int, dict[str, Message]]:
+        """Return the tick to step and its inputs, and move on to the next tick; `may_step` must hold."""
+        tick = self.next_tick
+        inbox: dict[str, Message] = {}
+        for port, delay, _ in self._reads:
+            message = self._held[port].pop(tick - delay, None)
+            if message is not None:
+                inbox[port] = message
+        for announced in self._announced.values():
+            announced.pop(tick - self._longest_delay, None)
+        self.next_tick = tick + 1
+        return tick, inbox
+
+    def memory(self) -> dict[str, Any]:
+        """Return what the next steps depend on and no later message tells: announcements, and ports that are closed."""
+        announced = {
+            port: [[tick, sorted(ports)] for tick, ports in ticks.items() if tick < self.next_tick]
+            for port, ticks in self._announced.items()
+        }
+        closed = {port: tick for port, tick in self._closed.items() if tick < self.next_tick}
+        return {"announced": announced, "closed": closed}
+
+    def go_on(self, tick: int, memory: Mapping[str, Any]) -> None:
+        """Let the next step be that of a tick, with what `memory` has told; inputs are to be delivered again."""
+        self.next_tick = tick
+        for port, ticks in memory.get("announced", {}).items():
+            self._announced[port] = {then: frozenset(ports) for then, ports in ticks}
+        self._closed = dict(memory.get("closed", {}))
+
+    @property
+    def least_credit(self) -> int:
+        """The last tick that all readers have finished; `NO_TICK_LIMIT` where nobody reads."""
+        return min(self._credit.values(), default=NO_TICK_LIMIT)
+
+    @property
+    def has_waiting_inputs(self) -> bool:
+        """True when inputs wait here for others."""
+        return any(self._held.values())
+
+    @property
+    def n_queued_ticks(self) -> int:
+        """The ticks of the fullest input that wait here."""
+        return max((len(held) for held in self._held.values()), default=0)
+
+    @property
+    def waits_for(self) -> tuple[str, ...]:
+        """Ports and readers that the next step lacks; empty where it may happen."""
+        lacking = [*(missing.port for missing in self.missing()), *self.lacking_credit()]
+        return tuple(dict.fromkeys(lacking))
+
+    def has_later(self, missing: MissingInput) -> bool:
+        """Return whether a later message of a port is here, so that a missing one must have been lost."""
+        held = self._held.get(missing.port, {})
+        return any(tick > missing.tick for tick in held)
+
+    def _last_tick_in_credit(self) -> int:
+        return min((self._credit[name] + window for name, window in self._windows.items()), default=NO_TICK_LIMIT)
+
+    def _note(self, port: str, message: Message) -> None:
+        if port in self._announced:
+            self._announced[port].setdefault(message.tick, message.announced_ports())
+        if message.closes_port:
+            self._closed[port] = min(message.tick, self._closed.get(port, message.tick))
+
+
+@dataclass(frozen=True)
+class SentMessage:
     """An output with its canonical bytes."""
 
     port: str
@@ -49,27 +212,27 @@ class Stepper:
     core: Core
     dataflow: Dataflow
     is_kept: bool = False
-    trails: dict[str, Trail] = field(init=False)
+    trails: dict[str, HashChain] = field(init=False)
     timing: Timing = field(default_factory=Timing)
     gate: Gate = field(init=False)
     _due_always: frozenset[str] | None = field(init=False, repr=False)
-    _keeper: Snapshots | None = field(init=False, repr=False)
-    recent: deque[Sent] = field(default_factory=deque[Sent], init=False, repr=False)
+    _keeper: SupportsSnapshots | None = field(init=False, repr=False)
+    recent: deque[SentMessage] = field(default_factory=deque[SentMessage], init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
         self.gate = Gate(self.dataflow, self.spec.name)
-        self.trails = {write.port: Trail() for write in self.spec.writes}
+        self.trails = {write.port: HashChain() for write in self.spec.writes}
         # What it writes at every tick, and nothing else, if that is so.
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
         self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
-        self._keeper = keeper_of(self.core) if self.is_kept else None
+        self._keeper = build_state_adapter(self.core) if self.is_kept else None
         readers = self.dataflow.readers_of(self.spec.name)
         reads = [read for reader in readers for read in reader.reads if read.port in self.trails]
         self._longest_delay = max((read.delay_ticks for read in reads), default=0)
         self._longest_window = max((reader.window_ticks for reader in readers), default=0)
 
-    def reset(self, episode: Episode) -> list[Sent]:
+    def reset(self, episode: Episode) -> list[SentMessage]:
         """Reset the core and return what it writes once."""
         outbox = self.core.reset(episode)
         expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
@@ -79,7 +242,7 @@ class Stepper:
             self._state_of(self._keeper)
         return [self._send(port, message) for port, message in outbox.items()]
 
-    def step(self) -> list[Sent]:
+    def step(self) -> list[SentMessage]:
         """Step the core once (its gate must allow it) and return what it wrote."""
         started = time.perf_counter_ns()
         tick, inbox = self.gate.take()
@@ -93,11 +256,11 @@ class Stepper:
         timing.n_steps += 1
         return sent
 
-    def _send(self, port: str, message: Message) -> Sent:
+    def _send(self, port: str, message: Message) -> SentMessage:
         payload = codec.encode_finite(message)
         self.trails[port].append(message.tick, payload)
         self.gate.wrote(port, message)
-        sent = Sent(port, message, payload)
+        sent = SentMessage(port, message, payload)
         if self._keeper is not None:
             self._remember(sent)
         return sent
@@ -119,7 +282,7 @@ class Stepper:
             memory=gate.memory(),
             trails={port: trail.as_fields() for port, trail in self.trails.items()},
             outputs=[(sent.port, sent.payload) for sent in self.recent if sent.message.tick > after_tick],
-            made_by=maker_of(self.core),
+            made_by=hash_external_core(self.core),
         )
 
     def go_on(self, part: SnapshotPart) -> None:
@@ -129,30 +292,30 @@ class Stepper:
             SnapshotError: the part is of another core.
         """
         assert self._keeper is not None
-        if part.made_by != maker_of(self.core):
+        if part.made_by != hash_external_core(self.core):
             raise SnapshotError(f"{self.spec.name}: expected a snapshot of its own code, was one of other code.")
         try:
-            self._keeper.bring_back(part.state)
+            self._keeper.restore(part.state)
         except SnapshotError as error:
             raise SnapshotError(f"{self.spec.name}{error}") from error
         for write in self.spec.writes:
             # What is written once has been written by `reset`.
             if write.announced_in != ONCE:
-                self.trails[write.port] = Trail.from_fields(part.trails[write.port])
+                self.trails[write.port] = HashChain.from_fields(part.trails[write.port])
         self.gate.go_on(part.tick, part.memory)
         types = self.dataflow.message_types
         self.recent.extend(
-            Sent(port, codec.decode_trusted(types[port], payload), payload) for port, payload in part.outputs
+            SentMessage(port, codec.decode_trusted(types[port], payload), payload) for port, payload in part.outputs
         )
 
-    def _state_of(self, keeper: Snapshots) -> Mapping[str, Any]:
+    def _state_of(self, keeper: SupportsSnapshots) -> Mapping[str, Any]:
         try:
             return keeper.state()
         except SnapshotError as error:
             remedy = "Leave out snapshots, or let its core tell its state itself (docs/snapshots.md)."
             raise SnapshotError(f"{self.spec.name}{error} {remedy}") from error
 
-    def _remember(self, sent: Sent) -> None:
+    def _remember(self, sent: SentMessage) -> None:
         recent = self.recent
         recent.append(sent)
         while recent[0].message.tick < sent.message.tick - self._longest_delay - self._longest_window:
@@ -185,3 +348,77 @@ class Stepper:
                     f"{self.spec.name}.{method} at tick {tick}: expected a {expected_type} of this tick on {port}, "
                     f"was a {type(message).__name__} of tick {message.tick}."
                 )
+
+
+# Whom all others wait for: where it is held back, nobody else gets far.
+PACED_PARTICIPANT = "world"
+# What is lost by more than that is not made up for: nobody who looks on could follow.
+MAX_CAUGHT_UP_S = 1.0
+
+
+class ClockPace:
+    """Holds ticks back until their time has come. It has no influence on what is in them.
+
+    Tick k may begin k ticks after the first one, by the clock on the wall divided by the pace. A tick that begins later
+    than that by more than its own length counts as late. Small delays are made up for; one of more than
+    `MAX_CAUGHT_UP_S` is lost: from there time goes on at the pace.
+
+    All times are those of the monotonic clock [s].
+
+    Args:
+        pace: Simulated seconds in a second.
+        tick_ns: How long a tick is.
+        from_tick: The first tick that is held back.
+    """
+
+    def __init__(self, pace: float, tick_ns: int, *, from_tick: int = 0) -> None:
+        self._pace = pace
+        self._tick_s = tick_ns / NS_PER_S / pace
+        self._from_tick = from_tick
+        self._origin_s: float | None = None
+        self._worst_lag_s = 0.0
+        self._lost_s = 0.0
+        self._n_late = 0
+        self._n_ticks = 0
+
+    def wait_s(self, tick: int, now_s: float) -> float:
+        """Return how long it takes until a tick may begin; 0 where it may."""
+        if tick < self._from_tick:
+            return 0.0
+        return max(0.0, self._due_s(tick, now_s) - now_s)
+
+    def begins(self, tick: int, now_s: float) -> None:
+        """Take note that a tick begins."""
+        if tick < self._from_tick:
+            return
+        lag_s = max(0.0, now_s - self._due_s(tick, now_s))
+        self._n_ticks += 1
+        self._n_late += lag_s > self._tick_s
+        self._worst_lag_s = max(self._worst_lag_s, lag_s)
+        if lag_s > MAX_CAUGHT_UP_S and self._origin_s is not None:
+            self._origin_s += lag_s
+            self._lost_s += lag_s
+
+    def summary(self) -> dict[str, Any]:
+        """Return what `result.json` says of it."""
+        return {
+            "pace": {
+                "factor": self._pace,
+                "worst_lag_s": round(self._worst_lag_s, 3),
+                "late_share": round(self._n_late / max(self._n_ticks, 1), 4),
+                "lost_s": round(self._lost_s, 3),
+            }
+        }
+
+    def _due_s(self, tick: int, now_s: float) -> float:
+        if self._origin_s is None:
+            self._origin_s = now_s - (tick - self._from_tick) * self._tick_s
+        return self._origin_s + (tick - self._from_tick) * self._tick_s
+
+
+def build_clock_pace(setup: RunSetup) -> ClockPace | None:
+    """Return what holds the ticks of a run back; nothing where its time follows no clock."""
+    pace = setup.scenario.pace
+    if pace is None or setup.paced_from_tick is None:
+        return None
+    return ClockPace(pace, setup.scenario.tick_ns, from_tick=setup.paced_from_tick)

@@ -1,4 +1,4 @@
-"""What travels with the package: scenarios and agents, found by name without importing them."""
+"""Bundled scenarios and agents, found by name without importing them."""
 
 import importlib.util
 from pathlib import Path

@@ -1,14 +1,14 @@
-"""The events of a scenario that concern one participant, and when they fall due."""
+"""Due events: which of a scenario's events concern a participant, and when."""
 
 from collections.abc import Iterator
 
-from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.participant import Inbox, Read
-from gslcosim.scenario.models.event_base import EventSpec
+from gslcosim.scenario.models.events import EventSpec
 from gslcosim.scenario.models.scenario import Scenario
 
 
-def reads_of_events(scenario: Scenario, *kinds: type[EventSpec]) -> tuple[Read, ...]:
+def event_reads(scenario: Scenario, *kinds: type[EventSpec]) -> tuple[Read, ...]:
     """Return what a participant has to read that obeys some kinds of events: nothing where the scenario has none."""
     has_any = any(isinstance(event, kinds) for event in scenario.events)
     return (Read(port=EVENTS, delay_ticks=1),) if has_any else ()
@@ -19,7 +19,7 @@ def due_events(scenario: Scenario, inbox: Inbox) -> Iterator[tuple[int, EventSpe
 
     Args:
         scenario: Its `events`.
-        inbox: That of the tick, of a participant with `reads_of_events`.
+        inbox: That of the tick, of a participant with `event_reads`.
     """
     note = inbox.get(EVENTS)
     if isinstance(note, EventsBeginning):

@@ -1,4 +1,4 @@
-"""The page of all keys of a scenario, made from the models: `make docs` writes docs/scenario.md."""
+"""Page of all keys of a scenario, made from the models: `make docs` writes docs/scenario.md."""
 
 import inspect
 import sys
@@ -10,22 +10,22 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gslcosim.scenario.loading import MAX_BYTES
+from gslcosim.scenario.checks.plain_values import MAX_NUMBER
+from gslcosim.scenario.loader import MAX_BYTES
+from gslcosim.scenario.model_schema import (
+    Slot,
+    field_annotation,
+    find_default_kind,
+    find_model,
+    find_tag_key,
+    item_annotation,
+    list_blocks,
+)
 from gslcosim.scenario.models.one_of import KindedSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import mox_sensor_names
-from gslcosim.scenario.plain_values import MAX_NUMBER
 from gslcosim.scenario.problems import child_path
-from gslcosim.scenario.schema_walk import (
-    Slot,
-    annotation_of,
-    blocks_of,
-    default_kind_of,
-    item_annotation_of,
-    model_of,
-    tag_key_of,
-)
-from gslcosim.scenario.settings import default_text, meaning_of, unit_text
+from gslcosim.scenario.settings import default_text, field_meaning, unit_text
 from gslcosim.scenario.yaml_tree import MAX_LEVELS, MAX_VALUES
 
 _HEAD = f"""# Scenario files
@@ -71,7 +71,7 @@ _PAGES = {
 
 @dataclass(frozen=True, kw_only=True)
 class KeyRow:
-    """What the page says of a key: its whole path, what is allowed, its unit, its default and what it means."""
+    """Row of the page for a key: its whole path, what is allowed, its unit, its default and its meaning."""
 
     path: str
     allowed: str
@@ -96,10 +96,10 @@ class BlockSection:
 
 def keys_markdown() -> str:
     """Return the whole page."""
-    return "\n".join([_HEAD, *map(_text_of_section, sections_below(BlockSection(path="", kinds={"": Scenario})))])
+    return "\n".join([_HEAD, *map(_text_of_section, iterate_sections(BlockSection(path="", kinds={"": Scenario})))])
 
 
-def sections_below(section: BlockSection) -> Iterator[BlockSection]:
+def iterate_sections(section: BlockSection) -> Iterator[BlockSection]:
     """Yield a section and those of the blocks within it, in the order of the file."""
     yield section
     inner: dict[str, BlockSection] = {}
@@ -110,10 +110,10 @@ def sections_below(section: BlockSection) -> Iterator[BlockSection]:
                 first.kinds.update(found.kinds)
     for each in inner.values():
         is_one = not each.tag_key and len({*each.kinds.values()}) == 1
-        yield from sections_below(replace(each, kinds={"": next(iter(each.kinds.values()))}) if is_one else each)
+        yield from iterate_sections(replace(each, kinds={"": next(iter(each.kinds.values()))}) if is_one else each)
 
 
-def rows_of(section: BlockSection) -> dict[KeyRow, list[str]]:
+def section_rows(section: BlockSection) -> dict[KeyRow, list[str]]:
     """Return the rows of a section, each with the kinds that have it."""
     kinds = _kinds_in(section)
     rows: dict[KeyRow, list[str]] = {}
@@ -128,18 +128,18 @@ def rows_of(section: BlockSection) -> dict[KeyRow, list[str]]:
 
 # The block, or list of blocks, that belongs to a key.
 def _block_in(path: str, field: FieldInfo, kind: str) -> BlockSection | None:
-    whole = annotation_of(field)
-    for annotation, place in ((whole, path), (item_annotation_of(whole), f"{path}[]")):
-        if kinds := blocks_of(annotation):
-            default = default_kind_of(annotation) or ""
-            return BlockSection(path=place, kinds=kinds, tag_key=tag_key_of(annotation), default_kind=default)
-        if block := model_of(annotation):
+    whole = field_annotation(field)
+    for annotation, place in ((whole, path), (item_annotation(whole), f"{path}[]")):
+        if kinds := list_blocks(annotation):
+            default = find_default_kind(annotation) or ""
+            return BlockSection(path=place, kinds=kinds, tag_key=find_tag_key(annotation), default_kind=default)
+        if block := find_model(annotation):
             return BlockSection(path=place, kinds={kind: block})
     return None
 
 
 def _text_of_section(section: BlockSection) -> str:
-    rows, kinds = rows_of(section), _kinds_in(section)
+    rows, kinds = section_rows(section), _kinds_in(section)
     is_one = len(kinds) == 1
     # What all kinds have comes first.
     ranked = sorted(rows.items(), key=lambda item: len(item[1]) < len(kinds))
@@ -177,7 +177,7 @@ def _row(section: BlockSection, block: type[BaseModel], name: str, kind: str) ->
         is_said = len({*section.kinds.values()}) == 1
         allowed = allowed if is_said else f"one of {', '.join(section.kinds)}"
         default = section.default_kind or "required"
-    return KeyRow(path=path, allowed=allowed, unit=unit_text(name), default=default, meaning=meaning_of(block, name))
+    return KeyRow(path=path, allowed=allowed, unit=unit_text(name), default=default, meaning=field_meaning(block, name))
 
 
 def _allowed(path: str, field: FieldInfo, kind: str) -> str:

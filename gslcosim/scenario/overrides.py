@@ -1,10 +1,11 @@
-"""`--set path=value`: single values of a scenario changed on the command line."""
+"""Overrides of single values on the command line: `--set path=value`."""
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from gslcosim.scenario.checks.program_checks import SCRIPT_ENDINGS
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -12,10 +13,50 @@ from gslcosim.scenario.problems import (
     Place,
     Problem,
     child_path,
-    parent_of,
+    parent_path,
 )
-from gslcosim.scenario.set_paths import from_directory
 from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
+
+# Places in a scenario that hold files or folders; the first word of a command is a path only with a slash, and the
+# second where it is a script.
+_FILES = re.compile(
+    r"environment\.(path|gsl_bench|gaden)|environment\.geometry\.files\[\d+\]|wind\.solver\.file|gas\.playback\.folder"
+)
+_PYTHON = re.compile(r"agents\[\d+\]\.start\.python")
+_COMMAND = re.compile(r"agents\[\d+\]\.start\.command\[(\d+)\]")
+
+
+def from_directory(path: str, value: Any, directory: Path) -> Any:
+    """Return a value with all relative paths in it made absolute.
+
+    Args:
+        path: Where in the scenario the value goes.
+        value: A plain value, or a block or list of them; not modified.
+        directory: Where relative paths start.
+    """
+    if isinstance(value, dict):
+        return {
+            key: from_directory(child_path(path, key), inner, directory)
+            for key, inner in cast("dict[str, Any]", value).items()
+        }
+    if isinstance(value, list):
+        items = enumerate(cast("list[Any]", value))
+        return [from_directory(child_path(path, i), inner, directory) for i, inner in items]
+    if isinstance(value, str) and _is_path(path, value):
+        return str(directory / Path(value).expanduser())
+    return value
+
+
+def _is_path(path: str, text: str) -> bool:
+    if _FILES.fullmatch(path):
+        return True
+    if _PYTHON.fullmatch(path):
+        return "/" in text or text.endswith(".py")
+    if command := _COMMAND.fullmatch(path):
+        word = int(command[1])
+        return (word == 0 and "/" in text) or (word == 1 and text.endswith(SCRIPT_ENDINGS))
+    return False
+
 
 SET_OPTION = "--set"
 SEED_OPTION = "--seed"
@@ -105,10 +146,10 @@ def _kind(value: Any) -> str:
 
 
 def _mark(marks: Marks, path: str, place: Place) -> None:
-    parent = parent_of(path)
+    parent = parent_path(path)
     while parent and parent not in marks.places:
         marks.places[parent] = place
-        parent = parent_of(parent)
+        parent = parent_path(parent)
     for below in [p for p in marks.places if p.startswith((f"{path}.", f"{path}["))]:
         del marks.places[below]
     marks.places[path] = place

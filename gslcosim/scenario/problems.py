@@ -1,16 +1,16 @@
-"""What is wrong with a scenario, where it stands, and the one error that carries all of it."""
+"""Problems of a scenario with their places, and the one error that carries all of them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from gslcosim.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError
 
 _MAX_SHOWN = 400
 
 
 class ProblemLike(Protocol):
-    """What a check reports: the place in the scenario, what it expected and found, and what to do."""
+    """Problem that a check reports: the place in the scenario, what it expected and found, and the remedy."""
 
     @property
     def path(self) -> str:
@@ -19,17 +19,17 @@ class ProblemLike(Protocol):
 
     @property
     def expected(self) -> str:
-        """What is allowed there, as the rest of a sentence."""
+        """Allowed values there, as the rest of a sentence."""
         ...
 
     @property
     def found(self) -> str:
-        """What stands there."""
+        """Value found there."""
         ...
 
     @property
     def remedy(self) -> str:
-        """What to do, a whole sentence, or empty."""
+        """Remedy, a whole sentence, or empty."""
         ...
 
 
@@ -45,7 +45,7 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where a value was written: a file with line and column, both from 1, or the option that gave it."""
+    """Place where a value was written: a file with line and column, both from 1, or the option that gave it."""
 
     source: str
     line: int | None = None
@@ -83,7 +83,7 @@ class LocatedProblem:
 
 @dataclass(frozen=True)
 class Marks:
-    """Where each value of a scenario was written, by its path; a value without a mark stands where its parent does."""
+    """Places where the values of a scenario were written, by path; a value without a mark has that of its parent."""
 
     root: Place
     places: dict[str, Place] = field(default_factory=dict[str, Place])
@@ -93,7 +93,7 @@ class Marks:
         while path:
             if path in self.places:
                 return self.places[path]
-            path = parent_of(path)
+            path = parent_path(path)
         return self.root
 
 
@@ -120,7 +120,7 @@ def child_path(parent: str, key: str | int) -> str:
     return f"{parent}.{key}" if parent else key
 
 
-def parent_of(path: str) -> str:
+def parent_path(path: str) -> str:
     """Return the path of the value that holds the one at `path`; empty for a top-level key."""
     if path.endswith("]"):
         return path[: path.rindex("[")]

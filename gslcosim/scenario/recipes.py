@@ -1,4 +1,4 @@
-"""What an environment is generated from: a scenario, a file with a layout alone, or the name of a kind of layout."""
+"""Recipes of environments: a scenario, a file with a layout alone, or the name of a kind of layout."""
 
 import json
 from collections.abc import Sequence
@@ -8,18 +8,18 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from gslcosim.errors import ScenarioError
-from gslcosim.quantities import Vec3
-from gslcosim.safe_files import read_regular_file
+from gslcosim.base.errors import ScenarioError
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.bundled import bundled_scenarios
-from gslcosim.scenario.explain import problems_of
-from gslcosim.scenario.loading import Check, load_scenario
+from gslcosim.scenario.loader import Check, load_scenario
+from gslcosim.scenario.model_schema import list_kinds, slot_at
 from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
-from gslcosim.scenario.random_places import Placer
-from gslcosim.scenario.schema_walk import kinds_of, slot_at
+from gslcosim.scenario.random_positions import Placer
 from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.scenario.validation_errors import problems_from_validation
 from gslcosim.scenario.yaml_tree import read_yaml
 
 LAYOUT_KEYS = ("layout", "wind")
@@ -54,7 +54,7 @@ def load_recipe(
     Raises:
         ScenarioError: there is nothing of that name, or it has problems.
     """
-    path, kinds = Path(source), kinds_of(slot_at(("environment", "layout")).annotation)
+    path, kinds = Path(source), list_kinds(slot_at(("environment", "layout")).annotation)
     is_layout_file = path.is_file() and _is_layout_file(path)
     if not is_layout_file and (path.exists() or source in bundled_scenarios() or source not in kinds):
         if not path.exists() and path.suffix == "" and len(path.parts) == 1 and source not in bundled_scenarios():
@@ -104,7 +104,9 @@ def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
     try:
         recipe = _from_values(values, Path(source).stem)
     except ValidationError as error:
-        problems += [replace(each, path=each.path.removeprefix("environment.")) for each in problems_of(error)]
+        problems += [
+            replace(each, path=each.path.removeprefix("environment.")) for each in problems_from_validation(error)
+        ]
         recipe = None
     if recipe is None or problems or tree.problems:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=source)

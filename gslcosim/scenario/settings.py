@@ -1,4 +1,4 @@
-"""The settings of a block as rows: key, unit, default and meaning, from its fields."""
+"""Settings of a block as rows: key, unit, default and meaning, from its fields."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -8,9 +8,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from gslcosim.scenario.model_schema import find_model, list_words
 from gslcosim.scenario.models.one_of import KindedSpec
-from gslcosim.scenario.schema_walk import model_of, words_of
-from gslcosim.scenario.units import unit_of
+from gslcosim.scenario.units import unit_name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class SettingRow:
     meaning: str
 
 
-def settings_of(
+def list_settings(
     block: type[BaseModel], *, kind: str | None = None, without: frozenset[str] = frozenset()
 ) -> list[SettingRow]:
     """Return the settings of a block in the order of its fields.
@@ -41,7 +41,7 @@ def settings_of(
 def _settings(block: type[BaseModel], prefix: str) -> Iterator[SettingRow]:
     for name, field in block.model_fields.items():
         key = f"{prefix}{field.alias or name}"
-        inner = model_of(field.annotation)
+        inner = find_model(field.annotation)
         if inner is not None:
             yield from _settings(inner, f"{key}.")
             continue
@@ -53,7 +53,7 @@ def unit_text(name: str) -> str:
 
     An ending such as that of `hits_per_s_per_ppm` is a part of a unit only; the meaning says the rest.
     """
-    return "" if "_per_" in name.removesuffix("_per_s") else unit_of(name)
+    return "" if "_per_" in name.removesuffix("_per_s") else unit_name(name)
 
 
 def default_text(field: FieldInfo) -> str:
@@ -63,7 +63,7 @@ def default_text(field: FieldInfo) -> str:
     return "required" if field.default is PydanticUndefined else _shown(field.default)
 
 
-def meaning_of(block: type[BaseModel], name: str) -> str:
+def field_meaning(block: type[BaseModel], name: str) -> str:
     """Return what a field of a block means: its own words, or those of the block that it derives from."""
     bases = (base for base in block.__mro__ if issubclass(base, BaseModel) and name in base.model_fields)
     return next((text for base in bases if (text := base.model_fields[name].description)), "")
@@ -86,6 +86,6 @@ def _shown(value: Any) -> str:
 
 
 def _meaning(field: FieldInfo) -> str:
-    words = words_of(field.annotation)
+    words = list_words(field.annotation)
     choice = f" ({', '.join(words)})" if len(words) > 1 else ""
     return f"{field.description or ''}{choice}".strip()

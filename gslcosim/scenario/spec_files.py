@@ -1,4 +1,4 @@
-"""YAML files that are one block of keys, other than scenarios: suites, families of cases, trainings."""
+"""Spec files: YAML files that are one block of keys, such as suites, families of cases and trainings."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -7,11 +7,11 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from gslcosim.errors import ScenarioError
-from gslcosim.machine import reason_of
-from gslcosim.safe_files import read_regular_file
-from gslcosim.scenario.explain import problems_of, shown
+from gslcosim.base.errors import ScenarioError
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.os_errors import describe_os_error
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
+from gslcosim.scenario.validation_errors import format_value, problems_from_validation
 from gslcosim.scenario.yaml_tree import read_yaml
 
 S = TypeVar("S", bound=BaseModel)
@@ -36,18 +36,18 @@ def read_spec_file(
     try:
         text = read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        reason = reason_of(error) if isinstance(error, OSError) else "no UTF-8"
+        reason = describe_os_error(error) if isinstance(error, OSError) else "no UTF-8"
         raise ScenarioError(
             f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read ({reason})."
         ) from error
     tree = read_yaml(text, source=shown_path)
     if tree.block is None:
-        problem = Problem(path="", expected=f"a block of keys with {keys}", found=shown(tree.values))
+        problem = Problem(path="", expected=f"a block of keys with {keys}", found=format_value(tree.values))
         raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
     try:
         spec = model.model_validate_json(json.dumps(tree.block), strict=True)
     except ValidationError as error:
-        problems = locate(problems_of(error, root=model), tree.marks)
+        problems = locate(problems_from_validation(error, root=model), tree.marks)
         raise InvalidScenarioError([*tree.problems, *problems], name=shown_path) from error
     if problems := [*tree.problems, *locate(list(check(spec)), tree.marks)]:
         raise InvalidScenarioError(problems, name=shown_path)

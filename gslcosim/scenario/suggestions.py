@@ -1,9 +1,9 @@
-"""Did you mean …: the known word nearest to one that is not known."""
+"""Suggestions for unknown words: the nearest known one, for "Did you mean …?"."""
 
 import difflib
 from collections.abc import Iterable
 
-from gslcosim.scenario.units import UNIT_OF_ENDING, ending_of
+from gslcosim.scenario.units import UNIT_OF_ENDING, unit_suffix
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -19,9 +19,9 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 def nearest_key(word: str, known: Iterable[str]) -> str | None:
     """Return the key that somebody most likely meant: `hold` and `hold_ms` both mean `hold_s`."""
     keys = list(known)
-    stem = word.removesuffix(ending_of(word)).lower()
+    stem = word.removesuffix(unit_suffix(word)).lower()
     for key in keys:
-        if ending_of(key) and key.removesuffix(ending_of(key)) == stem:
+        if unit_suffix(key) and key.removesuffix(unit_suffix(key)) == stem:
             return key
     for key in keys:
         if stem and any(key == f"{stem}{ending}" for ending in UNIT_OF_ENDING):

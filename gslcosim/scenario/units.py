@@ -1,4 +1,4 @@
-"""Units as scenario keys carry them in their names, and as people write them behind numbers."""
+"""Units that scenario keys carry in their names, and as people write them behind numbers."""
 
 import math
 import re
@@ -48,16 +48,16 @@ class WrittenQuantity:
     unit: str
 
 
-def ending_of(key: str) -> str:
+def unit_suffix(key: str) -> str:
     """Return the part of a key's name that says its unit, such as `_m_s`; empty where there is none."""
     if key == "ppm":
         return "_ppm"
     return next((ending for ending in UNIT_OF_ENDING if key.endswith(ending)), "")
 
 
-def unit_of(key: str) -> str:
+def unit_name(key: str) -> str:
     """Return what a number under a key counts, such as `metres per second`; empty where the name says no unit."""
-    return UNIT_OF_ENDING.get(ending_of(key), "")
+    return UNIT_OF_ENDING.get(unit_suffix(key), "")
 
 
 def read_quantity(text: str) -> WrittenQuantity | None:
@@ -71,8 +71,8 @@ def number_in_unit_of(key: str, quantity: WrittenQuantity) -> float | None:
     if not quantity.unit:
         return quantity.number
     ending, factor = _WRITTEN_UNITS.get(quantity.unit.lower(), ("", 1.0))
-    if ending == "_s" and ending_of(key) == "_ms":
+    if ending == "_s" and unit_suffix(key) == "_ms":
         ending, factor = "_ms", factor * 1000.0
-    if not ending or ending != ending_of(key):
+    if not ending or ending != unit_suffix(key):
         return None
     return float(f"{quantity.number * factor:.6g}")

@@ -1,4 +1,4 @@
-"""YAML text to plain values, with the place of each: the one way a scenario's text is read.
+"""YAML text as plain values, with the place of each: the one way a scenario's text is read.
 
 Plain values follow YAML 1.2's core schema: see `gslcosim.yaml_core`.
 """
@@ -8,7 +8,15 @@ from typing import Any, cast
 
 import yaml
 
-from gslcosim import yaml_core
+from gslcosim.base import yaml_core
+from gslcosim.base.yaml_core import (
+    TAG,
+    CoreLoader,
+    YamlNestingError,
+    YamlSizeError,
+    parse_real_number,
+    parse_whole_number,
+)
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -17,14 +25,6 @@ from gslcosim.scenario.problems import (
     Problem,
     child_path,
     locate,
-)
-from gslcosim.yaml_core import (
-    TAG,
-    CoreLoader,
-    DeepYamlError,
-    LongYamlError,
-    real_number_from_text,
-    whole_number_from_text,
 )
 
 # Aliases repeat what they stand for; a short file could otherwise unfold to billions of values.
@@ -71,11 +71,11 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
             return YamlTree(None, Marks(root))
         reader = _NodeReader(source)
         values = reader.read(node, root_path)
-    except DeepYamlError as error:
+    except YamlNestingError as error:
         expected = f"lists and blocks at most {MAX_LEVELS} deep"
-        problem = Problem(path="", expected=expected, found=f"a nest of more than {yaml_core.MAX_LEVELS} levels")
+        problem = Problem(path="", expected=expected, found=f"a nest of more than {yaml_core.MAX_NESTING} levels")
         raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
-    except LongYamlError as error:
+    except YamlSizeError as error:
         problem = Problem(path="", expected=f"at most {MAX_VALUES} values", found="more")
         raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
     except yaml.YAMLError as error:
@@ -148,9 +148,9 @@ class _NodeReader:
             case "bool":
                 return text.lower() == "true"
             case "int":
-                return whole_number_from_text(text)
+                return parse_whole_number(text)
             case _:
-                return real_number_from_text(text)
+                return parse_real_number(text)
 
     def _refuse(self, path: str, expected: str, found: str, remedy: str = "") -> None:
         self.problems.append(Problem(path=path, expected=expected, found=found, remedy=remedy))

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Belief, Observation
+from gslcosim.contract.record import NumericArray
 from gslcosim.search.grids import CellGrid
 
 Array = NDArray[np.float64]

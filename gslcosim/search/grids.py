@@ -55,7 +55,7 @@ class CellGrid:
 
     @property
     def n_cells(self) -> int:
-        """How many cells there are."""
+        """Number of cells."""
         return math.prod(self.shape)
 
     def centres_m(self) -> NDArray[np.float64]:

@@ -1,13 +1,13 @@
-"""A scenario as a task for learning, loaded again with each seed."""
+"""Scenario as a task for learning, loaded again with each seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gslcosim.environment.of_scenario.places import problems_of_places
-from gslcosim.environment.of_scenario.random_places import draw_places
+from gslcosim.environment.build.position_checks import find_position_problems
+from gslcosim.environment.build.random_positions import draw_positions
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.overrides import SET_OPTION
 
 
@@ -33,8 +33,8 @@ class LearningTask:
             overrides=self.overrides,
             seed=seed,
             set_in=self.set_in,
-            checks=(lambda scenario, directory: problems_of_places(scenario, scenario_dir=directory),),
-            placer=draw_places,
+            checks=(lambda scenario, directory: find_position_problems(scenario, scenario_dir=directory),),
+            placer=draw_positions,
         )
 
 

@@ -1,5 +1,7 @@
-"""Several agents' search as a parallel environment of PettingZoo, with radio."""
+"""Parallel environment of PettingZoo: several agents search at once, with radio messages of numbers."""
 
+import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,16 +10,78 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Command, Observation
-from gslcosim.errors import UsageError
-from gslcosim.search.learned.acting import ActionKind, action_kind
-from gslcosim.search.learned.observing import ObservationVector
-from gslcosim.ticks import NS_PER_S
-from gslcosim.training.hand_flight import HandFlight
+from gslcosim.agent_kit import Briefing, Observation, RadioMessage
+from gslcosim.base.errors import UsageError
+from gslcosim.base.ticks import NS_PER_S
+from gslcosim.contract.messages import Command
+from gslcosim.search.learned.actions import ActionKind, action_kind
+from gslcosim.search.learned.observations import ObservationVector
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.registration import REMEDY
-from gslcosim.training.rewards import Moment, Reward, Scale, reward_function
-from gslcosim.training.talking import RadioNumbers
+from gslcosim.training.rewards import AgentState, Reward, TaskScale, reward_function
+from gslcosim.training.stepped_run import SteppedRun
+
+_DECIMALS = 3
+
+
+class RadioCodec:
+    """Numbers between -1 and 1 that one agent sends to all others, and the last ones received from each.
+
+    They travel on the first channel that the briefing names, with its range, losses and delay.
+
+    Args:
+        briefing: Of the agent.
+        n_numbers: How many numbers an agent tells.
+
+    Raises:
+        UsageError: the agent has no channel.
+    """
+
+    def __init__(self, briefing: Briefing, n_numbers: int) -> None:
+        if n_numbers and not briefing.channels:
+            raise UsageError(
+                f"radio_numbers: expected 0 for {briefing.agent}, which has no channel, was {n_numbers}. Add one to "
+                "channels of the scenario."
+            )
+        self.n_numbers = n_numbers
+        self._channel = briefing.channels[0].name if n_numbers else ""
+        members = briefing.channels[0].members if n_numbers else ()
+        self.others = tuple(name for name in members if name != briefing.agent)
+        self._heard = {name: [0.0] * n_numbers for name in self.others}
+
+    @property
+    def size(self) -> int:
+        """Number of numbers received."""
+        return self.n_numbers * len(self.others)
+
+    def message(self, numbers: Sequence[float]) -> tuple[RadioMessage, ...]:
+        """Return the text that tells numbers."""
+        if not self.n_numbers:
+            return ()
+        text = json.dumps([round(float(number), _DECIMALS) for number in numbers])
+        return (RadioMessage(channel=self._channel, text=text),)
+
+    def hear(self, observation: Observation) -> NDArray[np.float32]:
+        """Take note of what came, and return what each of `others` has told last, (size,); 0 before the first.
+
+        A text comes with one observation only, so each has to be heard.
+        """
+        for reception in observation.incoming:
+            if reception.sender in self._heard and (numbers := _numbers_of(reception.text, self.n_numbers)):
+                self._heard[reception.sender] = numbers
+        return np.array([number for name in self.others for number in self._heard[name]], dtype=np.float32)
+
+
+# Others may speak on the channel too.
+def _numbers_of(text: str, n_numbers: int) -> list[float] | None:
+    try:
+        numbers = [float(number) for number in json.loads(text)]
+    except (ValueError, TypeError):
+        return None
+    if len(numbers) != n_numbers or not all(math.isfinite(number) for number in numbers):
+        return None
+    return [min(max(number, -1.0), 1.0) for number in numbers]
+
 
 try:
     from gymnasium import spaces
@@ -137,24 +201,24 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
             search.flight.close()
 
     def _begun(self, seed: int) -> "_Search":
-        flight = HandFlight(self._task.loaded(seed))
+        flight = SteppedRun(self._task.loaded(seed))
         talkers: dict[str, _Talker] = {}
         for name in flight.asked:
             briefing = flight.briefing_of(name)
             actions = action_kind(self._action_name, briefing, **self._settings)
             if actions.n_choices:
                 raise UsageError(f"action: expected a kind with numbers, was {self._action_name!r}.")
-            talkers[name] = _Talker(ObservationVector(briefing), actions, RadioNumbers(briefing, self._n_told))
+            talkers[name] = _Talker(ObservationVector(briefing), actions, RadioCodec(briefing, self._n_told))
         return _Search(flight, talkers, flight.scale(self._discount))
 
 
 @dataclass
 class _Talker:
-    """What turns one agent's messages into numbers, and numbers into commands."""
+    """Codec of one agent: its messages into numbers, and numbers into commands."""
 
     vector: ObservationVector
     actions: ActionKind
-    radio: RadioNumbers
+    radio: RadioCodec
 
     @property
     def n_observed(self) -> int:
@@ -177,9 +241,9 @@ class _Talker:
 class _Search:
     """One flight of all agents."""
 
-    flight: HandFlight
+    flight: SteppedRun
     talkers: dict[str, _Talker]
-    scale: Scale
+    scale: TaskScale
 
     def act(self, actions: dict[str, _Numbers], step_ticks: int) -> None:
         flight = self.flight
@@ -198,9 +262,9 @@ class _Search:
     def seen(self) -> dict[str, _Numbers]:
         return {name: talker.seen(self.flight.seen_by(name)) for name, talker in self.talkers.items()}
 
-    def moments(self) -> dict[str, Moment]:
+    def moments(self) -> dict[str, AgentState]:
         return {
-            name: Moment(
+            name: AgentState(
                 distance_m=score.distance_to_source_m,
                 time_s=self.flight.seen_by(name).time_s,
                 n_commands=score.n_commands,

@@ -1,4 +1,4 @@
-"""What Gymnasium is told of our environments, where it is installed."""
+"""Registration of our environments with Gymnasium, where it is installed."""
 
 import importlib.util
 

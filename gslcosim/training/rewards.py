@@ -1,17 +1,17 @@
-"""What an agent is rewarded for, by name or by a function of one's own."""
+"""Rewards of agents, by name or by a function of one's own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 
 # Of the success, in units of which everything else is measured.
 SUCCESS = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moment:
-    """How an agent stands before or after a step.
+class AgentState:
+    """State of an agent before or after a step.
 
     `distance_m` is its distance to the nearest source, `time_s` the simulated time, `n_commands` how many commands it
     has given; `outcome` is absent while it searches.
@@ -24,24 +24,24 @@ class Moment:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scale:
-    """What is large and what is long in a task: the diagonal of its room [m], its time limit [s], and the discount."""
+class TaskScale:
+    """Scales of a task: the diagonal of its room [m], its time limit [s], and the discount."""
 
     diagonal_m: float
     time_limit_s: float
     discount: float
 
 
-Reward = Callable[[Moment, Moment, Scale], float]
+Reward = Callable[[AgentState, AgentState, TaskScale], float]
 
 
-def sparse(before: Moment, after: Moment, scale: Scale) -> float:
+def sparse(before: AgentState, after: AgentState, scale: TaskScale) -> float:
     """Return 1 upon success, and 0 otherwise."""
     del before, scale
     return SUCCESS if after.outcome == "success" else 0.0
 
 
-def potential(before: Moment, after: Moment, scale: Scale) -> float:
+def potential(before: AgentState, after: AgentState, scale: TaskScale) -> float:
     """Return `sparse`, less the share of the time limit that the step took, and a shaping that changes no best policy.
 
     g F(after) - F(before), with the potential F = -distance / diagonal while the search goes on and 0 after its end,
@@ -56,7 +56,7 @@ def potential(before: Moment, after: Moment, scale: Scale) -> float:
     return sparse(before, after, scale) - (after.time_s - before.time_s) / scale.time_limit_s + shaping
 
 
-def _potential(moment: Moment, scale: Scale) -> float:
+def _potential(moment: AgentState, scale: TaskScale) -> float:
     return 0.0 if moment.outcome is not None else -moment.distance_m / scale.diagonal_m
 
 

@@ -1,4 +1,4 @@
-"""One agent's search as an environment of Gymnasium: the flight of a scenario in this process, step by step."""
+"""Search environment of Gymnasium: one agent's scenario run in this process, step by step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.search.learned.acting import ActionKind, action_kind
-from gslcosim.search.learned.observing import ObservationVector
-from gslcosim.training.hand_flight import HandFlight
+from gslcosim.base.errors import UsageError
+from gslcosim.search.learned.actions import ActionKind, action_kind
+from gslcosim.search.learned.observations import ObservationVector
 from gslcosim.training.learning_task import LearningTask
-from gslcosim.training.map_drawing import MapDrawing
+from gslcosim.training.map_image import MapImage
 from gslcosim.training.registration import REMEDY
-from gslcosim.training.rewards import Moment, Reward, Scale, reward_function
+from gslcosim.training.rewards import AgentState, Reward, TaskScale, reward_function
+from gslcosim.training.stepped_run import SteppedRun
 
 try:
     import gymnasium
@@ -82,7 +82,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         search.flight.close()
         self.observation_names: tuple[str, ...] = search.vector.names
         self.observation_space = spaces.Box(-1.0, 1.0, (search.vector.size,), np.float32)
-        self.action_space = space_of_actions(search.actions)
+        self.action_space = build_action_space(search.actions)
         self._search: _Search | None = None
 
     def reset(
@@ -133,7 +133,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
                 f"scenario: expected one agent, was {len(scenario.agents)} in {scenario.name}. "
                 "gslcosim.training.parallel_env is for several."
             )
-        flight = HandFlight(loaded)
+        flight = SteppedRun(loaded)
         briefing = flight.briefing_of(scenario.agents[0].name)
         sources_m = [source.position_m for source in scenario.gas.sources]
         return _Search(
@@ -142,7 +142,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
             vector=ObservationVector(briefing),
             actions=action_kind(self._action_name, briefing, **self._action_settings),
             scale=flight.scale(self._discount),
-            drawing=MapDrawing(flight.environment, briefing.search_height_m, sources_m),
+            drawing=MapImage(flight.environment, briefing.search_height_m, sources_m),
         )
 
 
@@ -151,11 +151,11 @@ class _Search:
     """One flight with what turns its messages into numbers, and numbers into commands."""
 
     agent: str
-    flight: HandFlight
+    flight: SteppedRun
     vector: ObservationVector
     actions: ActionKind
-    scale: Scale
-    drawing: MapDrawing
+    scale: TaskScale
+    drawing: MapImage
 
     def act(self, action: Any) -> None:
         self.flight.answer(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
@@ -166,9 +166,9 @@ class _Search:
         self.drawing.move_to(observation.position_world_m)
         return self.vector.of(observation)
 
-    def moment(self) -> Moment:
+    def moment(self) -> AgentState:
         score = self.flight.scores[self.agent]
-        return Moment(
+        return AgentState(
             distance_m=score.distance_to_source_m,
             time_s=self.flight.seen_by(self.agent).time_s,
             n_commands=score.n_commands,
@@ -186,7 +186,7 @@ class _Search:
         }
 
 
-def space_of_actions(actions: ActionKind) -> "spaces.Space[Any]":
+def build_action_space(actions: ActionKind) -> "spaces.Space[Any]":
     """Return the space of one kind of actions."""
     if actions.n_choices:
         return spaces.Discrete(actions.n_choices)

@@ -1,34 +1,201 @@
-"""The catalogue: every vehicle by name, gslcosim's own and those of installed packages."""
+"""Catalogue of vehicles by name, and the reader of their folders: every problem in one error."""
 
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar, cast, get_args
 
-from gslcosim.errors import VehicleError
-from gslcosim.offers import OfferError, Offers
-from gslcosim.vehicles.facts import Vehicle
-from gslcosim.vehicles.vehicle_folder import PARAMETERS_FILE, read_vehicle
+import numpy as np
+import yaml
+
+from gslcosim.base.errors import VehicleError
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.plugins import EntryPoints, PluginError
+from gslcosim.base.yaml_core import CoreLoader
+from gslcosim.vehicles.parameters import (
+    KINDS,
+    MAX_ROTORS,
+    MIN_ROTORS,
+    BodyParameters,
+    ControlParameters,
+    Drawing,
+    Kind,
+    RotorDrawing,
+    RotorParameters,
+    Vehicle,
+    WheelDrawing,
+    WheelParameters,
+)
+
+PARAMETERS_FILE = "parameters.yaml"
+# The sections that a vehicle of a kind has, besides its description and its kind.
+_SECTIONS: dict[Kind, dict[str, type[Any]]] = {
+    "multirotor": {
+        "body": BodyParameters,
+        "control": ControlParameters,
+        "rotors": RotorParameters,
+        "drawing": RotorDrawing,
+    },
+    "holonomic": {"body": BodyParameters, "control": ControlParameters},
+    "wheels": {"body": BodyParameters, "wheels": WheelParameters, "drawing": WheelDrawing},
+}
+_TEXT_SECTIONS = ("description", "kind")
+# Numbers that may be zero or negative; lists may hold any.
+_SIGNED_PARAMETERS = ("axle_height_m", "integral_gain_s3", "integral_limit_m_s2")
+
+Parameters = TypeVar("Parameters")
+
+
+# Read once in a process: a suite flies the same vehicle thousands of times.
+@cache
+def read_vehicle(name: str, folder: Path) -> Vehicle:
+    """Return the vehicle of a folder.
+
+    Args:
+        name: Its name, which is that of the MJCF too.
+        folder: Holds `parameters.yaml` and `<name>.xml`.
+
+    Raises:
+        VehicleError: a file is missing, or a parameter is missing, unknown, without origin or no number that it can
+            be; all of it in one text.
+    """
+    path = folder / PARAMETERS_FILE
+    sections = _load_sections(name, path)
+    problems: list[str] = []
+    if not (folder / f"{name}.xml").is_file():
+        problems.append(f"{name}.xml: expected the MJCF of the vehicle beside {PARAMETERS_FILE}, found none.")
+    kind, description = sections.get("kind"), sections.get("description")
+    if not isinstance(description, str) or not description.strip():
+        problems.append("description: expected one sentence, was missing.")
+    if kind not in KINDS:
+        problems.append(f"kind: expected one of {', '.join(KINDS)}, was {kind!r}.")
+        raise _build_error(name, path, problems)
+    read = _read_sections(kind, sections, problems)
+    if not problems and read.get("rotors") is not None:
+        problems += _find_rotor_problems(cast("RotorParameters", read["rotors"]))
+    if problems:
+        raise _build_error(name, path, problems)
+    return Vehicle(
+        name=name,
+        description=str(description).strip(),
+        kind=cast("Kind", kind),
+        folder=folder,
+        body=cast("BodyParameters", read["body"]),
+        control=cast("ControlParameters | None", read.get("control")),
+        rotors=cast("RotorParameters | None", read.get("rotors")),
+        wheels=cast("WheelParameters | None", read.get("wheels")),
+        drawing=cast("Drawing | None", read.get("drawing")),
+    )
+
+
+def _load_sections(name: str, path: Path) -> dict[str, Any]:
+    try:
+        sections = yaml.load(read_regular_file(path).decode(), Loader=CoreLoader)
+    except OSError as error:
+        raise _build_error(
+            name, path, [f"expected a file that can be read, was one that cannot ({error.strerror})."]
+        ) from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise _build_error(name, path, [f"expected YAML, got: {error}."]) from error
+    if not isinstance(sections, dict):
+        raise _build_error(name, path, [f"expected a map of sections, was {type(sections).__name__}."])
+    return cast("dict[str, Any]", sections)
+
+
+def _read_sections(kind: Kind, sections: dict[str, Any], problems: list[str]) -> dict[str, Any]:
+    wanted = _SECTIONS[kind]
+    problems += [
+        f"{section}: expected one of the sections {', '.join(wanted)} of kind {kind}."
+        for section in sections
+        if section not in wanted and section not in _TEXT_SECTIONS
+    ]
+    return {section: _read_parameters(type_, sections, section, problems) for section, type_ in wanted.items()}
+
+
+def _read_parameters(
+    type_: type[Parameters], sections: dict[str, Any], section: str, problems: list[str]
+) -> Parameters | None:
+    entries = _as_map(sections.get(section))
+    types = {field.name: field.type for field in fields(cast("Any", type_))}
+    found = [f"{section}.{key}: expected a parameter, was missing." for key in sorted(types.keys() - entries.keys())]
+    found += [f"{section}.{key}: expected one of {sorted(types)}." for key in sorted(entries.keys() - types.keys())]
+    values: dict[str, Any] = {}
+    for key in sorted(entries.keys() & types.keys()):
+        entry = _as_map(entries[key])
+        values[key] = _parse_numbers(types[key], entry.get("value"))
+        if not entry.get("origin"):
+            found.append(f"{section}.{key}: expected an origin, was missing.")
+        if values[key] is None or (types[key] is float and key not in _SIGNED_PARAMETERS and values[key] <= 0.0):
+            found.append(
+                f"{section}.{key}: expected {_describe_expected(types[key], key)}, was {entry.get('value')!r}."
+            )
+    problems += found
+    return None if found else type_(**values)
+
+
+def _as_map(value: Any) -> dict[str, Any]:
+    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+
+
+# A number, or a tuple of numbers or of tuples, as the field's type says; nothing where the value is something else.
+def _parse_numbers(type_: Any, value: Any) -> Any:
+    if type_ is float:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        return float(value) if is_number else None
+    kinds = get_args(type_)
+    if not isinstance(value, list) or (kinds[-1] is not Ellipsis and len(cast("list[Any]", value)) != len(kinds)):
+        return None
+    items = tuple(_parse_numbers(kinds[0], item) for item in cast("list[Any]", value))
+    return None if None in items else items
+
+
+def _describe_expected(type_: Any, key: str) -> str:
+    if type_ is float:
+        return "a number" if key in _SIGNED_PARAMETERS else "a number greater than 0"
+    first, last = get_args(type_)[0], get_args(type_)[-1]
+    if last is not Ellipsis:
+        return f"a list of {len(get_args(type_))} numbers"
+    return "a list of numbers" if first is float else "a list of places, each a list of 3 numbers"
+
+
+def _find_rotor_problems(rotors: RotorParameters) -> Iterator[str]:
+    n_rotors, n_directions = rotors.n_rotors, len(rotors.rotor_directions)
+    if not MIN_ROTORS <= n_rotors <= MAX_ROTORS:
+        yield f"rotors.rotor_places_m: expected {MIN_ROTORS} to {MAX_ROTORS} places, was {n_rotors}."
+    elif n_rotors != n_directions:
+        yield f"rotors.rotor_directions: expected {n_rotors}, one for each place, was {n_directions}."
+    elif any(abs(direction) != 1.0 for direction in rotors.rotor_directions):
+        yield f"rotors.rotor_directions: expected 1 or -1 for each rotor, was {list(rotors.rotor_directions)}."
+    elif np.linalg.matrix_rank(rotors.wrench_from_thrusts()) < MIN_ROTORS:
+        yield "rotors: expected places and directions that can turn the vehicle about all axes, was some that cannot."
+
+
+def _build_error(name: str, path: Path, problems: Sequence[str]) -> VehicleError:
+    return VehicleError("\n".join([f"vehicle {name}: {problem}" for problem in problems] + [f"File: {path}"]))
+
 
 # Third parties add theirs under this name; each entry point is a folder's path, or a module in the folder.
 VEHICLE_ENTRY_POINTS = "gslcosim.vehicles"
-_OFFERS = Offers(group=VEHICLE_ENTRY_POINTS, what="vehicle")
+_ENTRY_POINTS = EntryPoints(group=VEHICLE_ENTRY_POINTS, what="vehicle")
 VEHICLES_DIR = Path(__file__).parent
 
 
 @cache
 def vehicle_names() -> tuple[str, ...]:
     """Return the names of all vehicles: gslcosim's, which are the folders beside this file, then those of packages."""
-    own = _own_names()
-    return (*own, *sorted({*_OFFERS.names()} - set(own)))
+    own = _list_own_names()
+    return (*own, *sorted({*_ENTRY_POINTS.names()} - set(own)))
 
 
 def is_vehicle(name: str) -> bool:
     """Return whether there is a vehicle of a name."""
-    return name in _own_names() or name in vehicle_names()
+    return name in _list_own_names() or name in vehicle_names()
 
 
-def vehicle_of(name: str) -> Vehicle:
+def get_vehicle(name: str) -> Vehicle:
     """Return the facts of a vehicle.
 
     A package offers a vehicle by an entry point of the group `gslcosim.vehicles`; it is imported here, when somebody
@@ -37,33 +204,33 @@ def vehicle_of(name: str) -> Vehicle:
     Raises:
         VehicleError: there is none, or its folder is not what it should be.
     """
-    if name in _own_names():
+    if name in _list_own_names():
         return read_vehicle(name, VEHICLES_DIR / name)
-    return _offered(name)
+    return _find_offered(name)
 
 
 @cache
-def _own_names() -> tuple[str, ...]:
+def _list_own_names() -> tuple[str, ...]:
     return tuple(sorted(path.parent.name for path in VEHICLES_DIR.glob(f"*/{PARAMETERS_FILE}")))
 
 
 @cache
-def _offered(name: str) -> Vehicle:
-    if name not in _OFFERS.names():
+def _find_offered(name: str) -> Vehicle:
+    if name not in _ENTRY_POINTS.names():
         raise VehicleError(f"vehicle: expected one of {', '.join(vehicle_names())}, was {name!r}.")
     try:
-        folder = _OFFERS.loaded(name, _folder_of, "a folder's path, or a module in the folder")
-    except OfferError as error:
+        folder = _ENTRY_POINTS.loaded(name, _resolve_folder, "a folder's path, or a module in the folder")
+    except PluginError as error:
         raise VehicleError(f"vehicle {name}: {error}") from error
     return read_vehicle(name, folder)
 
 
-def _folder_of(offered: object) -> Path | None:
-    folder = _path_of(offered)
+def _resolve_folder(offered: object) -> Path | None:
+    folder = _resolve_path(offered)
     return folder.resolve() if folder is not None and folder.is_dir() else None
 
 
-def _path_of(offered: Any) -> Path | None:
+def _resolve_path(offered: Any) -> Path | None:
     if isinstance(offered, ModuleType):
         # A package without __init__.py has no file, but a place.
         file = getattr(offered, "__file__", None)

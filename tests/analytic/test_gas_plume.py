@@ -7,9 +7,13 @@ import pytest
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
-from gslcosim.fields.filament.plume import FilamentPlume, Filaments, GasSource, amount_of_filament_mol
-from gslcosim.fields.filament.release import ConstantRelease
-from gslcosim.fields.reading.concentration import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid, strength_ppm_m3
+from gslcosim_services.fields.concentration.mixing_ratio import (
+    mixing_ratio_ppm_at,
+    mixing_ratio_ppm_on_grid,
+    strength_ppm_m3,
+)
+from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, GasSource, filament_amount_mol
+from gslcosim_services.fields.filament.release import ConstantRelease
 
 WIND_M_S = 0.5
 GROWTH_M2_S = 0.004
@@ -38,7 +42,7 @@ def plume():
         position_world_m=(1.0, 4.0, 3.0),
         release=ConstantRelease(filaments_per_s=RATE_PER_S),
         sigma_m=SIGMA0_M,
-        amount_mol=amount_of_filament_mol(0.01, SIGMA0_M),
+        amount_mol=filament_amount_mol(0.01, SIGMA0_M),
     )
     made = FilamentPlume(
         environment, (source,), step_s=0.2, growth_m2_s=GROWTH_M2_S, diffusivity_m2_s=DIFFUSIVITY_M2_S, seed=4
@@ -48,7 +52,7 @@ def plume():
 
 
 def release_ppm_m3_s():
-    return RATE_PER_S * strength_ppm_m3(np.array([amount_of_filament_mol(0.01, SIGMA0_M)]))[0]
+    return RATE_PER_S * strength_ppm_m3(np.array([filament_amount_mol(0.01, SIGMA0_M)]))[0]
 
 
 def plume_ppm(x_m, y_m, z_m):

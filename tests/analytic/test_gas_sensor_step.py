@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.sensing.models.mox import MOX_PARAMETERS, MoxSensor, steady_ratio
+from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxSensor, steady_ratio
 
 
 def sample(ppm):

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from gslcosim.base.quantities import GRAVITY_M_S2
 from gslcosim.contract.participant import Episode
-from gslcosim.quantities import GRAVITY_M_S2
-from gslcosim.world.core import WorldCore
+from gslcosim_services.world.core import WorldCore
 
 DT_S = 0.004
 MODELS = ("iris", "crazyflie", "hexarotor", "holonomic")

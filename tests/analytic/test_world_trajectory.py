@@ -3,10 +3,14 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.world.paths.quickest_kernels import plan_inplace
-from gslcosim.world.paths.trajectory import Limits, fly_at, fly_through, fly_to, stay_at
-from gslcosim.world.paths.trajectory_kernels import (
+from gslcosim_services.world.paths.trajectory import (
+    Limits,
     peak_speed_and_acceleration,
+    plan_quickest_inplace,
+    plan_rest,
+    plan_to_point,
+    plan_to_state,
+    plan_to_velocity,
     polynomial_at,
     rest_to_rest_duration,
     set_quartic_to_velocity_inplace,
@@ -22,7 +26,7 @@ def at_rest(position_m):
 
 
 def test_a_rest_to_rest_leg_is_the_quintic_of_flash_and_hogan():
-    trajectory = fly_to(at_rest((1.0, 2.0, 3.0)), (4.0, 6.0, 3.0), LIMITS, 0)
+    trajectory = plan_to_point(at_rest((1.0, 2.0, 3.0)), (4.0, 6.0, 3.0), LIMITS, 0)
     for tick in range(int(trajectory.duration_s * 10)):
         s = tick * 0.1 / trajectory.duration_s
         share = 10 * s**3 - 15 * s**4 + 6 * s**5
@@ -60,7 +64,7 @@ def test_the_quintic_meets_start_and_end():
 def test_a_stop_covers_half_of_speed_times_duration():
     """With a0 = 0 the way is T (v0 + v_end) / 2 and the acceleration peaks at 1.5 dv/T."""
     start = np.array([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    stop = fly_at(start, (0.0, 0.0, 0.0), LIMITS, 0)
+    stop = plan_to_velocity(start, (0.0, 0.0, 0.0), LIMITS, 0)
     assert stop.duration_s == pytest.approx(1.5 * 1.0 / 2.0)
     assert stop.end_world_m == pytest.approx((0.5 * stop.duration_s, 0.0, 2.0))
     assert peak_speed_and_acceleration(stop.coefficients, stop.duration_s)[1] == pytest.approx(2.0)
@@ -88,18 +92,18 @@ def test_values_are_derivatives_of_one_another():
 
 
 def test_after_its_end_a_trajectory_rests_or_flies_on():
-    leg = fly_to(at_rest((0.0, 0.0, 0.0)), (1.0, 0.0, 0.0), LIMITS, 5)
+    leg = plan_to_point(at_rest((0.0, 0.0, 0.0)), (1.0, 0.0, 0.0), LIMITS, 5)
     assert leg.state_at(5 + 600, TICK_NS).tolist() == [[1.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3]
-    cruise = fly_at(at_rest((0.0, 0.0, 0.0)), (0.5, 0.0, 0.0), LIMITS, 0)
+    cruise = plan_to_velocity(at_rest((0.0, 0.0, 0.0)), (0.5, 0.0, 0.0), LIMITS, 0)
     a, b = cruise.state_at(100, TICK_NS), cruise.state_at(110, TICK_NS)
     assert (b[0] - a[0]).tolist() == pytest.approx([0.5, 0.0, 0.0])
-    assert stay_at((1.0, 2.0, 3.0), 7).state_at(7, TICK_NS)[0].tolist() == [1.0, 2.0, 3.0]
+    assert plan_rest((1.0, 2.0, 3.0), 7).state_at(7, TICK_NS)[0].tolist() == [1.0, 2.0, 3.0]
 
 
 def test_a_state_that_is_flown_through_is_met_at_its_time():
     """With its acceleration at the very end, and at constant velocity after it."""
     end = np.array([[2.0, 1.0, 0.0], [0.0, 0.8, 0.0], [-0.4, 0.0, 0.0]])
-    leg = fly_through(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 3, least_s=4.0, step_s=0.1)
+    leg = plan_to_state(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 3, least_s=4.0, step_s=0.1)
     assert leg.duration_s == pytest.approx(4.0)
     assert leg.is_over(43, TICK_NS)
     assert not leg.is_over(42, TICK_NS)
@@ -109,7 +113,7 @@ def test_a_state_that_is_flown_through_is_met_at_its_time():
 
 def test_a_state_that_comes_too_soon_is_reached_later_within_the_limits():
     end = np.array([[5.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0] * 3])
-    leg = fly_through(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 0, least_s=0.5, step_s=0.1)
+    leg = plan_to_state(at_rest((0.0, 0.0, 0.0)), end, LIMITS, 0, least_s=0.5, step_s=0.1)
     speed, acceleration = peak_speed_and_acceleration(leg.coefficients, leg.duration_s)
     assert speed <= 1.0 * 1.02
     assert acceleration <= 2.0 * 1.02
@@ -138,7 +142,7 @@ def test_the_quickest_path_is_that_of_a_search_that_looks_at_every_duration():
                 set_quintic_inplace(sought, start, end, duration_s)
             peaks = peak_speed_and_acceleration(sought, duration_s)
             if max(peaks[0] / limits[0], peaks[1] / limits[1]) <= 1 + 1e-9:
-                planned_s = plan_inplace(found, start, end, is_velocity, 1.0, 2.0, 0.0, 0.0)
+                planned_s = plan_quickest_inplace(found, start, end, is_velocity, 1.0, 2.0, 0.0, 0.0)
                 assert planned_s == pytest.approx(duration_s, rel=1e-12)
                 np.testing.assert_allclose(found, sought, rtol=1e-9, atol=1e-9)
                 n_searched += n > 0

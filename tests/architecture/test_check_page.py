@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import COMMANDS
-from gslcosim.cli.parsing import build_parser, parse
-from gslcosim.conformance.findings import Failure, Finding
-from gslcosim.conformance.flight import Script
+from gslcosim.conformance.report import Failure, Finding
 from gslcosim.conformance.rules import RULES
-from gslcosim.conformance.scripted_world import QUESTION_TICKS, ticks
+from gslcosim.conformance.scripted_world import QUESTION_TICKS, iter_ticks
+from gslcosim.conformance.session import SessionScript
 
 PAGE = (Path(__file__).parents[2] / "docs" / "check-your-agent.md").read_text()
 
@@ -36,7 +36,7 @@ def test_the_sample_is_what_a_report_looks_like():
 
 
 def test_every_session_is_on_the_page():
-    variations = set(Script.__annotations__["variation"].__args__) - {"plain"}
+    variations = set(SessionScript.__annotations__["variation"].__args__) - {"plain"}
     section = PAGE.partition("## The sessions")[2].partition("When the first session")[0]
     assert set(re.findall(r"^\| ([a-z ]+) \| ", section, re.MULTILINE)) - {"session"} == variations | {"first", "again"}
 
@@ -44,7 +44,7 @@ def test_every_session_is_on_the_page():
 def test_the_numbers_of_the_first_session_are_right():
     assert "fourteen await" in PAGE
     assert len(QUESTION_TICKS) == 14
-    assert 55 <= len(list(ticks())) <= 75
+    assert 55 <= len(list(iter_ticks())) <= 75
 
 
 @pytest.mark.parametrize("line", [line for line in PAGE.splitlines() if line.startswith("gslcosim ")])

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, parse
 from gslcosim.cli.main import COMMANDS
-from gslcosim.cli.parsing import all_actions_of, build_parser, choices_of, parse
-from gslcosim.errors import UsageError
 
 PARSER = build_parser(COMMANDS, version="")
 
 
 def parts_of(command):
-    actions = all_actions_of(choices_of(PARSER)[command.name])
+    actions = collect_actions(command_parsers(PARSER)[command.name])
     return [name for action in actions if isinstance(action.choices, dict) for name in action.choices]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.runtime.assembly import service_names
+from gslcosim.runtime.services import list_service_names
 from gslcosim.scenario import load_scenario
 
 pytestmark = pytest.mark.extras
@@ -47,7 +47,7 @@ def mounts(service: dict) -> set[str]:
 def test_there_is_one_container_for_each_process(services):
     scenario = load_scenario("warehouse_empty").scenario
     agents = {f"agent-{agent.name}" for agent in scenario.agents}
-    assert set(services) == {"supervisor", *service_names(scenario), *agents}
+    assert set(services) == {"supervisor", *list_service_names(scenario), *agents}
 
 
 def test_all_run_the_same_image(services):

@@ -10,8 +10,8 @@ import yaml
 
 from gslcosim.cli.main import main
 from gslcosim.environment.store import load_environment
+from gslcosim.scenario.model_schema import list_kinds, list_words, slot_at
 from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, WindSpec
-from gslcosim.scenario.schema_walk import kinds_of, slot_at, words_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "environments.md"
 TEXT = PAGE.read_text()
@@ -26,9 +26,9 @@ def test_every_kind_of_environment_wind_and_layout_is_named():
     assert set(re.findall(r"^\| `\{(\w+): ", TEXT, re.MULTILINE)) == {*origins, "file"}
     assert "`doors`" in TEXT
     assert set(re.findall(r"^\| `(\w+)` \|", TEXT, re.MULTILINE)) == set(
-        words_of(slot_at(("wind", "solver")).annotation)
+        list_words(slot_at(("wind", "solver")).annotation)
     )
-    assert all(f"`{kind}`" in TEXT for kind in kinds_of(slot_at(("environment", "layout")).annotation))
+    assert all(f"`{kind}`" in TEXT for kind in list_kinds(slot_at(("environment", "layout")).annotation))
 
 
 def test_keys_of_the_table_of_parameters_exist():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.environment.exchange.exporting import FORMATS, GADEN_WINDS
+from gslcosim.environment.formats.export import FORMATS, GADEN_WINDS
 from gslcosim.environment.store import HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, load_environment
 
 DOCS = Path(__file__).parents[2] / "docs"

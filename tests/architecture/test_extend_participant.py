@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.conformance.participants import PARTICIPANT_RULES
-from gslcosim.conformance.participants.beginning import TEMPLATES
+from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extend" / "participant.md").read_text()
@@ -38,7 +38,7 @@ def test_every_fault_on_the_page_is_one_that_is_told():
 def test_the_commands_of_the_page_lead_to_flights_of_one_digest(tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("needs a C compiler: apt-get install gcc")
-    for file in TEMPLATES.iterdir():
+    for file in PARTICIPANT_TEMPLATES.iterdir():
         shutil.copy(file, tmp_path)
     (commands,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     lines = commands.replace("python3", sys.executable).splitlines()

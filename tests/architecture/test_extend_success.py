@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.success import CRITERIA
 
 ROOT = Path(__file__).parents[2]

@@ -10,11 +10,11 @@ import pytest
 import yaml
 
 from gslcosim.cli.main import main
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.gas import GAS_MODELS
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
-from gslcosim.scenario.settings import settings_of
-from gslcosim.sensing.sensors_page import with_tables
+from gslcosim.scenario.settings import list_settings
+from gslcosim_services.sensing.sensors_page import fill_tables
 
 ROOT = Path(__file__).parents[2]
 GAS, SENSORS_PAGE = ROOT / "docs" / "gas.md", ROOT / "docs" / "sensors.md"
@@ -31,13 +31,15 @@ PIECES = [
 def test_the_tables_of_sensors_are_current():
     page = SENSORS_PAGE.read_text()
     assert page.count("<!-- table ") == 4
-    assert page == with_tables(page), "`make docs` rewrites them"
+    assert page == fill_tables(page), "`make docs` rewrites them"
 
 
 def test_every_sensor_and_every_setting_of_sensors_is_on_the_page():
     page = SENSORS_PAGE.read_text()
     assert [name for name in SENSORS if f"| `{name}` |" not in page] == []
-    settings = {each.key for name, block in SENSOR_BLOCKS.items() for each in settings_of(block, kind=name)} - {"model"}
+    settings = {each.key for name, block in SENSOR_BLOCKS.items() for each in list_settings(block, kind=name)} - {
+        "model"
+    }
     assert [name for name in settings if f"`{name}`" not in page] == []
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.methods.page import COSTS, PAGE, PICTURES, load_costs, methods_in, methods_page
+from gslcosim.methods.methods_page import COSTS, PAGE, PICTURES, build_methods_page, find_methods, load_costs
 
 ROOT = Path(__file__).parents[2]
 DOCS, AGENTS = ROOT / "docs", ROOT / "agents"
-METHODS = methods_in(AGENTS, load_costs(DOCS))
+METHODS = find_methods(AGENTS, load_costs(DOCS))
 MAX_PICTURE_BYTES, MAX_PICTURES_BYTES = 40_000, 2_000_000
 CARD = """
 schema: gslcosim/method/1
@@ -30,7 +30,7 @@ parameters:
 
 
 def test_the_page_is_what_the_cards_say():
-    assert (DOCS / PAGE).read_text() == methods_page(AGENTS, DOCS), "`make docs` rewrites it"
+    assert (DOCS / PAGE).read_text() == build_methods_page(AGENTS, DOCS), "`make docs` rewrites it"
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
@@ -93,7 +93,7 @@ def folders(tmp_path):
 
 
 def test_a_row_and_a_section_tell_all_that_a_card_has(folders):
-    page = methods_page(*folders)
+    page = build_methods_page(*folders)
     assert "| [First](#first) | anchor | Doe, Roe 1999 | 2 gas | map | 2 | 3 to 10 | yes |  |  |" in page
     assert "| `step_m` | 1 | 0.5 to 5 m | length of a leg | [M] |" in page
     assert "| `rule` | on | on, off | a rule | ours |" in page
@@ -109,6 +109,6 @@ def test_a_cost_stands_beside_its_limit_with_the_machine_that_it_is_of(folders):
     (docs / "studies").mkdir(parents=True)
     costs = {"command": "make it", "machine": "a box", "methods": {"first": {"p50_ms": 0.1, "p95_ms": 0.25}}}
     (docs / COSTS).write_text(json.dumps(costs))
-    page = methods_page(agents, docs)
+    page = build_methods_page(agents, docs)
     assert "| yes |  | 0.25 / 1 |" in page
     assert "`make it` measures it (a box)" in page

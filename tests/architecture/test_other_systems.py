@@ -10,7 +10,7 @@ SCRIPT = """
 import importlib, pkgutil, sys
 import gslcosim
 
-ALONE = {"gslcosim.runtime.sandbox.launcher"}  # a program of its own, which only Linux runs
+ALONE = {"gslcosim.runtime.processes.sandbox.launcher"}  # a program of its own, which only Linux runs
 names = [each.name for each in pkgutil.walk_packages(gslcosim.__path__, "gslcosim.")]
 names = [name for name in names if not name.endswith("__main__") and ".templates" not in name and name not in ALONE]
 for name in names:

@@ -7,10 +7,10 @@ from pathlib import Path
 import msgpack
 import pytest
 
+from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim.contract.publish.vectors import rejected_of
-from gslcosim.errors import ContractError
+from gslcosim.contract.publish.vectors import build_rejected
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -84,9 +84,9 @@ def errors_on_the_page():
 
 
 def what_the_codec_says():
-    for case in rejected_of(Command):
+    for case in build_rejected(Command):
         try:
-            codec.decode_foreign(Command, bytes.fromhex(case.msgpack))
+            codec.decode_untrusted(Command, bytes.fromhex(case.msgpack))
         except ContractError as error:
             yield str(error)
 

@@ -10,17 +10,17 @@ import jsonschema
 import pytest
 import yaml
 
+from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
-from gslcosim.contract.channels import AGENT, CHANNELS
+from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.participation import PARTICIPATION_VERSION
-from gslcosim.contract.publish.export import contract_files
-from gslcosim.contract.schema import contract_hash, message_types, participation_hash, published_types
-from gslcosim.errors import ContractError
-from gslcosim.gateway import framing
+from gslcosim.contract.publish.export import build_contract_files
+from gslcosim.contract.schema import get_contract_hash, get_participation_hash, list_message_types, list_published_types
+from gslcosim.gateway import frame_codec
 
 FOLDER = Path(__file__).parents[2] / "agents" / "contract"
-TYPES = {item.__name__: item for item in published_types()}
+TYPES = {item.__name__: item for item in list_published_types()}
 ASYNCAPI_SPECS = "@asyncapi/specs@6.11.1"
 
 
@@ -37,7 +37,7 @@ def schema_of(message):
 def forms_of(case):
     """Return each form of a case with the function that reads it."""
     if "msgpack" in case:
-        yield codec.decode_foreign, bytes.fromhex(case["msgpack"])
+        yield codec.decode_untrusted, bytes.fromhex(case["msgpack"])
     if "json" in case:
         yield codec.decode_json, case["json"].encode()
     if "json_hex" in case:
@@ -46,17 +46,17 @@ def forms_of(case):
 
 def test_the_folder_is_what_the_code_says():
     found = {path.relative_to(FOLDER).as_posix(): path.read_text() for path in FOLDER.rglob("*") if path.is_file()}
-    expected = contract_files()
+    expected = build_contract_files()
     assert set(found) == set(expected), "`make contract` rewrites the folder"
     assert [name for name in expected if found[name] != expected[name]] == [], "`make contract` rewrites the folder"
 
 
 def test_version_and_hash_can_be_read_without_any_code():
     index = json.loads((FOLDER / "contract.json").read_text())
-    assert (index["version"], index["hash"]) == (CONTRACT_VERSION, contract_hash())
-    assert set(index["messages"]) == {item.__name__ for item in message_types()}
+    assert (index["version"], index["hash"]) == (CONTRACT_VERSION, get_contract_hash())
+    assert set(index["messages"]) == {item.__name__ for item in list_message_types()}
     own = index["participation"]
-    assert (own["version"], own["hash"]) == (PARTICIPATION_VERSION, participation_hash())
+    assert (own["version"], own["hash"]) == (PARTICIPATION_VERSION, get_participation_hash())
     assert set(index["messages"]) | set(own["messages"]) == set(TYPES)
 
 
@@ -106,7 +106,7 @@ def test_the_schema_finds_what_the_vectors_say_it_finds(message, case):
 
 def through_the_gateway(text):
     """Return the command in a line of JSON, on the way that it takes in a run."""
-    return codec.decode_foreign(TYPES["Command"], framing.payload_of_frame("json", text))
+    return codec.decode_untrusted(TYPES["Command"], frame_codec.decode_payload("json", text))
 
 
 @pytest.mark.parametrize(("message", "case"), [case for case in vectors("accept") if case.values[0] == "Command"])
@@ -127,18 +127,18 @@ def test_the_gateway_rejects_the_same_commands(message, case):
 @pytest.mark.parametrize("frame_format", ["msgpack", "json"])
 def test_a_frame_is_the_message_with_its_name(message, frame_format):
     (case, *_) = (case.values[1] for case in vectors("accept") if case.values[0] == message)
-    (frame,) = framing.splitter_of(frame_format).feed(
-        framing.frame_of_message(frame_format, message, bytes.fromhex(case["msgpack"]))
+    (frame,) = frame_codec.build_splitter(frame_format).feed(
+        frame_codec.encode_message(frame_format, message, bytes.fromhex(case["msgpack"]))
     )
-    fields = framing.fields_of_frame(frame_format, frame.payload)
+    fields = frame_codec.decode_fields(frame_format, frame.payload)
     assert fields.pop("message") == message
-    assert json.loads(codec.json_line(fields)) == case["fields"]
+    assert json.loads(codec.dump_json_line(fields)) == case["fields"]
 
 
 def test_the_documented_limits_are_the_gateway_s():
     document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
     for place in ("stdio", "tcp", "unix"):
-        assert document["servers"][f"gateway_{place}"]["x-framing"]["maxFrameBytes"] == framing.MAX_FRAME_BYTES
+        assert document["servers"][f"gateway_{place}"]["x-framing"]["maxFrameBytes"] == frame_codec.MAX_FRAME_BYTES
 
 
 def references_in(tree):
@@ -152,9 +152,9 @@ def references_in(tree):
 
 def test_asyncapi_has_all_keys_and_its_references_lead_somewhere():
     document = yaml.safe_load((FOLDER / "asyncapi.yaml").read_text())
-    assert document["info"]["x-contract-hash"] == contract_hash()
+    assert document["info"]["x-contract-hash"] == get_contract_hash()
     addresses = {channel["address"] for channel in document["channels"].values()}
-    assert addresses == {channel.key.replace(AGENT, "{agent}") for channel in CHANNELS}
+    assert addresses == {channel.key.replace(AGENT_PLACEHOLDER, "{agent}") for channel in KEY_TABLE}
     check_references(document)
 
 
@@ -170,7 +170,7 @@ def check_references(document):
 
 def test_the_document_for_participants_leads_somewhere():
     document = yaml.safe_load((FOLDER / "participation.yaml").read_text())
-    assert document["info"]["x-contract-hash"] == participation_hash()
+    assert document["info"]["x-contract-hash"] == get_participation_hash()
     check_references(document)
     sent = [name for name, operation in document["operations"].items() if operation["action"] == "send"]
     assert sent == ["sayHello", "sendOutputs"]

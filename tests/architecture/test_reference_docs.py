@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from gslcosim.contract import keys, messages
-from gslcosim.contract.channels import AGENT, CHANNELS
+from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE
 from gslcosim.contract.messages import Record
-from gslcosim.contract.publish.messages_page import MESSAGE_OF_KEY, messages_markdown
-from gslcosim.contract.schema import message_types
-from gslcosim.runtime.assembly import dataflow_of
+from gslcosim.contract.publish.messages_page import MESSAGES_BY_KEY, build_messages_markdown
+from gslcosim.contract.schema import list_message_types
+from gslcosim.runtime.services import build_dataflow
 from gslcosim.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -17,14 +17,14 @@ PAGE = ROOT / "docs" / "messages.md"
 
 
 def test_the_page_is_what_the_code_says():
-    assert PAGE.read_text() == messages_markdown(), "`make docs` rewrites it"
+    assert PAGE.read_text() == build_messages_markdown(), "`make docs` rewrites it"
 
 
 def test_every_key_of_the_contract_is_on_the_page():
     constants = {value for name, value in vars(keys).items() if name.isupper()}
-    functions = {value(AGENT) for value in vars(keys).values() if callable(value)}
-    assert constants | functions == set(MESSAGE_OF_KEY)
-    assert all(f"`{key}`" in PAGE.read_text() for key in MESSAGE_OF_KEY)
+    functions = {value(AGENT_PLACEHOLDER) for value in vars(keys).values() if callable(value)}
+    assert constants | functions == set(MESSAGES_BY_KEY)
+    assert all(f"`{key}`" in PAGE.read_text() for key in MESSAGES_BY_KEY)
 
 
 def test_every_message_and_every_part_has_a_section_and_a_docstring():
@@ -35,19 +35,19 @@ def test_every_message_and_every_part_has_a_section_and_a_docstring():
 
 
 def test_every_message_has_a_key():
-    assert set(MESSAGE_OF_KEY.values()) == {message_type.__name__ for message_type in message_types()}
+    assert set(MESSAGES_BY_KEY.values()) == {message_type.__name__ for message_type in list_message_types()}
 
 
 def test_a_run_uses_the_keys_as_documented():
-    dataflow = dataflow_of(load_scenario("warehouse_empty").scenario)
-    used = {port.replace("beetle", AGENT): kind.__name__ for port, kind in dataflow.message_types.items()}
-    assert used.items() <= MESSAGE_OF_KEY.items()
+    dataflow = build_dataflow(load_scenario("warehouse_empty").scenario)
+    used = {port.replace("beetle", AGENT_PLACEHOLDER): kind.__name__ for port, kind in dataflow.message_types.items()}
+    assert used.items() <= MESSAGES_BY_KEY.items()
 
 
 def test_writers_and_readers_are_as_documented():
     """Each port of a run is written by the participant of its channel and read by those it names."""
-    dataflow = dataflow_of(load_scenario("warehouse_empty").scenario)
-    documented = {channel.key.replace(AGENT, "beetle"): channel for channel in CHANNELS}
+    dataflow = build_dataflow(load_scenario("warehouse_empty").scenario)
+    documented = {channel.key.replace(AGENT_PLACEHOLDER, "beetle"): channel for channel in KEY_TABLE}
     for port, writer in dataflow.writer_of.items():
         channel = documented[port]
         assert channel.writer == writer.replace("agent_beetle", "the agent's door"), port

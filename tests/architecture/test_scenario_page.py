@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.scenario.keys_page import BlockSection, keys_markdown, rows_of, sections_below
+from gslcosim.scenario.keys_page import BlockSection, iterate_sections, keys_markdown, section_rows
+from gslcosim.scenario.model_schema import _all_blocks, list_keys
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import child_path
-from gslcosim.scenario.schema_walk import _all_blocks, keys_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenario.md").read_text()
-SECTIONS = list(sections_below(BlockSection(path="", kinds={"": Scenario})))
-ROWS = [row for section in SECTIONS for row in rows_of(section)]
+SECTIONS = list(iterate_sections(BlockSection(path="", kinds={"": Scenario})))
+ROWS = [row for section in SECTIONS for row in section_rows(section)]
 
 
 def test_the_page_is_what_the_models_say():
@@ -19,7 +19,7 @@ def test_the_page_is_what_the_models_say():
 
 
 def test_every_key_of_every_block_is_on_the_page():
-    keys = {child_path(path, key) for path, model in _all_blocks(Scenario, "") for key in keys_of(model)}
+    keys = {child_path(path, key) for path, model in _all_blocks(Scenario, "") for key in list_keys(model)}
     assert {row.path for row in ROWS} == keys
     assert [key for key in keys if f"| `{key}` |" not in PAGE] == []
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.methods.blocks_page import EXAMPLE, SEARCH, blocks_markdown
+from gslcosim.methods.search_page import EXAMPLE, SEARCH, blocks_markdown
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "search.md"

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.participants import default_services
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.runtime.services import default_services
 from gslcosim.scenario import load_scenario
 
 # Each is large and belongs to one service.
@@ -14,46 +14,46 @@ OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
 # The supervisor of a run in a room that was made before compiles nothing, draws nothing and solves nothing.
 NOT_THE_SUPERVISORS = {"mujoco", "rerun", "pyarrow", "numba", "scipy", "PIL"}
 CORES = {
-    "world": "gslcosim.world.core",
-    "fields": "gslcosim.fields.core",
-    "events": "gslcosim.events.core",
-    "radio": "gslcosim.radio.core",
-    "cameras": "gslcosim.cameras.core",
-    "sensing": "gslcosim.sensing.core",
-    "referee": "gslcosim.referee.core",
-    "recorder": "gslcosim.recording.core",
+    "world": "gslcosim_services.world.core",
+    "fields": "gslcosim_services.fields.core",
+    "events": "gslcosim_services.events.core",
+    "radio": "gslcosim_services.radio.core",
+    "cameras": "gslcosim_services.cameras.core",
+    "sensing": "gslcosim_services.sensing.core",
+    "referee": "gslcosim_services.referee.core",
+    "recorder": "gslcosim_services.recorder.core",
 }
 # What every service does before it builds its own core, and that core.
 SCRIPT = """
 import importlib, sys
-from gslcosim.runtime.over_bus.service import serve
-from gslcosim.runtime.assembly import build_core, dataflow_of
+from gslcosim.runtime.distributed.service_main import serve
+from gslcosim.runtime.services import build_core, dataflow_of
 importlib.import_module(sys.argv[1])
-if sys.argv[1] == "gslcosim.recording.core":
-    import gslcosim.recording.run_recording  # imported when the recording is opened
+if sys.argv[1] == "gslcosim_services.recorder.core":
+    import gslcosim_services.recorder.run_recording  # imported when the recording is opened
 print(*sorted({"mujoco", "rerun"} & set(sys.modules)))
 """
 SUPERVISOR = """
 import argparse, importlib, sys
 from gslcosim.cli.commands import up
-from gslcosim.cli.scenarios import load_checked
+from gslcosim.cli.scenario_arguments import load_checked
 parser = argparse.ArgumentParser()
 up.COMMAND.add_arguments(parser)
 loaded = load_checked(parser.parse_args(["warehouse_empty"]))
-for module in ("gslcosim.runtime.flight", "gslcosim.runtime.over_bus.launch", "gslcosim.cli.flight_report"):
+for module in ("gslcosim.runtime.run", "gslcosim.runtime.distributed.process_launch", "gslcosim.cli.run_output"):
     importlib.import_module(module)
-from gslcosim.generation import prepare_environment
+from gslcosim.environment.generation import prepare_environment
 prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
 print(*sorted(sys.modules))
 """
 
 RECORDER = """
 import sys
-from gslcosim.recording.learning_early import import_early
+from gslcosim_services.recorder.preload import import_early
 import_early()
 from pathlib import Path
 from gslcosim.environment.store import load_environment
-from gslcosim.recording.core import RecorderCore
+from gslcosim_services.recorder.core import RecorderCore
 from gslcosim.scenario import load_scenario
 core = RecorderCore(load_scenario("warehouse_empty").scenario, load_environment(Path(sys.argv[1])), Path(sys.argv[2]))
 before = set(sys.modules)
@@ -94,7 +94,7 @@ def test_a_supervisor_imports_nothing_that_computes(quickstart_room):
 @pytest.mark.slow
 def test_a_fork_server_starts_with_nothing_but_python():
     """It is started first of all, so that it imports while the supervisor does."""
-    script = "import sys; from gslcosim.runtime.over_bus.forks import ForkServer; print(*sorted(sys.modules))"
+    script = "import sys; from gslcosim.runtime.processes.fork_client import ForkServer; print(*sorted(sys.modules))"
     imported = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert {"pydantic", "numpy", "gslcosim.scenario"} & set(imported) == set()
 

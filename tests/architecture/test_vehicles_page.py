@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from gslcosim.contract.commands import AGENT_KINDS
+from gslcosim.contract.messages import AGENT_KINDS
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.vehicles import vehicle_names
 

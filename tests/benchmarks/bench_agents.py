@@ -20,11 +20,11 @@ from flights import AGENTS  # noqa: E402 - as the tests of that folder
 from languages import SERIES, LanguageAgent, golden_briefing, golden_observations, language_agents  # noqa: E402
 
 from gslcosim.conformance.scripted_world import AGENT  # noqa: E402
-from gslcosim.conformance.wiring import Wire, Wiring  # noqa: E402
+from gslcosim.conformance.transports import CheckTransport, ConnectionSpec  # noqa: E402
 from gslcosim.contract import codec  # noqa: E402
 from gslcosim.contract.messages import Briefing, Message, Observation  # noqa: E402
-from gslcosim.gateway.framing import FrameFormat, frame_of_message  # noqa: E402
-from gslcosim.runtime.agents.door import Door  # noqa: E402
+from gslcosim.gateway.frame_codec import FrameFormat, encode_message  # noqa: E402
+from gslcosim.runtime.agents.validator import CommandValidator  # noqa: E402
 
 N_WARM = 50
 LIMIT_S = 60.0
@@ -45,13 +45,13 @@ def briefing() -> Briefing:
     return golden_briefing(1).model_copy(update={"agent": AGENT})
 
 
-def through_door(wiring: Wiring, n_decisions: int) -> list[float]:
+def through_door(wiring: ConnectionSpec, n_decisions: int) -> list[float]:
     """Return the time of each question and its answer, checked by a run's own door [us]."""
     wire = wiring.open()
     wire.start()
     try:
         wait_for(wire, "joined")
-        door = Door(AGENT)
+        door = CommandValidator(AGENT)
         wire.send(Briefing, briefing().model_dump())
         times_us: list[float] = []
         for observation in itertools.islice(questions(), N_WARM + n_decisions):
@@ -60,7 +60,7 @@ def through_door(wiring: Wiring, n_decisions: int) -> list[float]:
             wire.send(Observation, observation.model_dump())
             commands = door.received(wait_for(wire, "command"))
             times_us.append((time.perf_counter_ns() - began) / 1000)
-            wire.handled()
+            wire.acknowledge()
             if [command.kind for command in commands] != ["waypoint"]:
                 sys.exit(f"expected a waypoint, was {commands}: {door.faults}")
         return times_us[N_WARM:]
@@ -68,7 +68,7 @@ def through_door(wiring: Wiring, n_decisions: int) -> list[float]:
         wire.stop()
 
 
-def wait_for(wire: Wire, kind: str) -> bytes:
+def wait_for(wire: CheckTransport, kind: str) -> bytes:
     """Return the next event's data, which must be of this kind."""
     told, data = wire.events.get(timeout=LIMIT_S)
     if told != kind:
@@ -94,7 +94,7 @@ def through_bare_pipes(frame_format: FrameFormat, n_decisions: int) -> list[floa
 
 def frame_of(frame_format: FrameFormat, message: Message) -> bytes:
     """Return a message as the gateway sends it."""
-    return frame_of_message(frame_format, type(message).__name__, codec.encode(message))
+    return encode_message(frame_format, type(message).__name__, codec.encode(message))
 
 
 def show(name: str, door: str, times_us: list[float], baseline_us: float | None = None) -> float:
@@ -109,12 +109,12 @@ def show(name: str, door: str, times_us: list[float], baseline_us: float | None 
 
 def bench_python(n_decisions: int) -> None:
     """Print one line for each door of the Python dung beetle, and how much the gateway adds to bare pipes."""
-    show("python, agent_kit", "zenoh", through_door(Wiring(command=(sys.executable, BEETLE)), n_decisions))
+    show("python, agent_kit", "zenoh", through_door(ConnectionSpec(command=(sys.executable, BEETLE)), n_decisions))
     for frame_format in ("msgpack", "json"):
         bare_us = show("python, no gateway", f"pipes {frame_format}", through_bare_pipes(frame_format, n_decisions))
         for door in ("stdio", "tcp", "unix"):
             command = (sys.executable, FRAMED, "stdio" if door == "stdio" else "socket", frame_format)
-            wiring = Wiring(command=command, door=door, format=frame_format)
+            wiring = ConnectionSpec(command=command, door=door, format=frame_format)
             show("python", f"{door} {frame_format}", through_door(wiring, n_decisions), bare_us)
 
 
@@ -125,7 +125,7 @@ def bench_language(agent: LanguageAgent, n_decisions: int) -> None:
         print(f"{name:26}skipped: {agent.lacks or 'it takes minutes to build; see its README'}")  # noqa: T201
         return
     agent.build()
-    wiring = Wiring(
+    wiring = ConnectionSpec(
         command=tuple(agent.started_by()), door=agent.door, format=agent.format, observations=agent.observations
     )
     show(name, f"{agent.door} {agent.format}", through_door(wiring, n_decisions))

@@ -17,7 +17,7 @@ import msgspec
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.contract.record import unchecked
+from gslcosim.contract.record import build_unchecked_constructor
 
 MESSAGES = ("bodies_flying", "samples", "observation", "score", "command_waypoint")
 CALLS = 2000
@@ -26,7 +26,7 @@ CALLS = 2000
 def ways_of(message: Message) -> dict[str, tuple[Callable[[], object], Callable[[], object]]]:
     """Return for each task how our services do it, and how it is done with all checks."""
     kind: Any = type(message)
-    fields, payload, quick = msgspec.structs.asdict(message), codec.encode(message), unchecked(kind)
+    fields, payload, quick = msgspec.structs.asdict(message), codec.encode(message), build_unchecked_constructor(kind)
     plain: Any = message.model_dump()
     return {
         "make": (lambda: quick(**fields), lambda: kind(**fields)),

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import gslcosim
 from gslcosim.cli.main import main as gslcosim_main
-from gslcosim.film.cuts import Cut
-from gslcosim.film.encoding import write_film
-from gslcosim.film.screening import frames_of
+from gslcosim.data.film.encoder import write_film
+from gslcosim.data.film.keyframes import FilmCut
+from gslcosim.data.film.render import render_frames
 
 SIZE_PX = (1280, 720)
 ASKED_PER_S = 20
@@ -35,17 +35,17 @@ def main():
         words = ["up", "warehouse_empty", "--in-process", "--quiet", "--runs-dir", folder]
         gslcosim_main([*words, "--set", "referee.stop.time_limit_s=60"])
         run = gslcosim.open_run(next(Path(folder).iterdir()))
-        cut = Cut.of(run, from_s=5, to_s=5 + n_frames / 25 * 4, speed=4)
+        cut = FilmCut.of(run, from_s=5, to_s=5 + n_frames / 25 * 4, speed=4)
         n = len(cut.times_s)
         drawn, filmed, loop = [], [], []
         for _ in range(3):
             loop.append(loop_s())
             began, cpu = time.perf_counter(), time.process_time()
-            for _frame in frames_of([run], cut, SIZE_PX):
+            for _frame in render_frames([run], cut, SIZE_PX):
                 pass
             drawn.append((n / (time.perf_counter() - began), (time.process_time() - cpu) / n))
             began, cpu = time.perf_counter(), time.process_time()
-            write_film(frames_of([run], cut, SIZE_PX), Path(folder) / "film.mp4")
+            write_film(render_frames([run], cut, SIZE_PX), Path(folder) / "film.mp4")
             filmed.append((n / (time.perf_counter() - began), (time.process_time() - cpu) / n))
     for name, rows in (("drawn", drawn), ("drawn and encoded as MP4", filmed)):
         per_s, cpu_s = max(row[0] for row in rows), min(row[1] for row in rows)

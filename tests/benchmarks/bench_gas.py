@@ -16,18 +16,18 @@ import numpy as np
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
 from gslcosim.environment.store import load_environment
-from gslcosim.fields.core import FieldsCore
-from gslcosim.fields.filament.buoyancy import NEUTRAL, terminal_velocity
-from gslcosim.fields.filament.plume import FilamentPlume, Filaments, GasSource, amount_of_filament_mol
-from gslcosim.fields.filament.release import ConstantRelease
-from gslcosim.fields.models.filament_gas import gas_model_of
-from gslcosim.fields.reading.concentration import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
-from gslcosim.fields.reading.index import FilamentIndex
-from gslcosim.generation import prepare_environment
 from gslcosim.scenario import load_scenario
+from gslcosim_services.fields.concentration.mixing_ratio import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
+from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
+from gslcosim_services.fields.core import FieldsCore
+from gslcosim_services.fields.filament.buoyancy import NEUTRAL, terminal_velocity_buoyancy
+from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, GasSource, filament_amount_mol
+from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.models.filament_gas import build_gas_model
 
 STEP_TARGET_NS = 25.0
 READING_TARGET_US = 5.0
@@ -75,7 +75,7 @@ def plume_of(n, environment, age_s=150.0, buoyancy=NEUTRAL):
         position_world_m=(5.0, 1.0, 2.0),
         release=ConstantRelease(filaments_per_s=n / age_s),
         sigma_m=0.1,
-        amount_mol=amount_of_filament_mol(10.0, 0.1),
+        amount_mol=filament_amount_mol(10.0, 0.1),
         buoyancy=buoyancy,
     )
     plume = FilamentPlume(environment, (source,), step_s=0.1, growth_m2_s=0.001, diffusivity_m2_s=0.002, seed=1)
@@ -133,7 +133,7 @@ def plain_sum(values):
 
 def bench_plumes(environment):
     """Time that a step takes for each filament, in units of a plain sum; both in turns, best of many."""
-    neutral, heavy = NEUTRAL, terminal_velocity(1.6, 1e-7)
+    neutral, heavy = NEUTRAL, terminal_velocity_buoyancy(1.6, 1e-7)
     for name, n, buoyancy in (
         ("few", 1_500, neutral),
         ("many", 15_000, neutral),
@@ -185,7 +185,7 @@ def bench_warehouse():
     """Time of 500 s of the quickstart's plume."""
     scenario = load_scenario("warehouse_empty").scenario
     environment = load_environment(prepare_environment(scenario))
-    plume = gas_model_of(scenario, environment).plume
+    plume = build_gas_model(scenario, environment).plume
 
     def release():
         plume.reset(scenario.seed)
@@ -258,7 +258,7 @@ def spread_filaments(n, size_m):
         position_world_m=rng.uniform((0.0, 0.0, 0.0), size_m, (n, 3)),
         sigma_m=np.sqrt(0.01 + 0.001 * rng.uniform(0.0, 150.0, n)),
         source_index=np.zeros(n, np.int32),
-        amount_mol=np.array([amount_of_filament_mol(10.0, 0.1)]),
+        amount_mol=np.array([filament_amount_mol(10.0, 0.1)]),
         gas_index=np.zeros(1, np.int32),
     )
 

@@ -11,23 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.contract.arrays import NumericArray
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import BodyState
+from gslcosim.contract.record import NumericArray
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, WindFrames
 from gslcosim.environment.store import load_environment
-from gslcosim.generation import prepare_environment
-from gslcosim.rng import stream
 from gslcosim.runtime import in_process
-from gslcosim.runtime.flight import fly
-from gslcosim.runtime.status import FlightStatus
-from gslcosim.scenario.loading import LoadedScenario, load_scenario
+from gslcosim.runtime.run import run_scenario
+from gslcosim.runtime.status import RunStatus
+from gslcosim.scenario.loader import LoadedScenario, load_scenario
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models import build_sensor
-from gslcosim.sensing.models.surroundings import Surroundings
-from gslcosim.sensing.rays import RayScene
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models import build_sensor
+from gslcosim_services.sensing.models.base import Surroundings
+from gslcosim_services.sensing.ray_scene import RayScene
 
 # Short runs go through more rounds.
 ROUNDS = {"tiny_room": 20, "warehouse_empty": 6}
@@ -48,7 +48,7 @@ class Ticks:
     def __init__(self) -> None:
         self.marks: list[tuple[float, float]] = []
 
-    def __call__(self, status: FlightStatus) -> None:
+    def __call__(self, status: RunStatus) -> None:
         """Take a report."""
         if status.state == "flying":
             self.marks.append((status.sim_time_s, time.process_time()))
@@ -74,7 +74,7 @@ def times_real_time(name: str, kinds: Sequence[str]) -> dict[str, float]:
         for _ in range(ROUNDS[name]):
             for kind, loaded in scenarios.items():
                 noted = Ticks()
-                if fly(loaded, runs_dir=Path(runs_dir), processes="one", report=noted).result["valid"]:
+                if run_scenario(loaded, runs_dir=Path(runs_dir), processes="one", report=noted).result["valid"]:
                     rounds[kind].append(noted.lengths_s)
     best = {kind: np.min(lengths_s, axis=0).sum(axis=0) for kind, lengths_s in rounds.items() if lengths_s}
     return {kind: float(simulated_s / needed_s) for kind, (simulated_s, needed_s) in best.items()}
@@ -148,7 +148,7 @@ def body_at(position_m: np.ndarray) -> BodyState:
 def reading_us(model: str, environment: Environment, n_places: int = 20) -> tuple[float, int]:
     """Return how long a reading takes at places in the free air, each the best of five, and how many numbers it has."""
     described: dict[str, object] = {"model": model, "name": "s"}
-    scene, spec = RayScene(scenario_with(described), environment), sensor_of(**described)
+    scene, spec = RayScene(scenario_with(described), environment), make_sensor_spec(**described)
     sensor = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(1, "bench"))
     grid, rng = environment.grid, np.random.default_rng(2)
     free = np.argwhere(environment.occupancy == Cell.FREE)

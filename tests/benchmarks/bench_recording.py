@@ -18,7 +18,7 @@ from scripted_flight import ScriptedFlight  # noqa: E402
 from gslcosim.contract.participant import Episode  # noqa: E402
 from gslcosim.environment.grid import Grid  # noqa: E402
 from gslcosim.environment.model import Environment, WindFrames  # noqa: E402
-from gslcosim.recording.core import RecorderCore  # noqa: E402
+from gslcosim_services.recorder.core import RecorderCore  # noqa: E402
 
 N_TICKS = 3000
 N_RUNS = 5

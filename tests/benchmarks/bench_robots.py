@@ -8,13 +8,13 @@ import time
 
 import numpy as np
 
+from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
-from gslcosim.quantities import PHYSICS_STEP_MS
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.world.core import WorldCore
+from gslcosim_services.world.core import WorldCore
 
 TICK_MS = 100
 N_TICKS = 500

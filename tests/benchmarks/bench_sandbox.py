@@ -11,7 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from gslcosim.runtime.sandbox.choosing import why_there_is_no
+from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 
 FLIGHT = (sys.executable, "-m", "gslcosim", "up", "warehouse_empty", "--json", "--set", "recording.enabled=false")
 ALL = ("none", "bubblewrap", "landlock")
@@ -34,7 +34,7 @@ def main() -> None:
         "--whole", action="store_true", help="fly to the time limit, not to the source: longer, and less noise"
     )
     arguments = parser.parse_args()
-    kinds = [kind for kind in ALL if not why_there_is_no(kind)]
+    kinds = [kind for kind in ALL if not unavailable_reason(kind)]
     figures: dict[str, list[dict[str, float]]] = {kind: [] for kind in kinds}
     with tempfile.TemporaryDirectory() as scratch:
         for i in range(arguments.n):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from gslcosim.environment.layouts.building import build_room
+from gslcosim.environment.layouts.builder import build_layout
 from gslcosim.environment.model import Cell
 from gslcosim.flow import Inlet, Outlet
 from gslcosim.flow.comparison import compare_solvers
@@ -32,7 +32,7 @@ def say(text):
 
 
 def room_of_layout(kind):
-    room = build_room(TypeAdapter(Layout).validate_python({"kind": kind, "seed": 1}), WindSpec())
+    room = build_layout(TypeAdapter(Layout).validate_python({"kind": kind, "seed": 1}), WindSpec())
     patches = [
         Inlet(min_m=o.min_m, max_m=o.max_m, velocity_m_s=o.velocity_m_s)
         if o.kind == "inlet"

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from gslcosim.runtime.flight import fly
+from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
 
 # Drawn once with secrets.randbelow(2**31); not chosen.
@@ -27,7 +27,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as runs_dir:
         for seed in seeds:
             loaded = load_scenario(scenario, seed=seed, overrides=["recording.enabled=false"])
-            result = fly(loaded, runs_dir=Path(runs_dir), processes="one").result
+            result = run_scenario(loaded, runs_dir=Path(runs_dir), processes="one").result
             agent = result["agents"][0]
             if agent["success"]:
                 times_s.append(agent["time_to_source_s"])

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import psutil
 
-from gslcosim.benchmark import Results
-from gslcosim.benchmark.execution.pool import LocalPool
-from gslcosim.benchmark.execution.running import Progress, Run
-from gslcosim.benchmark.execution.selection import Selection
-from gslcosim.benchmark.store.folder import ResultsFolder
-from gslcosim.benchmark.suite import load_suite, plan_of
+from gslcosim.bench import Results
+from gslcosim.bench.cases import build_plan, load_suite
+from gslcosim.bench.execution.pool import LocalPool
+from gslcosim.bench.execution.runner import Progress, SuiteRun
+from gslcosim.bench.execution.selection import Selection
+from gslcosim.bench.store.folder import ResultsFolder
 
 SHORT_FLIGHTS = """
 schema: gslcosim/suite/1
@@ -75,8 +75,8 @@ def flown(
     """Fly a suite and return its rows, its wall times, the workers' memory and the whole time [s]."""
     loaded = load_suite(suite)
     memory, began = Memory(), time.perf_counter()
-    summary = Run(
-        plan_of(loaded),
+    summary = SuiteRun(
+        build_plan(loaded),
         ResultsFolder(folder),
         lambda: LocalPool(n_jobs, loaded.suite.limits),
         selection=Selection.of(only),

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, solve_wind_report
+from gslcosim.flow.boundaries.domain import build_domain
 from gslcosim.flow.openfoam import find_installation, solve_wind_openfoam
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import make_model
-from gslcosim.flow.walls.domain import build_domain
 
 TESTS = Path(__file__).parents[1]
 ANALYTIC = TESTS / "analytic/flow"

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gslcosim.agent_kit import Agent
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
     Bounds,
@@ -29,6 +28,7 @@ from gslcosim.contract.messages import (
     Reading,
     SensorDescription,
 )
+from gslcosim.contract.record import NumericArray
 from gslcosim.methods.card import MethodCard
 from gslcosim.methods.instrument_kinds import CAMERA_QUANTITY, ESTIMATE_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY
 

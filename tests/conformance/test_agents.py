@@ -8,12 +8,12 @@ import pytest
 from deadlines import BUILD_S, PROCESS_S
 from languages import of_every_language
 
-from gslcosim.conformance import FlightLimits, Wiring, check_agent
-from gslcosim.conformance.creation import create_agent
+from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
+from gslcosim.conformance.scaffold import create_agent
 
 ROOT = Path(__file__).parents[2]
 FRAMED = ROOT / "tests" / "end_to_end" / "agents" / "framed.py"
-LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit
+LIMITS = SessionLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 
 # The first test of a language builds it.
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_S + PROCESS_S)]
@@ -28,10 +28,10 @@ N_AT_ONCE = 3
 def python_wirings():
     """Yield the Python agents over Zenoh, and one through each door and format of the gateway."""
     for name, command in PYTHON.items():
-        yield name, Wiring(command=command)
+        yield name, ConnectionSpec(command=command)
     for door, frame_format in WAYS:
         command = (sys.executable, str(FRAMED), "stdio" if door == "stdio" else "socket", frame_format)
-        yield f"{door}-{frame_format}", Wiring(command=command, door=door, format=frame_format)
+        yield f"{door}-{frame_format}", ConnectionSpec(command=command, door=door, format=frame_format)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_a_python_agent_keeps_every_rule(name, reports):
 
 def test_a_new_python_agent_keeps_every_rule(tmp_path):
     created = create_agent("python", "gas_finder", tmp_path / "new")
-    report = check_agent(Wiring(command=created.start), LIMITS)
+    report = check_agent(ConnectionSpec(command=created.start), LIMITS)
     assert report.has_passed, report.as_text()
 
 
@@ -57,7 +57,7 @@ def test_a_new_python_agent_keeps_every_rule(tmp_path):
 @pytest.mark.debian
 def test_an_agent_of_another_language_keeps_every_rule(agent):
     agent.build()
-    wiring = Wiring(
+    wiring = ConnectionSpec(
         command=tuple(agent.started_by()), door=agent.door, format=agent.format, observations=agent.observations
     )
     report = check_agent(wiring, LIMITS)

@@ -5,11 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from some_methods import every_method
 
-from gslcosim.command_lines import python_command
-from gslcosim.conformance import FlightLimits, Wiring, check_agent
+from gslcosim.base.command_lines import build_python_command
+from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
 from gslcosim.scenario.bundled import bundled_agents
 
-LIMITS = FlightLimits(exit_s=20.0)  # of right agents nobody waits for the limit
+LIMITS = SessionLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 # A check mostly waits: for processes to start, join and exit.
 N_AT_ONCE = 4
 
@@ -25,7 +25,7 @@ def reports(request):
 
 
 def wiring_of(name):
-    return Wiring(command=tuple(python_command(str(bundled_agents()[name]))))
+    return ConnectionSpec(command=tuple(build_python_command(str(bundled_agents()[name]))))
 
 
 @every_method()

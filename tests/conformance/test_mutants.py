@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance import FlightLimits, Wiring, check_agent
+from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
 
 MUTANT = Path(__file__).parent / "agents" / "mutant.py"
 # How busy the machine is decides nothing: only of what breaks a limit anybody waits for its end.
-PATIENT = FlightLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.3)
-IMPATIENT = FlightLimits(join_s=20.0, answer_s=1.2, exit_s=2.0, settle_s=0.3)
+PATIENT = SessionLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.3)
+IMPATIENT = SessionLimits(join_s=20.0, answer_s=1.2, exit_s=2.0, settle_s=0.3)
 BREAKS_A_LIMIT = {
     "late", "silent", "unflushed", "answers_for_another", "silent_at_repeats", "decides_anew",
     "tick_minus_one", "forgets_the_namespace", "never_exits", "thread_left_over", "ignores_stream_end",
@@ -119,7 +119,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 def check(name, door, frame_format, folder):
     command = (sys.executable, str(MUTANT), name, door, frame_format)
     limits = IMPATIENT if name in BREAKS_A_LIMIT else PATIENT
-    return check_agent(Wiring(command=command, door=door, format=frame_format, directory=folder), limits)
+    return check_agent(ConnectionSpec(command=command, door=door, format=frame_format, directory=folder), limits)
 
 
 @pytest.fixture(scope="module")

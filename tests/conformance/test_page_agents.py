@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance import Wiring, check_agent
+from gslcosim.conformance import ConnectionSpec, check_agent
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHOWN = re.compile(r"<!-- from docs/examples/(\S+\.py) -->\n```python\n(.*?)```", re.DOTALL)
@@ -44,7 +44,7 @@ def reports(tmp_path_factory):
         for page, name, ways in CASES:
             file = tmp_path_factory.mktemp("agent") / name
             file.write_text(dict(programs_of(page))[name])
-            wiring = Wiring(command=(sys.executable, str(file)), directory=file.parent, **ways)
+            wiring = ConnectionSpec(command=(sys.executable, str(file)), directory=file.parent, **ways)
             futures.append(pool.submit(check_agent, wiring))
         yield futures
 

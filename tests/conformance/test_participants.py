@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.conformance import FlightLimits, Wiring
-from gslcosim.conformance.participants import PARTICIPANT_RULES, check_participant, examination
-from gslcosim.conformance.participants.beginning import TEMPLATES
+from gslcosim.conformance import ConnectionSpec, SessionLimits
+from gslcosim.conformance.participants import PARTICIPANT_RULES, check, check_participant
+from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 
 PROGRAM = Path(__file__).parents[1] / "end_to_end" / "foreign_program.py"
 # How busy the machine is decides nothing: only of what breaks a limit anybody waits for its end.
-PATIENT = FlightLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.3)
-IMPATIENT = FlightLimits(join_s=60.0, answer_s=0.7, exit_s=1.0, settle_s=0.3)
+PATIENT = SessionLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.3)
+IMPATIENT = SessionLimits(join_s=60.0, answer_s=0.7, exit_s=1.0, settle_s=0.3)
 BREAKS_A_LIMIT = {"hangs", "lingers", "needs_a_step", "stays_behind", "needs_inputs"}
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
@@ -22,13 +22,13 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 @pytest.fixture(autouse=True)
 def _without_a_pause_between_starts(monkeypatch):
-    monkeypatch.setattr(examination, "MIN_S_BETWEEN_STARTS", 0.0)
+    monkeypatch.setattr(check, "MIN_START_INTERVAL_S", 0.0)
 
 
 def checked(fault, at="3", door="stdio"):
     command = (sys.executable, str(PROGRAM), fault, str(at))
     return check_participant(
-        Wiring(command=command, door=door, format="json"), IMPATIENT if fault in BREAKS_A_LIMIT else PATIENT
+        ConnectionSpec(command=command, door=door, format="json"), IMPATIENT if fault in BREAKS_A_LIMIT else PATIENT
     )
 
 
@@ -84,7 +84,7 @@ def test_every_rule_has_a_program_that_breaks_it():
 
 @pytest.mark.tour
 def test_the_command_prints_the_same_as_json(capsys, monkeypatch):
-    monkeypatch.chdir(TEMPLATES)
+    monkeypatch.chdir(PARTICIPANT_TEMPLATES)
     words = ["participant", "check", "--json", "--format", "json", "--", sys.executable, "air_conditioner.py"]
     assert main(words) == 0
     report = json.loads(capsys.readouterr().out)

@@ -31,7 +31,7 @@ from gslcosim.contract.messages import (
     Reading,
     SensorDescription,
 )
-from gslcosim.gateway.framing import Frame, Item, Splitter, frame_of_message, payload_of_frame, splitter_of
+from gslcosim.gateway.frame_codec import Frame, FrameOrRefusal, Splitter, build_splitter, decode_payload, encode_message
 
 SERIES = json.loads((ROOT / "tests" / "golden" / "dung_beetle_commands.json").read_text())
 
@@ -236,7 +236,7 @@ def answers(command: list[str], frame_format: str, messages: list[Message]) -> t
     that does not flush its output does not get by.
     """
     commands: list[Command] = []
-    splitter = splitter_of(frame_format)
+    splitter = build_splitter(frame_format)
     agent = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
     limit = threading.Timer(EVENT_S, agent.kill)
     limit.start()
@@ -245,7 +245,7 @@ def answers(command: list[str], frame_format: str, messages: list[Message]) -> t
         on_exit.enter_context(agent)
         on_exit.enter_context(suppress(BrokenPipeError))
         for message in messages:
-            agent.stdin.write(frame_of_message(frame_format, type(message).__name__, codec.encode(message)))
+            agent.stdin.write(encode_message(frame_format, type(message).__name__, codec.encode(message)))
             if isinstance(message, Observation) and message.awaiting_command:
                 commands += _next_commands(agent.stdout, splitter, frame_format)
         agent.stdin.close()
@@ -256,11 +256,11 @@ def answers(command: list[str], frame_format: str, messages: list[Message]) -> t
 
 # None when the agent has gone.
 def _next_commands(stream: IO[bytes], splitter: Splitter, frame_format: str) -> list[Command]:
-    items: list[Item] = []
+    items: list[FrameOrRefusal] = []
     while not items and (data := stream.read(65536)):
         items = splitter.feed(data)
     assert all(isinstance(item, Frame) for item in items), items
-    return [codec.decode(Command, payload_of_frame(frame_format, item.payload)) for item in items]
+    return [codec.decode(Command, decode_payload(frame_format, item.payload)) for item in items]
 
 
 def golden_session(seed_series: dict) -> list[Message]:

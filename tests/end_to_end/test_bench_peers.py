@@ -16,7 +16,7 @@ from gslcosim_ring import Watch  # noqa: E402 - as above
 from ring import NAMES, Participant, places, run_processes, text_of, ticks_per_s  # noqa: E402 - as above
 
 from gslcosim.bus.in_memory import InMemoryHub  # noqa: E402 - as above
-from gslcosim.runtime.over_bus import control  # noqa: E402 - as above
+from gslcosim.runtime.distributed import protocol  # noqa: E402 - as above
 from gslcosim.runtime.run_dir import RunDir  # noqa: E402 - as above
 
 
@@ -83,8 +83,8 @@ def test_our_own_watch_ends_with_the_first_who_fails(tmp_path):
     watch.exited("fields", 3)
     with pytest.raises(SystemExit, match="fields ended with exit code 3 before the end"):
         watch.fly(5)
-    note = control.FaultNote(participant="sensing", tick=2, text="it broke")
-    theirs.publish(control.FAULT, note.to_bytes())
+    note = protocol.FaultReport(participant="sensing", tick=2, text="it broke")
+    theirs.publish(protocol.FAULT_KEY, note.to_bytes())
     with pytest.raises(SystemExit, match="sensing: it broke"):
         watch.await_all()
 

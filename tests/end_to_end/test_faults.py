@@ -11,9 +11,9 @@ import pytest
 from deadlines import EVENT_S
 from flights import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
 
-from gslcosim.runtime.stops import can_see_stops
+from gslcosim.runtime.processes.children import can_detect_stops
 
-linux = pytest.mark.skipif(not can_see_stops(), reason="only Linux tells which processes are stopped")
+linux = pytest.mark.skipif(not can_detect_stops(), reason="only Linux tells which processes are stopped")
 
 # A run long enough to be interrupted: the vehicle only ever holds.
 LONG = ("--set", "referee.stop.time_limit_s=3000", "--set", "agents[0].vehicle.hold_s=0.5")

@@ -13,9 +13,9 @@ import pytest
 from flights import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, UNRECORDED, Ended, fly, fly_here, start, with_agent
 from test_readme import run
 
+from gslcosim.base.errors import RecordingError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.cli.several_runs import record_runs
-from gslcosim.errors import RecordingError, UsageError
+from gslcosim.cli.run_views import record_runs
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 PAGE = ROOT / "docs" / "fork.md"

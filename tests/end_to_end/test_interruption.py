@@ -11,8 +11,8 @@ import pytest
 from deadlines import PROCESS_S
 from flights import COMMAND, STARTED, TINY_ROOM, UNRECORDED, Flight, children_of, start, wait_a_moment, with_agent
 
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.flight import fly_into_folder
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.runtime.run import run_into_directory
 from gslcosim.scenario import load_scenario
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc says which signals are handled")
@@ -91,7 +91,7 @@ def test_a_recording_without_a_byte_is_removed(tmp_path):
         setup.run_dir.recording.touch()
         raise KeyboardInterrupt
 
-    outcome, flight = fly_into_folder(
+    outcome, flight = run_into_directory(
         loaded.scenario, folder, fly_it, runs_dir=tmp_path, processes="one", began=0.0, report=lambda _: None,
         directory=loaded.directory,
     )  # fmt: skip
@@ -111,7 +111,7 @@ def test_a_recording_that_cannot_be_made_whole_is_told_though_the_run_was_interr
         setup.run_dir.recording.write_bytes(b"RRF2 and no more")
         raise KeyboardInterrupt
 
-    _, flight = fly_into_folder(
+    _, flight = run_into_directory(
         loaded.scenario, folder, fly_it, runs_dir=tmp_path, processes="one", began=0.0,
         report=lambda _: None, directory=loaded.directory,
     )  # fmt: skip

@@ -24,7 +24,7 @@ from flights import (
     wait_a_moment,
 )
 
-from gslcosim.recording.rerun_cli import rerun_environment, rerun_program, run_rerun
+from gslcosim_services.recorder.rerun_cli import rerun_environment, rerun_program, run_rerun
 
 LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
 A_MINUTE = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=60")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, MovingWall, Outlet, SlipWall
 from gslcosim.flow.comparison import compare_solvers, compare_winds
 from gslcosim.flow.openfoam import find_installation, solve_wind_openfoam, write_case

@@ -11,7 +11,7 @@ import pytest
 from flights import TINY_ROOM, fly, fly_here
 
 from gslcosim.cli.main import main
-from gslcosim.conformance.participants.beginning import TEMPLATES
+from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 
 PROGRAM = Path(__file__).parent / "foreign_program.py"
 SHORT = ("--set", "referee.stop.time_limit_s=2", "--set", "referee.success.within_m=0.01")
@@ -24,7 +24,7 @@ def room(tmp_path_factory):
     if shutil.which("cc") is None:
         pytest.skip("needs a C compiler: apt-get install gcc")
     folder = tmp_path_factory.mktemp("room")
-    for file in TEMPLATES.iterdir():
+    for file in PARTICIPANT_TEMPLATES.iterdir():
         if file.is_file():
             shutil.copy(file, folder)
     build = ["cc", "-O2", "-Wall", "-Wextra", "-Werror", "-std=c11", "-ffp-contract=off"]

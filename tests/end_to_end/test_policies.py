@@ -5,9 +5,9 @@ import pytest
 import yaml
 from flights import TINY_ROOM, fly, fly_here
 
-from gslcosim.search.learned.policies.action_values import Since, ValueTable
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.search.learned.policies.policy_files import save_policy
+from gslcosim.search.learned.policies.value_table import SinceFeature, ValueTable
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 NAMES = ("nose_ppm.amount", "wind.from_sin", "wind.from_cos")
@@ -18,7 +18,7 @@ def table_in(folder):
     """Upwind in gas, across the wind without."""
     values = np.zeros((2, 9), np.float32)
     values[0, 0] = values[1, 2] = 1.0
-    digits = [Since(observation="nose_ppm.amount", above=0.05, cuts=(3.0,))]
+    digits = [SinceFeature(observation="nose_ppm.amount", above=0.05, cuts=(3.0,))]
     action = ActionSettings(kind="heading", step_m=0.5, hold_s=0.0)
     policy = ValueTable(NAMES, action, digits=digits, values=values, turns_with=NAMES[1:])
     save_policy(folder / "mine.npz", policy, {"made_by": "hand"})

@@ -55,7 +55,7 @@ def test_a_run_of_many_processes_is_flown_again_and_recorded_in_detail(tmp_path)
 def _ticks_of_gas(recording):
     from rerun.chunk import RrdReader
 
-    from gslcosim.recording import entities
+    from gslcosim_services.recorder import entities
 
     chunks = RrdReader(recording).store().stream().to_chunks()
     clouds = (chunk for chunk in chunks if str(chunk.entity_path) == f"/{entities.FILAMENTS}" and not chunk.is_static)

@@ -26,9 +26,9 @@ import yaml
 from deadlines import PROCESS_S
 from flights import AGENTS, ROOT, TINY_ROOM, children_of, fly, fly_here, start
 
-from gslcosim._kernel_cache import cache_root, key_path
-from gslcosim.runtime.sandbox import choosing, truth
-from gslcosim.runtime.sandbox.choosing import why_there_is_no
+from gslcosim.base.kernel_cache import get_cache_root, get_key_path
+from gslcosim.runtime.processes.sandbox import selection, truth
+from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 from gslcosim.scenario.bundled import bundled_agents
 
 REQUIRED, PIPED = "agents[0].sandbox=required", "agents[0].start.door=stdio"
@@ -73,7 +73,7 @@ class Attacked:
 
 def attacked(folder: Path, sandbox: str) -> Attacked:
     """Fly with the attacker, its program beside the scenario and the runs: the arrangement that helps it most."""
-    if reason := why_there_is_no(sandbox):
+    if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     work, outside = folder / "work", folder / "outside"
     work.mkdir(parents=True)
@@ -107,7 +107,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
             "outside": str(outside),
             "scenario": str(scenario),
             "bundled": str(TINY_ROOM),
-            "cache": str(cache_root()),
+            "cache": str(get_cache_root()),
             "kernels": os.environ["NUMBA_CACHE_DIR"],
             "victim": victim.pid,
             "address": address,
@@ -316,7 +316,7 @@ def test_the_table_of_attacks(tmp_path, capsys):
 
 def flown_with(tmp_path, program, sandbox, limits):
     """Fly an agent without Zenoh that runs a program of its own, bounded, and return its faults."""
-    if reason := why_there_is_no(sandbox):
+    if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     start_by = {"command": [sys.executable, "-c", program], "door": "stdio", "format": "json"}
     ended = fly(
@@ -382,8 +382,8 @@ def test_a_sandbox_that_the_machine_lacks_is_refused_before_the_run(tmp_path, mo
 def test_a_required_sandbox_is_the_strongest_and_never_none(tmp_path, monkeypatch):
     """Where the machine has none, nothing is started."""
     ended = fly_here(TINY_ROOM, tmp_path / "there", "--set", REQUIRED, "--set", PIPED)
-    assert ended.result["sandboxes"]["beetle"].startswith(choosing.strongest_sandbox())
-    monkeypatch.setattr(choosing, "why_there_is_no", lambda kind: f"{kind} is away")
+    assert ended.result["sandboxes"]["beetle"].startswith(selection.find_strongest_sandbox())
+    monkeypatch.setattr(selection, "unavailable_reason", lambda kind: f"{kind} is away")
     refused = fly_here(TINY_ROOM, tmp_path / "gone", "--set", REQUIRED, "--set", PIPED)
     assert (refused.exit_code, refused.run_dir) == (2, None)
     assert (
@@ -435,7 +435,7 @@ def test_a_program_where_runs_are_made_is_refused(tmp_path):
 @pytest.mark.parametrize("sandbox", SANDBOXES)
 def test_what_the_scenario_was_resolved_from_is_hidden_by_its_path(tmp_path, sandbox):
     """No search would know stored wind, which shows where obstacles and openings are."""
-    if reason := why_there_is_no(sandbox):
+    if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     np.save(tmp_path / "wind.npy", np.full((24, 20, 12, 3), 0.1, np.float32))
     program = "try:\n  open('wind.npy', 'rb').read(1) and sys.exit(4)\nexcept OSError:\n  sys.exit(3)\n"
@@ -464,7 +464,7 @@ def test_only_what_the_scenario_names_of_our_environment_reaches_an_agent(tmp_pa
         "sys.exit(7 if ours == {'PASSED_ON'} and os.environ['NAMED'] == 'x' else 8)\n"
     )
     start_by = {"command": [sys.executable, str(tmp_path / "mine" / "agent.py")], "door": "stdio"}
-    if reason := why_there_is_no(sandbox):
+    if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     words = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
     ended = fly_here(TINY_ROOM, tmp_path / "runs", *words, "--set", "agents[0].environment={PASSED_ON: , NAMED: x}")
@@ -474,9 +474,9 @@ def test_only_what_the_scenario_names_of_our_environment_reaches_an_agent(tmp_pa
 @pytest.mark.parametrize("folder", ["the cache", "kernels", "this Python", "gslcosim", "the runs", "all", "a link"])
 def test_a_folder_with_code_or_runs_is_not_for_writing(tmp_path, folder):
     """Whoever could write there would be run by the next service, or write the result."""
-    (tmp_path / "link").symlink_to(cache_root())
+    (tmp_path / "link").symlink_to(get_cache_root())
     place = {
-        "the cache": cache_root(),
+        "the cache": get_cache_root(),
         "kernels": os.environ["NUMBA_CACHE_DIR"],
         "this Python": sys.prefix,
         "gslcosim": ROOT / "gslcosim" / "runtime",
@@ -532,7 +532,7 @@ def test_the_digest_is_the_same_in_every_sandbox(tmp_path):
     """With limits too: what watches an agent changes nothing."""
     digests = set()
     for sandbox in ("auto", "bubblewrap", "landlock", "none"):
-        if sandbox == "auto" or not why_there_is_no(sandbox):
+        if sandbox == "auto" or not unavailable_reason(sandbox):
             limits = "agents[0].limits={cpu_s: 100, memory_mb: 2000, n_processes: 50, n_files: 500}"
             ended = fly(TINY_ROOM, tmp_path / sandbox, "--set", f"agents[0].sandbox={sandbox}", "--set", limits)
             assert ended.result["valid"], ended.errors
@@ -551,7 +551,7 @@ def test_an_ordinary_user_is_kept_as_root_is(tmp_path):
         kernels = Path(os.environ["NUMBA_CACHE_DIR"])
         shutil.copytree(kernels, home / "cache" / "numba" / kernels.name)
         # Nothing is to be compiled again: root's kernels are trusted by others, with the key that they can read here.
-        shutil.copy(key_path(), home / "cache" / "kernels.key")
+        shutil.copy(get_key_path(), home / "cache" / "kernels.key")
         (home / "cache" / "kernels.key").chmod(0o644)
         for folder in (home, home / "cache", home / "cache" / "numba"):
             os.chown(folder, ORDINARY, ORDINARY)

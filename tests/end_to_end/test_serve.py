@@ -15,9 +15,9 @@ import pytest
 from deadlines import EVENT_S, PROCESS_S
 from flights import COMMAND, TINY_ROOM, fly_here, start, wait_a_moment, with_agent
 
+from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
-from gslcosim.errors import UsageError
-from gslcosim.runtime.over_bus import warm_client, warm_place, warm_server
+from gslcosim.runtime.processes import daemon, daemon_client
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -130,7 +130,7 @@ def test_one_process_is_refused(server, tmp_path):
 
 
 def test_a_server_that_does_not_answer_is_named(server, monkeypatch):
-    monkeypatch.setattr(warm_client, "ANSWER_WITHIN_S", 0.2)
+    monkeypatch.setattr(daemon_client, "ANSWER_TIMEOUT_S", 0.2)
     os.kill(server.pid, signal.SIGSTOP)
     try:
         text = refused("up", str(TINY_ROOM), "--warm")
@@ -150,11 +150,11 @@ def test_a_killed_server_is_told_from_none_and_replaced(tmp_path):
         with serving():
             ended = start(TINY_ROOM, tmp_path, *ONE_TICK, "--warm").end()
         assert ended.exit_code == 1
-        assert not warm_place.warm_socket().exists()
+        assert not daemon_client.get_daemon_socket().exists()
 
 
 def test_nobody_else_can_enter_its_folder(server):
-    assert warm_place.warm_folder().stat().st_mode & 0o077 == 0
+    assert daemon_client.get_daemon_folder().stat().st_mode & 0o077 == 0
 
 
 def test_a_process_with_a_second_thread_does_not_fork():
@@ -164,7 +164,7 @@ def test_a_process_with_a_second_thread_does_not_fork():
     thread.start()
     try:
         with pytest.raises(UsageError, match=r"expected one thread, to fork from, was \d+ .*somebody"):
-            warm_server.check_one_thread()
+            daemon.check_one_thread()
     finally:
         go_on.set()
         thread.join()
@@ -174,10 +174,10 @@ def test_changed_code_is_seen(tmp_path, monkeypatch):
     """By name, size and time of any file of the package; not what Python compiles beside it."""
     module = tmp_path / "module.py"
     module.write_text("one = 1\n")
-    monkeypatch.setattr(warm_place, "PACKAGE_DIR", tmp_path)
-    before = warm_place.identity()
+    monkeypatch.setattr(daemon_client, "PACKAGE_DIR", tmp_path)
+    before = daemon_client.read_code_identity()
     (tmp_path / "__pycache__").mkdir()
     (tmp_path / "__pycache__" / "module.pyc").write_text("compiled")
-    assert warm_place.differences(before, warm_place.identity()) == []
+    assert daemon_client.find_differences(before, daemon_client.read_code_identity()) == []
     os.utime(module, ns=(0, 0))
-    assert warm_place.differences(before, warm_place.identity()) == ["code"]
+    assert daemon_client.find_differences(before, daemon_client.read_code_identity()) == ["code"]

@@ -145,14 +145,14 @@ def test_a_snapshot_that_cannot_be_used_is_told_and_the_run_repeated(past, tmp_p
 
 
 def test_a_snapshot_of_other_code_is_refused_in_a_sentence(past, tmp_path, monkeypatch):
-    from gslcosim.runtime.snapshots import parts
+    from gslcosim.runtime.replay import snapshot
 
-    monkeypatch.setattr(parts, "code_hash", lambda paths: "0123456789abcdef")
-    parts.Identity.of_this.cache_clear()
+    monkeypatch.setattr(snapshot, "hash_code", lambda paths: "0123456789abcdef")
+    snapshot.CodeIdentity.read_own.cache_clear()
     try:
         fork = forked(past.run_dir, tmp_path, 5)
     finally:
-        parts.Identity.of_this.cache_clear()
+        snapshot.CodeIdentity.read_own.cache_clear()
     assert "at tick 40 cannot be used: it is of other code (gslcosim " in fork.errors
     assert fork.errors.count("\n") == 1
     assert_same(past, fork)

@@ -16,11 +16,10 @@ from pathlib import Path
 import pytest
 from flights import AGENTS, COMMAND, ROOT, TINY_ROOM, fly, start, with_agent
 
-from gslcosim.runtime.over_bus.warm_place import identity, warm_secret, warm_socket
-from gslcosim.runtime.sandbox.choosing import why_there_is_no
-from gslcosim.runtime.watching.running_flights import running_flights
-from gslcosim.runtime.watching.window import windows_folder
-from gslcosim.user_state import user_state_folder
+from gslcosim.base.user_state import user_state_folder
+from gslcosim.runtime.processes.daemon_client import get_daemon_secret_file, get_daemon_socket, read_code_identity
+from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
+from gslcosim.runtime.status import get_status_folder, list_active_runs
 
 pytestmark = [pytest.mark.soak, pytest.mark.timeout(900)]
 
@@ -68,7 +67,7 @@ def _sockets(ending):
 
 def attacked(folder, sandbox):
     """Fly with the attacker, its program among the sockets of all others: the arrangement that helps it most."""
-    if reason := why_there_is_no(sandbox):
+    if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     outside = folder / "outside"
     outside.mkdir(parents=True)
@@ -80,18 +79,18 @@ def attacked(folder, sandbox):
             shutil.copy(AGENTS / name, sockets)
         other = start(TINY_ROOM, folder / "other", *LONG, *with_agent("holding"))
         other.wait_until_flying()
-        (seen,) = running_flights()
+        (seen,) = list_active_runs()
         told = {
-            "server": str(warm_socket()),
-            "secret_file": str(warm_secret()),
-            "secret": warm_secret().read_text(),
-            "identity": identity(),
+            "server": str(get_daemon_socket()),
+            "secret_file": str(get_daemon_secret_file()),
+            "secret": get_daemon_secret_file().read_text(),
+            "identity": read_code_identity(),
             "environ": {
                 key: os.environ[key] for key in ("PATH", "HOME", "TMPDIR", "NUMBA_CACHE_DIR") if key in os.environ
             },
             "scenario": str(TINY_ROOM),
             "outside": str(outside),
-            "windows": str(windows_folder()),
+            "windows": str(get_status_folder()),
             "window": str(seen.window),
             "routers": _sockets("router.sock"),
             "meshes": _sockets(".mesh"),
@@ -103,7 +102,7 @@ def attacked(folder, sandbox):
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
         # Two more are let in afterwards as if nothing had happened.
         ended = fly(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
-        assert [flight.pid for flight in running_flights()] == [other.process.pid]
+        assert [flight.pid for flight in list_active_runs()] == [other.process.pid]
         warm = start(TINY_ROOM, folder / "warm", "--warm", "--set", "referee.stop.time_limit_s=0.1").end()
         assert "digest" in warm.result, warm.errors
         other.process.terminate()

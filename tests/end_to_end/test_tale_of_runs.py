@@ -9,7 +9,7 @@ from PIL import Image
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.plotting import points_in_svg
+from gslcosim.data.figures import points_in_svg
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 

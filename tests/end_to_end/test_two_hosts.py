@@ -11,7 +11,7 @@ from deadlines import EVENT_S
 from flights import ROOT, TINY_ROOM, fly_here, start
 from two_hosts import HERE, Quality, make_certificates, two_hosts, why_not
 
-from gslcosim._kernel_cache import cache_root
+from gslcosim.base.kernel_cache import get_cache_root
 
 pytestmark = pytest.mark.debian
 
@@ -51,7 +51,7 @@ def there(hosts, tmp_path):
     runs.mkdir()
 
     def join(*words, **variables):
-        hidden = (runs, cache_root() / "environments")
+        hidden = (runs, get_cache_root() / "environments")
         elsewhere = {"GSLCOSIM_CACHE": str(disk / "cache"), "NUMBA_CACHE_DIR": os.environ["NUMBA_CACHE_DIR"]}
         process = hosts.start_there("join", *words, cwd=disk, hidden=hidden, **elsewhere, **variables)
         started.append(process)

@@ -11,14 +11,14 @@ import jsonschema
 import pytest
 
 from gslcosim.contract import codec
-from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.contract.schema import json_schema_of, message_types
+from gslcosim.contract.record import get_pydantic_model
+from gslcosim.contract.schema import build_json_schema, list_message_types
 
 PASTS = [json.loads(path.read_text()) for path in sorted(Path(__file__).parent.glob("contract_*.json"))]
-TYPES = {item.__name__: item for item in message_types()}
-NOW = {name: json_schema_of(item) for name, item in TYPES.items()}
+TYPES = {item.__name__: item for item in list_message_types()}
+NOW = {name: build_json_schema(item) for name, item in TYPES.items()}
 # What an agent reads; there a new word in an enumeration would surprise it.
 READ_BY_AGENTS = {"Briefing", "Observation", "Ending"}
 # `allOf` only says in the schema what 1.0 said in its prose: which field a kind of command cannot do without.
@@ -118,7 +118,7 @@ def test_a_new_agent_flies_in_an_old_run(past, name):
     old = past["schemas"][name]
     for vector in (vector for vector in past["vectors"] if vector["message"] == name):
         message = codec.decode(TYPES[name], bytes.fromhex(vector["msgpack"]))
-        for field, info in description_of(TYPES[name]).model_fields.items():
+        for field, info in get_pydantic_model(TYPES[name]).model_fields.items():
             assert field in old["properties"] or getattr(message, field) == info.default
 
 
@@ -128,7 +128,10 @@ def test_what_a_later_framework_adds_is_ignored():
     later["battery_frac"] = 0.5
     later["readings"][0]["temperature_k"] = 293.0
     later["readings"][0]["history"] = [{"tick": 1}]
-    for read, written in ((codec.decode, codec._msgpack.packb(later)), (codec.decode_json, codec.json_line(later))):
+    for read, written in (
+        (codec.decode, codec._msgpack.packb(later)),
+        (codec.decode_json, codec.dump_json_line(later)),
+    ):
         assert read(TYPES["Observation"], written) == EXAMPLES["observation"]
 
 

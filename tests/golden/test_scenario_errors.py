@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario import load_scenario
 
 FILE = Path(__file__).parent / "ten_faults.yaml"

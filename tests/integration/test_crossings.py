@@ -11,13 +11,13 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.layouts.building import build_room
+from gslcosim.environment.geometry_model import with_wind
+from gslcosim.environment.layouts.builder import build_layout
 from gslcosim.environment.model import WindFrames
-from gslcosim.environment.paths.planning import free_space
-from gslcosim.environment.room import with_wind
+from gslcosim.environment.paths.planner import free_space
 from gslcosim.scenario.models.layouts import ComplexWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
-from gslcosim.world.core import WorldCore
+from gslcosim_services.world.core import WorldCore
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[3] / "shared" / "reference"))
 ENVIRONMENTS_DIR = REFERENCE_DIR / "gsl-bench" / "environments"
@@ -28,7 +28,7 @@ AT_MOST_TICKS = 3000
 
 def complex_warehouse(seed):
     layout = ComplexWarehouseSpec(kind="warehouse_complex", size_m=(15.0, 15.0, 8.0), seed=seed)
-    room = build_room(layout, WindSpec(solver="uniform", cell_m=0.2))
+    room = build_layout(layout, WindSpec(solver="uniform", cell_m=0.2))
     return with_wind(room, WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32)))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.vehicles.vehicle_folder import _SECTIONS
+from gslcosim.vehicles.catalogue import _SECTIONS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extend" / "vehicle.md").read_text()

@@ -8,12 +8,12 @@ import pytest
 from PIL import Image
 
 import gslcosim
+from gslcosim.base.errors import ModelError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.errors import ModelError, UsageError
-from gslcosim.film.cuts import FRAMES_PER_S, Cut, pose_at
-from gslcosim.film.plan_panel import PlanPanel
-from gslcosim.film.screening import frames_of
-from gslcosim.recording.colors import MAP_OBSTACLES, agent_color
+from gslcosim.data.film.keyframes import FRAMES_PER_S, FilmCut, interpolate_pose
+from gslcosim.data.film.panels import PlanPanel
+from gslcosim.data.film.render import render_frames
+from gslcosim_services.recorder.colors import MAP_OBSTACLES, agent_color
 
 WHITE = (255, 255, 255)
 
@@ -71,10 +71,10 @@ def test_two_seconds_of_film_show_the_vehicle_where_it_was(runs, tmp_path, capsy
 def test_the_plan_has_the_vehicle_at_its_place(runs):
     """The room of 6 x 5 m fills a panel of 320 x 288 pixels but for its margins: about 49 pixels a metre."""
     run = gslcosim.open_run(runs[0])
-    cut = Cut.of(run, from_s=2, to_s=8, speed=6)
-    frames = [*frames_of([run], cut, (320, 360), has_room=False)]
+    cut = FilmCut.of(run, from_s=2, to_s=8, speed=6)
+    frames = [*render_frames([run], cut, (320, 360), has_room=False)]
     seen = [place_of(frame[:288], WHITE, 0) for frame in frames]
-    flown = [pose_at(run.tracks["beetle"], time_s)[0] for time_s in cut.times_s.tolist()]
+    flown = [interpolate_pose(run.tracks["beetle"], time_s)[0] for time_s in cut.times_s.tolist()]
     scale = 296 / 6
     for pixel, place_m in zip(seen, flown, strict=True):
         expected = np.array([12 + place_m[0] * scale, 144 + 2.5 * scale - place_m[1] * scale])
@@ -101,7 +101,7 @@ def test_a_webp_without_the_room_needs_nothing_to_draw_with(runs, tmp_path, caps
     def refused(*_):
         raise ModelError("cameras: expected EGL or OSMesa to draw with, was none.")
 
-    monkeypatch.setattr("gslcosim.film.screening.ChasePanel", refused)
+    monkeypatch.setattr("gslcosim.data.film.render.ChasePanel", refused)
     out = tmp_path / "plan.webp"
     words = ["film", str(runs[0]), "--out", str(out), "--speed", "20", "--size", "200x200"]
     assert main(words) == 2
@@ -130,9 +130,9 @@ def test_what_is_wrong_is_told(runs, tmp_path, capsys, monkeypatch):
     assert "Install it with: pip install 'gslcosim[film]'" in text
     assert not list(tmp_path.iterdir())
     opened = gslcosim.open_run(run)
-    cut = Cut.of(opened, from_s=0, to_s=1, speed=1)
+    cut = FilmCut.of(opened, from_s=0, to_s=1, speed=1)
     with pytest.raises(UsageError, match="expected one run, was several"):
-        frames_of([opened, opened], cut, (320, 200), follow="beetle")
+        render_frames([opened, opened], cut, (320, 200), follow="beetle")
 
 
 @pytest.mark.slow
@@ -150,7 +150,7 @@ def test_a_film_shows_doors_as_they_are_at_its_time(tmp_path):
     assert run.closed_at(9.9) == ("gate",)
     assert run.closed_at(10.3) == ()
     plan = PlanPanel(run, (320, 240))
-    poses = {name: pose_at(track, 0.0) for name, track in run.tracks.items()}
+    poses = {name: interpolate_pose(track, 0.0) for name, track in run.tracks.items()}
     in_the_gate = plan.place_of((3.12, 2.0, 1.0))
     before, after = (plan.picture(time_s, poses).getpixel(in_the_gate) for time_s in (9.0, 11.0))
     assert before == MAP_OBSTACLES

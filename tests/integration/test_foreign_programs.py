@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.participation import ParticipantValues
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import SimulationFault
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.foreign.foreign_core import ForeignCore
+from gslcosim.runtime.external.core import ExternalCore
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 
@@ -40,14 +40,14 @@ def core_of(tmp_path):
         overrides += ["snapshots.every_s=1"] if snapshots else []
         loaded = load_scenario("tiny_room", overrides=overrides)
         environment_dir = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
-        setup = Setup(
+        setup = RunSetup(
             run_dir=RunDir.create(tmp_path, name="run", seed=1),
             scenario=loaded.scenario,
             environment_dir=environment_dir,
             environment=load_environment(environment_dir),
             directory=tmp_path,
         )
-        cores.append(ForeignCore(loaded.scenario.participants[0], setup, TYPES))
+        cores.append(ExternalCore(loaded.scenario.participants[0], setup, TYPES))
         return cores[-1]
 
     yield build
@@ -85,7 +85,7 @@ def test_it_goes_on_at_a_snapshot_where_it_was(core_of):
     state = later.state()
     again = core_of(fault="counts", snapshots=True)
     again.reset(Episode(seed=1))
-    again.bring_back(state)
+    again.restore(state)
     assert [again.step(tick, samples(tick)) for tick in range(3, 6)] == whole[3:]
     assert again.state() == first.state()
 
@@ -95,7 +95,7 @@ def test_one_that_does_not_repeat_its_past_is_named(core_of):
     again = core_of(fault="random", snapshots=True)
     again.reset(Episode(seed=1))
     with pytest.raises(SimulationFault, match="expected the answers of the past 3 steps again, were others"):
-        again.bring_back(core.state())
+        again.restore(core.state())
 
 
 def test_nothing_is_kept_where_no_snapshots_are_taken(core_of):

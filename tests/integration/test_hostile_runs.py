@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.runtime.flight import fly
+from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.world.guidance.arrival import OVERTURNED
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
 
 HERE = Path(__file__).parent
 AROUND_A_WALL = HERE.parent / "end_to_end" / "around_a_wall.yaml"
@@ -27,7 +27,9 @@ def hostile_run(tmp_path, *, model, avoidance, ends_on_collision):
     values["recording"]["enabled"] = False
     values["referee"]["stop"].update(time_limit_s=16.0, on_collision=ends_on_collision)
     scenario = Scenario.model_validate(values)
-    result = fly(dataclasses.replace(loaded, scenario=scenario, directory=HERE), runs_dir=tmp_path, processes="one")
+    result = run_scenario(
+        dataclasses.replace(loaded, scenario=scenario, directory=HERE), runs_dir=tmp_path, processes="one"
+    )
     [agent_type] = [
         value for value in vars(sys.modules["gslcosim_agent_agents_hostile"]).values()
         if isinstance(value, type) and value.__name__ == "Hostile"
@@ -68,4 +70,4 @@ def test_everything_wrong_is_answered_in_words(tmp_path):
     assert notices["too strong"].startswith("attitude.thrust_n: expected at most")
     assert notices["take off twice"] == "take_off: expected a vehicle that has landed, was in the air."
     assert notices["a thousand places"].endswith("more places are moved.")
-    assert notices["up again"] == OVERTURNED
+    assert notices["up again"] == OVERTURNED_NOTICE

@@ -7,9 +7,9 @@ import pytest
 
 from gslcosim.methods.card import card_beside
 from gslcosim.runtime.agents import kernel_warmup
-from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels, scenario_for
+from gslcosim.runtime.agents.kernel_warmup import build_warmup_scenario, compile_agent_kernels
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.loader import load_scenario
 
 DIRECTORY = bundled_scenarios()["tiny_room"].parent
 STARTED_APART = "agents[0].start={python: infotaxis, door: stdio}"
@@ -19,7 +19,7 @@ STARTED_APART = "agents[0].start={python: infotaxis, door: stdio}"
 def test_each_bundled_agent_has_what_its_card_says_in_the_small_room(name):
     card = card_beside(bundled_agents()[name])
     assert card is not None
-    scenario = scenario_for(name, card, DIRECTORY)
+    scenario = build_warmup_scenario(name, card, DIRECTORY)
     assert scenario.agents[0].start.python == name
     assert len(scenario.agents) >= (card.robots if isinstance(card.robots, int) else card.robots[0])
 
@@ -35,7 +35,7 @@ def compiled(*changes, is_one_process=False):
 @pytest.mark.slow
 def test_kernels_are_compiled_once_and_only_for_bundled_agents_in_sandboxes():
     """Agents without a sandbox, objects in this process, and programs of others compile for themselves."""
-    if kernel_warmup.sandbox_kind(load_scenario("tiny_room").scenario.agents[0]) == "none":
+    if kernel_warmup.choose_sandbox(load_scenario("tiny_room").scenario.agents[0]) == "none":
         pytest.skip("there is no sandbox here")
     kernels = Path(os.environ["NUMBA_CACHE_DIR"])
     for mark in (kernels / "agents").glob("infotaxis.*"):

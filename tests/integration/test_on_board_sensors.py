@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.errors import ModelError
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.assembly import build_core, service_names
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.setup import Setup
-from gslcosim.scenario.dumping import plain_values
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.runtime.services import build_core, list_service_names
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
-from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.sensing import SENSOR_MODELS
 
 N_TICKS = 21
 TICK_S = 0.1
@@ -56,8 +56,8 @@ def flown(loaded, tmp_path_factory):
 
     def observations(scenario):
         run_dir = RunDir.create(directory, name="run", seed=1)
-        setup = Setup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)
-        names = [name for name in service_names(scenario) if name != "referee"]
+        setup = RunSetup(run_dir=run_dir, scenario=scenario, environment_dir=environment_dir, environment=environment)
+        names = [name for name in list_service_names(scenario) if name != "referee"]
         cores = [build_core(name, setup) for name in names]
         for core in cores:
             core.reset(setup.episode)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gslcosim
+from gslcosim.base.errors import RecordingError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.errors import RecordingError, UsageError
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import pytest
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.plotting import points_in_svg
+from gslcosim.data.figures import points_in_svg
 
 pytestmark = pytest.mark.slow
 

@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 
 import gslcosim
-from gslcosim import plotting
-from gslcosim.benchmark.report.plotted import RESULT_FIGURES, write_result_figures
+from gslcosim.bench.report.figures import RESULT_FIGURES, write_result_figures
 from gslcosim.cli.main import main
-from gslcosim.plotting.composing import RUN_FIGURES, SEVERAL_FIGURES
+from gslcosim.data import figures
+from gslcosim.data.figures.run_figures import RUN_FIGURES, SEVERAL_FIGURES
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "plots.md"
@@ -41,7 +41,7 @@ def test_the_page_names_each_figure_and_each_function():
     assert set(RUN_FIGURES) <= rows
     assert all(f"`{name}" in text for name in (*SEVERAL_FIGURES, *RESULT_FIGURES))
     not_drawing = {"draw_run", "draw_runs", "write_run_figures", "write_figures_of_several"}
-    assert all(name in text for name in set(plotting.__all__) - not_drawing)
+    assert all(name in text for name in set(figures.__all__) - not_drawing)
 
 
 @pytest.mark.skipif(not os.environ.get("GSLCOSIM_REWRITE_GOLDEN"), reason="draws the gallery anew")
@@ -56,13 +56,13 @@ def test_draw_the_gallery(tmp_path):
     PICTURES.mkdir(exist_ok=True)
     one, swarm = fly("warehouse_racks", "2", "infotaxis"), fly("swarm_tiny", "3")
     several = {f"{method}, seed {seed}": fly(scenario, seed, method) for scenario, seed, method in SEVERAL}
-    with plotting.styled():
+    with figures.styled():
         for name in RUN_FIGURES:
-            figure = plotting.draw_run(swarm if name == "swarm" else one, name)
-            plotting.save(figure, PICTURES / name, ["png"], dots_per_inch=DOTS_PER_INCH)
+            figure = figures.draw_run(swarm if name == "swarm" else one, name)
+            figures.save(figure, PICTURES / name, ["png"], dots_per_inch=DOTS_PER_INCH)
         for name in SEVERAL_FIGURES:
-            figure = plotting.draw_runs(several, name)
-            plotting.save(figure, PICTURES / f"several_{name}", ["png"], dots_per_inch=DOTS_PER_INCH)
+            figure = figures.draw_runs(several, name)
+            figures.save(figure, PICTURES / f"several_{name}", ["png"], dots_per_inch=DOTS_PER_INCH)
     assert main(["bench", "run", "smoke", "--jobs", "1", "--results", str(tmp_path / "results"), "--json"]) == 0
     write_result_figures(tmp_path / "results", tmp_path, names=("starts",), formats=("png",))
     with Image.open(tmp_path / "starts_tiny_room.png") as picture:

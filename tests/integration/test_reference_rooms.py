@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from gslcosim.cli.main import main
+from gslcosim.environment.build.geometry_source import build_geometry
 from gslcosim.environment.model import Cell
-from gslcosim.environment.of_scenario.room_origin import room_of
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[3] / "shared" / "reference"))
@@ -40,7 +40,7 @@ SCENARIO = {
 @needs_reference
 @pytest.mark.parametrize("number", COUNTS)
 def test_counts_of_cells_are_those_published(number):
-    room = room_of(EnvironmentSpec(gsl_bench=str(ROOMS / number)), WindSpec())
+    room = build_geometry(EnvironmentSpec(gsl_bench=str(ROOMS / number)), WindSpec())
     assert tuple(int((room.occupancy == cell).sum()) for cell in (Cell.FREE, Cell.SOLID, Cell.OUTLET)) == COUNTS[number]
 
 

@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from gslcosim.bus.port import Join, Mesh
-from gslcosim.bus.zenoh_bus import ZenohBus
-from gslcosim.bus.zenoh_sessions import open_with_patience, wait_for_answer
-from gslcosim.errors import SimulationFault
-from gslcosim.scratch import ScratchFolder
+from gslcosim.base.errors import SimulationFault
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim.bus.interface import JoinData, Mesh
+from gslcosim.bus.zenoh_bus import ZenohBus, open_with_retries, wait_for_router
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="members are watched on Linux only")
 
@@ -77,7 +76,7 @@ def test_a_member_that_began_to_join_at_a_stopped_router_joins_when_it_continues
     """Each attempt of Zenoh's has failed by then."""
     process, endpoint = router
     mesh = Mesh(listen=f"unixsock-stream/{folder}/world.mesh", connect=()) if is_in_mesh else None
-    join = Join(
+    join = JoinData(
         name="world", endpoint=endpoint, namespace=NAMESPACE, user="service", password="s", is_watched=True, mesh=mesh
     )
     os.kill(process.pid, signal.SIGSTOP)
@@ -93,7 +92,7 @@ def test_a_member_that_began_to_join_at_a_stopped_router_joins_when_it_continues
 
 def test_a_password_that_is_refused_is_an_error_of_a_watched_member_too(router):
     """The router answers each time."""
-    join = Join(
+    join = JoinData(
         name="world", endpoint=router[1], namespace=NAMESPACE, user="service", password="wrong", is_watched=True
     )
     with pytest.raises(SimulationFault, match="its password were refused"):
@@ -106,7 +105,7 @@ def test_an_answer_is_waited_for_until_whoever_listens_reads(folder):
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener, ThreadPoolExecutor(1) as pool:
         listener.bind(str(path))
         listener.listen()
-        waiting = pool.submit(wait_for_answer, f"unixsock-stream/{path}")
+        waiting = pool.submit(wait_for_router, f"unixsock-stream/{path}")
         connection, _ = listener.accept()
         assert connection.recv(1) == b""
         assert not waiting.done()
@@ -116,8 +115,8 @@ def test_an_answer_is_waited_for_until_whoever_listens_reads(folder):
 
 def test_nobody_who_listens_is_not_waited_for(folder):
     """Neither where there is no socket, nor on other kinds of endpoints."""
-    assert not wait_for_answer(f"unixsock-stream/{folder}/absent.sock")
-    assert not wait_for_answer("tcp/127.0.0.1:9")
+    assert not wait_for_router(f"unixsock-stream/{folder}/absent.sock")
+    assert not wait_for_router("tcp/127.0.0.1:9")
 
 
 def test_attempts_are_bounded_at_a_router_that_answers(router):
@@ -129,5 +128,5 @@ def test_attempts_are_bounded_at_a_router_that_answers(router):
         raise zenoh.ZError("refused")
 
     with pytest.raises(zenoh.ZError, match="refused"):
-        open_with_patience(fail, router[1])
+        open_with_retries(fail, router[1])
     assert len(attempts) == 3

@@ -2,9 +2,9 @@
 
 import pytest
 
-from gslcosim.errors import ModelError
-from gslcosim.runtime.flight import fly
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.base.errors import ModelError
+from gslcosim.runtime.run import run_scenario
+from gslcosim.scenario.loader import load_scenario
 
 pytestmark = [pytest.mark.slow, pytest.mark.debian]
 
@@ -14,7 +14,7 @@ def test_the_agent_that_sees_finds_the_machine_that_leaks(start_m, tmp_path):
     overrides = ["recording.enabled=false", f"agents[0].vehicle.start_m={start_m}"]
     loaded = load_scenario("vision_room", overrides=overrides)
     try:
-        flight = fly(loaded, runs_dir=tmp_path, processes="one")
+        flight = run_scenario(loaded, runs_dir=tmp_path, processes="one")
     except ModelError as error:
         if "expected EGL or OSMesa" not in str(error):
             raise

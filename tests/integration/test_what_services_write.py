@@ -3,13 +3,13 @@
 import pytest
 
 from gslcosim.contract import codec
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.in_process import fly_in_process
-from gslcosim.runtime.joining import Network
+from gslcosim.runtime.in_process import run_in_process
+from gslcosim.runtime.network import Network
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.setup import Setup
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario.loader import load_scenario
 
 FOR_SECONDS = {"tiny_room": 20, "swarm_tiny": 20, "event_sensor": 20, "event_radio": 20, "on_board_sensors": 5}
 
@@ -24,7 +24,9 @@ def test_every_message_of_a_flight_passes_all_checks_and_comes_back_byte_for_byt
     )
     run_dir = RunDir.create(tmp_path, name=name, seed=1)
     environment = load_environment(environment_dir)
-    setup = Setup(run_dir=run_dir, scenario=loaded.scenario, environment_dir=environment_dir, environment=environment)
+    setup = RunSetup(
+        run_dir=run_dir, scenario=loaded.scenario, environment_dir=environment_dir, environment=environment
+    )
     seen = set()
 
     def watch(port, message):
@@ -33,6 +35,6 @@ def test_every_message_of_a_flight_passes_all_checks_and_comes_back_byte_for_byt
         assert codec.decode_trusted(type(message), payload) == message, port
         seen.add(port)
 
-    outcome = fly_in_process(setup, loaded.directory, Network(), lambda _: None, watch)
+    outcome = run_in_process(setup, loaded.directory, Network(), lambda _: None, watch)
     assert outcome.fault is None, outcome.fault
     assert {"truth/bodies", "truth/samples", "referee/score", "referee/verdict"} <= seen

@@ -6,10 +6,9 @@ import threading
 import pytest
 from deadlines import EVENT_S
 
-from gslcosim.bus.access import AgentUser
-from gslcosim.bus.port import Join
-from gslcosim.bus.zenoh_bus import ZenohBus
-from gslcosim.errors import SimulationFault
+from gslcosim.base.errors import SimulationFault
+from gslcosim.bus.interface import JoinData
+from gslcosim.bus.zenoh_bus import AgentAccount, ZenohBus
 
 NAMESPACE = "gsl/test"
 
@@ -19,8 +18,8 @@ def net(tmp_path):
     """A router with one service account, agents a and b, and a process of agents c and d; `join` opens members that
     are closed with the test."""
     endpoint = f"unixsock-stream/{tmp_path}/router.sock"
-    agents = [AgentUser(agent=name, password=f"of {name}") for name in ("a", "b")]
-    agents.append(AgentUser(agent="c", password="of c", others=("d",)))
+    agents = [AgentAccount(agent=name, password=f"of {name}") for name in ("a", "b")]
+    agents.append(AgentAccount(agent="c", password="of c", others=("d",)))
     members = []
     router = ZenohBus.open_router(
         endpoints=[endpoint], namespace=NAMESPACE, service_password="s", agents=agents, secrets_dir=tmp_path
@@ -28,7 +27,7 @@ def net(tmp_path):
 
     def join(user, password):
         member = ZenohBus.open_member(
-            Join(name=user, endpoint=endpoint, namespace=NAMESPACE, user=user, password=password)
+            JoinData(name=user, endpoint=endpoint, namespace=NAMESPACE, user=user, password=password)
         )
         members.append(member)
         return member

@@ -7,14 +7,12 @@ from pathlib import Path
 import pytest
 from deadlines import EVENT_S
 
-from gslcosim.bus.access import SERVICE_USER, AgentUser
-from gslcosim.bus.port import Join, Mesh
-from gslcosim.bus.zenoh_bus import ZenohBus
-from gslcosim.bus.zenoh_mesh import is_possible
-from gslcosim.errors import SimulationFault
-from gslcosim.scratch import ScratchFolder
+from gslcosim.base.errors import SimulationFault
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim.bus.interface import JoinData, Mesh
+from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, AgentAccount, ZenohBus, is_mesh_possible
 
-pytestmark = pytest.mark.skipif(not is_possible(), reason="files without a name are Linux's")
+pytestmark = pytest.mark.skipif(not is_mesh_possible(), reason="files without a name are Linux's")
 
 NAMESPACE = "gsl/test"
 BUNDLES_FOR_B = "bundle/*/$*.b.$*"
@@ -27,7 +25,7 @@ class Net:
         self.folder = folder
         self.members: list[ZenohBus] = []
         self.endpoint = f"unixsock-stream/{folder}/router.sock"
-        agents = [AgentUser(agent="a", password="of a")]
+        agents = [AgentAccount(agent="a", password="of a")]
         self.router = ZenohBus.open_router(
             endpoints=[self.endpoint], namespace=NAMESPACE, service_password="s", agents=agents, secrets_dir=folder
         )
@@ -37,10 +35,10 @@ class Net:
         """Return where a service listens."""
         return f"unixsock-stream/{self.folder}/{name}.mesh"
 
-    def join(self, name: str, *calls: str, user: str = SERVICE_USER, password: str = "s") -> ZenohBus:
+    def join(self, name: str, *calls: str, user: str = SERVICE_ACCOUNT, password: str = "s") -> ZenohBus:
         """Join as a peer that calls others."""
         mesh = Mesh(listen=self.at(name), connect=tuple(self.at(other) for other in calls))
-        join = Join(name=name, endpoint=self.endpoint, namespace=NAMESPACE, user=user, password=password, mesh=mesh)
+        join = JoinData(name=name, endpoint=self.endpoint, namespace=NAMESPACE, user=user, password=password, mesh=mesh)
         self.members.append(ZenohBus.open_member(join))
         return self.members[-1]
 
@@ -91,7 +89,7 @@ def test_an_agent_is_not_let_in(net):
     """Where services listen, an agent's account is as good as none."""
     service = net.join("a")
     mailbox = service.mailbox("bundle/*/$*.a.$*")
-    agent = Join(name="a", endpoint=net.at("a"), namespace=NAMESPACE, user="agent_a", password="of a")
+    agent = JoinData(name="a", endpoint=net.at("a"), namespace=NAMESPACE, user="agent_a", password="of a")
     with pytest.raises(SimulationFault, match="could not join it"):
         ZenohBus.open_member(agent)
     assert mailbox.get_nowait() is None

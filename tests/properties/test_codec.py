@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_numpy
 from pydantic import StringConstraints, ValidationError
 
+from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
-from gslcosim.contract.arrays import DTYPES, NumericArray
-from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import Belief, Command, Message, Record
-from gslcosim.contract.schema import message_types
-from gslcosim.errors import ContractError
+from gslcosim.contract.record import DTYPES, NumericArray, get_pydantic_model
+from gslcosim.contract.schema import list_message_types
 
 shapes = st_numpy.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)
 arrays = st.sampled_from(sorted(DTYPES)).flatmap(
@@ -88,7 +87,7 @@ def scalars_of(annotation: Any, constraints: tuple[Any, ...]) -> st.SearchStrate
 
 
 def records_of(model: type[Record]) -> st.SearchStrategy[Any]:
-    described = description_of(model).model_fields
+    described = get_pydantic_model(model).model_fields
     fields = {name: values_of(field.annotation, tuple(field.metadata)) for name, field in described.items()}
     return (
         st.fixed_dictionaries(fields).map(lambda values: built(model, values)).filter(lambda record: record is not None)
@@ -104,7 +103,7 @@ def built(model: type[Record], values: dict[str, Any]) -> Record | None:
         return None
 
 
-any_message = st.one_of(*(records_of(message_type) for message_type in message_types()))
+any_message = st.one_of(*(records_of(message_type) for message_type in list_message_types()))
 generous = settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
 
 
@@ -164,7 +163,7 @@ def test_unknown_keys_are_ignored(message: Message, more: dict[str, Any]):
 
 
 @generous
-@given(st.binary(max_size=200), st.sampled_from(message_types()))
+@given(st.binary(max_size=200), st.sampled_from(list_message_types()))
 def test_arbitrary_bytes_are_refused_with_a_contract_error(payload: bytes, message_type: type[Message]):
     with pytest.raises(ContractError, match=message_type.__name__):
         codec.decode(message_type, payload)

@@ -12,17 +12,17 @@ import warnings
 import numpy as np
 import pytest
 
-from gslcosim.environment.data_files import LARGEST_SPEED_M_S
-from gslcosim.environment.exchange.exporting import export_environment
-from gslcosim.environment.exchange.gaden import load_gaden_room
-from gslcosim.environment.exchange.grid_room import room_of_grid
-from gslcosim.environment.exchange.gsl_bench import load_gsl_bench_room
-from gslcosim.environment.exchange.wind_files import NoWindWarning, WindGapsWarning, load_wind
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.formats.data_files import LARGEST_SPEED_M_S
+from gslcosim.environment.formats.export import export_environment
+from gslcosim.environment.formats.gaden import load_gaden_geometry
+from gslcosim.environment.formats.gsl_bench import load_gsl_bench_geometry
+from gslcosim.environment.formats.occupancy_import import geometry_from_grid
+from gslcosim.environment.formats.wind_files import NoWindWarning, WindGapsWarning, load_wind
+from gslcosim.environment.geometry_model import with_wind
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import WindFrames
-from gslcosim.environment.room import with_wind
 from gslcosim.environment.store import load_environment, save_environment
-from gslcosim.errors import EnvironmentDataError
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(4, 3, 2))
 FOAM_HEAD = 'FoamFile\n{{\n format {form};\n arch "LSB;label=32;scalar=64";\n}}\n'
@@ -80,7 +80,7 @@ class Fuzzer:
         codes = np.zeros(GRID.shape, np.uint8)
         codes[1, 1], codes[3, 0] = 1, 2
         wind = np.random.default_rng(1).normal(size=(2, *GRID.shape, 3)).astype(np.float32)
-        self.environment = with_wind(room_of_grid("shed", GRID, codes), WindFrames(velocity_m_s=wind))
+        self.environment = with_wind(geometry_from_grid("shed", GRID, codes), WindFrames(velocity_m_s=wind))
         save_environment(self.environment, folder / "own")
         for kind in WIND_KINDS:
             export_environment(self.environment, folder / kind, "gaden", gaden_wind=kind)
@@ -101,9 +101,9 @@ class Fuzzer:
         if top.name == "own":
             return lambda: self.check_own(top)
         if path.name == "OccupancyGrid3D.csv":
-            return lambda: self.check_room(load_gaden_room(top))
+            return lambda: self.check_room(load_gaden_geometry(top))
         if path.parent.name == "occupancy":
-            return lambda: self.check_room(load_gsl_bench_room(top))
+            return lambda: self.check_room(load_gsl_bench_geometry(top))
         if top.name in ("ascii", "binary"):
             return lambda: self.check_wind(top)
         if path.suffix == ".stl":
@@ -173,7 +173,7 @@ def test_absurd_counts_cost_no_memory(tmp_path, n):
         f"#env_min(m) 0 0 0\n#env_max(m) {n} 100 100\n#num_cells {n} 100 100\n#cell_size(m) 1\n0 0\n;\n"
     )
     with pytest.raises(EnvironmentDataError):
-        load_gaden_room(tmp_path)
+        load_gaden_geometry(tmp_path)
     head = {"env_min": [0, 0, 0], "env_max": [int(n), 100, 100], "num_cells": [int(n), 100, 100], "cell_size": 1}
     (tmp_path / "occupancy").mkdir()
     (tmp_path / "occupancy" / "a_head.txt").write_text(json.dumps(head))
@@ -181,7 +181,7 @@ def test_absurd_counts_cost_no_memory(tmp_path, n):
     content = b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header.encode()
     (tmp_path / "occupancy" / "a_grid.npy").write_bytes(content)
     with pytest.raises(EnvironmentDataError):
-        load_gsl_bench_room(tmp_path)
+        load_gsl_bench_geometry(tmp_path)
 
 
 @pytest.mark.soak

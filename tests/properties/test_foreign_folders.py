@@ -21,15 +21,14 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gslcosim.benchmark.store.folder import ResultsFolder
-from gslcosim.benchmark.store.journal import Journal
+from gslcosim.base.errors import ExitCode
+from gslcosim.base.yaml_core import CoreLoader
+from gslcosim.bench.store.folder import Journal, ResultsFolder
+from gslcosim.cli.arguments import build_parser, command_parsers
 from gslcosim.cli.main import COMMANDS, main
-from gslcosim.cli.parsing import build_parser, choices_of
-from gslcosim.errors import ExitCode
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.watching.window import windows_folder
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.runtime.status import get_status_folder
 from gslcosim.scenario import load_scenario
-from gslcosim.yaml_core import CoreLoader
 
 RUN_FILES = (
     "manifest.json", "result.json", "setup.json", "digest.json", "inputs.log", "machine.log", "scenario.yaml",
@@ -278,7 +277,7 @@ def leaves_of(parser, name):
 
 def test_each_command_reads_no_folder_or_is_called_here():
     """Whoever adds a command says here how it is called with a folder, or why it reads none."""
-    parsers = choices_of(build_parser(COMMANDS, version="0"))
+    parsers = command_parsers(build_parser(COMMANDS, version="0"))
     leaves = {leaf for name, parser in parsers.items() for leaf in leaves_of(parser, name)}
     called = {" ".join(words[:2]) if words[0] == "bench" else words[0] for words in CALLS.values()}
     told = called | {leaf for leaf in leaves if leaf in OTHERS or leaf.split()[0] in OTHERS}
@@ -335,7 +334,7 @@ class StatusSocket:
 @pytest.fixture
 def status_socket(monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    folder = windows_folder()
+    folder = get_status_folder()
     folder.mkdir(mode=0o700)
     opened = StatusSocket(folder / f"{os.getpid()}-a.flight")
     yield opened

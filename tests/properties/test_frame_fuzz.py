@@ -14,15 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim.environment.exchange.wind_files_arrays import read_result
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.formats.wind_arrays import read_result
 from gslcosim.environment.grid import Grid
-from gslcosim.errors import EnvironmentDataError
-from gslcosim.fields.reading.concentration import mixing_ratio_ppm_at
-from gslcosim.fields.reading.index import FilamentIndex
-from gslcosim.fields.stored.gaden_folder import read_walls
-from gslcosim.fields.stored.gaden_frames import read_gaden_frame
-from gslcosim.fields.stored.gsl_bench_frames import read_gsl_bench_frame
-from gslcosim.fields.stored.movie import GasMovie
+from gslcosim_services.fields.concentration.mixing_ratio import mixing_ratio_ppm_at
+from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
+from gslcosim_services.fields.stored.frame_formats import read_gaden_frame, read_gsl_bench_frame, read_walls
+from gslcosim_services.fields.stored.playback import GasMovie
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "fields"))
 import gaden_writers as gaden

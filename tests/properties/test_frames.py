@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
+from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
 
 components = st.floats(-1.0, 1.0)
 

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Cell, Environment, WindFrames
-from gslcosim.fields.filament.buoyancy import Buoyancy
-from gslcosim.fields.filament.plume import FilamentPlume, GasSource
-from gslcosim.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.filament.buoyancy import Buoyancy
+from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource
+from gslcosim_services.fields.filament.release import ConstantRelease
 
 SHAPE = (9, 7, 5)
 CELL_M = 0.2

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.fields.filament.plume import FilamentPlume, GasSource, amount_of_filament_mol
-from gslcosim.fields.filament.release import ConstantRelease
-from gslcosim.fields.reading.concentration import mixing_ratio_ppm_at
-from gslcosim.fields.reading.index import FilamentIndex
+from gslcosim_services.fields.concentration.mixing_ratio import mixing_ratio_ppm_at
+from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
+from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
+from gslcosim_services.fields.filament.release import ConstantRelease
 
 WIND_M_S = (0.4, -0.1, 0.05)
 
@@ -39,7 +39,7 @@ def source_at(position_m=(0.0, 0.0, 0.0), rate=10.0, ppm=10.0):
         position_world_m=position_m,
         release=ConstantRelease(filaments_per_s=rate),
         sigma_m=0.1,
-        amount_mol=amount_of_filament_mol(ppm, 0.1),
+        amount_mol=filament_amount_mol(ppm, 0.1),
     )
 
 
@@ -101,7 +101,7 @@ def test_sources_superpose(n, seed):
 @given(rate=st.floats(0.5, 300.0), n_steps=st.integers(1, 50), step=st.sampled_from([0.01, 0.1, 0.3]))
 def test_gas_is_conserved_while_nothing_leaves(rate, n_steps, step):
     plume = plume_after(n_steps * step, step_s=step, sources=(source_at(rate=rate),))
-    released_mol = int(rate * n_steps * step + 1e-9) * amount_of_filament_mol(10.0, 0.1)
+    released_mol = int(rate * n_steps * step + 1e-9) * filament_amount_mol(10.0, 0.1)
     held = plume.filaments
     assert held.amount_mol[held.source_index].sum() == pytest.approx(released_mol, rel=1e-12)
 

@@ -38,7 +38,7 @@ class Network:
     def run(self) -> RunDigest:
         names = list(self.steppers)
         while not all(stepper.gate.is_finished for stepper in self.steppers.values()):
-            ready = [name for name in names if self.steppers[name].gate.may_step()]
+            ready = [name for name in names if self.steppers[name].gate.can_step()]
             pick = int(self.rng.integers(len(ready) + len(self.flying))) if ready or self.flying else -1
             if pick < 0:
                 self.ask_again()

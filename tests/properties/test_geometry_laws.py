@@ -8,11 +8,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.environment.geometry.solid_room import room_of_geometry
+from gslcosim.base.errors import ScenarioError
+from gslcosim.environment.boxes import voxelize
+from gslcosim.environment.geometry.solid_geometry import geometry_from_files
 from gslcosim.environment.model import Box, Cell
-from gslcosim.environment.occupancy import reachable_from
-from gslcosim.environment.voxels import voxelize
-from gslcosim.errors import ScenarioError
+from gslcosim.environment.occupancy import find_reachable_cells
 from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.scenario import WindSpec
 
@@ -47,7 +47,7 @@ def room_of(path, meshes, openings=OPENINGS):
         (path / f"part_{i}.stl").write_bytes(mesh.export(file_type="stl"))
         files.append(f"part_{i}.stl")
     spec = GeometrySpec.model_validate({"files": files, "openings": openings})
-    return room_of_geometry(spec, WindSpec(cell_m=CELL_M), base_dir=path)
+    return geometry_from_files(spec, WindSpec(cell_m=CELL_M), base_dir=path)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def folder(tmp_path_factory):
 def test_boxes_as_meshes_have_the_cells_of_boxes(folder, corners):
     room = room_of(folder, [shell(), *(trimesh.creation.box(bounds=bounds) for bounds in corners)])
     solids = [Box(name=f"box_{i}", kind="obstacle", min_m=low, max_m=high) for i, (low, high) in enumerate(corners)]
-    expected = reachable_from(~voxelize(solids, room.grid), room.openings, room.grid)
+    expected = find_reachable_cells(~voxelize(solids, room.grid), room.openings, room.grid)
     assert ((room.occupancy != Cell.SOLID) == expected).all()
 
 

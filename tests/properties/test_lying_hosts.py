@@ -13,22 +13,20 @@ import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault, UsageError
 from gslcosim.bus.in_memory import InMemoryHub
-from gslcosim.bus.port import Join
+from gslcosim.bus.interface import JoinData
+from gslcosim.environment.geometry_model import content_hash
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.environment.room import content_hash_of
 from gslcosim.environment.store import save_environment
-from gslcosim.errors import ContractError, GslCosimError, SimulationFault, UsageError
-from gslcosim.runtime.hosts import fetching
-from gslcosim.runtime.hosts.fetching import fetch_offer
-from gslcosim.runtime.hosts.join_files import JoinFile
-from gslcosim.runtime.hosts.offering import OFFER_KEY, PIECE_KEY, Offering, RunOffer
-from gslcosim.runtime.hosts.software import Software
-from gslcosim.runtime.hosts.taking_part import set_up
-from gslcosim.runtime.over_bus import control
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.network import JoinFile
+from gslcosim.runtime.remote import run_server
+from gslcosim.runtime.remote.run_server import CHUNK_KEY, OFFER_KEY, RunOffer, RunServer, SoftwareVersions, fetch_offer
+from gslcosim.runtime.remote.service_join import build_joined_setup
 from gslcosim.scenario import dump_resolved, load_scenario
-from gslcosim.scenario.dumping import dump_values
+from gslcosim.scenario.serialization import dump_values
 
 JOIN = {"name": "fields", "endpoint": "tcp/host:7447", "namespace": "gsl/x", "user": "service", "password": "p"}
 GATEWAY = {"name": "ant", "gateway": "tcp:host:1", "token": "t", "format": "json"}
@@ -52,7 +50,7 @@ def host(tmp_path_factory):
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(3, 4, 5))
     wind = WindFrames(velocity_m_s=np.zeros((1, 3, 4, 5, 3), np.float32), period_s=1.0, is_looping=True)
     facts = {"name": "small", "grid": grid, "occupancy": np.zeros(grid.shape, np.uint8), "boxes": (), "openings": ()}
-    content = content_hash_of(Environment(**facts, wind=wind, content_hash=""), wind)
+    content = content_hash(Environment(**facts, wind=wind, content_hash=""), wind)
     room = Environment(**facts, wind=wind, content_hash=content)
     save_environment(room, base / "host" / "room")
     (base / "scenario.yaml").write_text(dump_resolved(load_scenario("tiny_room").scenario))
@@ -61,7 +59,7 @@ def host(tmp_path_factory):
         environment_dir=base / "host" / "room", environment=room, later_rooms={}, paced_from_tick=None,
     )  # fmt: skip
     hub = InMemoryHub()
-    Offering(setup, ["fields"]).answer_on(hub.open())
+    RunServer(setup, ["fields"]).serve_on(hub.open())
     offer = fetch_offer(hub.open()).model_dump() | {"environment_dir": "/on/the/other/host/room"}
     here = base / "home" / "deeper"
     for name in ("home/victim", "home/deeper/victim", "home/deeper/runs/earlier/result.json", "home/.bashrc"):
@@ -69,8 +67,8 @@ def host(tmp_path_factory):
         (base / name).write_text("kept")
     (here / "runs" / "earlier" / "scenario.yaml").write_text(offer["scenario"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fetching, "ANSWER_WITHIN_S", 0.01)
-        patch.setattr(fetching, "ASK_AGAIN_AFTER_S", 0.01)
+        patch.setattr(run_server, "ANSWER_TIMEOUT_S", 0.01)
+        patch.setattr(run_server, "RETRY_AFTER_S", 0.01)
         patch.setenv("GSLCOSIM_CACHE", str(here / "cache"))
         patch.chdir(here)
         yield SimpleNamespace(offer=offer, here=here, base=base, room=base / "host" / "room")
@@ -91,18 +89,18 @@ def join_with(host, offer, *, piece=None, run_dir=None):
     hub = InMemoryHub()
     lying = hub.open()
     lying.answer(OFFER_KEY, lambda _: [offer if isinstance(offer, bytes) else msgpack.packb(offer)])
-    lying.answer(PIECE_KEY, piece or (lambda question: [honest_piece(host, question)]))
+    lying.answer(CHUNK_KEY, piece or (lambda question: [honest_piece(host, question)]))
     bus = hub.open()
-    join = Join(**JOIN, run_dir=run_dir)
+    join = JoinData(**JOIN, run_dir=run_dir)
     named = ["fields"]
-    return set_up(
+    return build_joined_setup(
         join, fetch_offer(bus), named, bus, runs_dir=host.here / "runs", say=lambda _: None, is_trusted=False
     ).run_dir.path
 
 
 def honest_piece(host, question):
     fields = msgpack.unpackb(question)
-    return (host.room / fields["file"]).read_bytes()[fields["offset"] :][: fetching.PIECE_BYTES]
+    return (host.room / fields["file"]).read_bytes()[fields["offset"] :][: run_server.CHUNK_BYTES]
 
 
 def with_lie(offer, path, lie):
@@ -251,8 +249,9 @@ def test_a_join_file_that_is_none_is_told(tmp_path, content):
 
 @MANY
 @given(
-    kind=st.sampled_from([control.TickNote, control.ReaderNote, control.WaitingNote, control.FaultNote,
-                          control.ResendRequest, control.Description, control.Inspection, control.Bye, RunOffer]),
+    kind=st.sampled_from([protocol.TickReport, protocol.ReaderReport, protocol.WaitingReport, protocol.FaultReport,
+                          protocol.ResendRequest, protocol.ParticipantDescription, protocol.ParticipantInspection,
+                          protocol.FinalReport, RunOffer]),
     payload=st.binary(max_size=100) | FOREIGN.map(lambda value: msgpack.packb(value, default=str)),
 )  # fmt: skip
 def test_no_bytes_are_a_control_message_but_their_own(kind, payload):
@@ -266,7 +265,7 @@ def test_no_message_names_a_file_elsewhere(name):
     """The log of a participant that is at fault is read and shown, by its name."""
     payload = msgpack.packb({"participant": name, "tick": 3, "text": ""})
     try:
-        told = control.FaultNote.from_bytes(payload).participant
+        told = protocol.FaultReport.from_bytes(payload).participant
     except ContractError:
         return
     assert Path("logs", f"{told}.log").parent == Path("logs")
@@ -275,5 +274,5 @@ def test_no_message_names_a_file_elsewhere(name):
 
 def test_software_that_is_the_same_is_the_same_after_a_journey():
     """Its words have bounds; ours are within them."""
-    here = Software.here()
-    assert Software.model_validate(here.model_dump()) == here
+    here = SoftwareVersions.here()
+    assert SoftwareVersions.model_validate(here.model_dump()) == here

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, RadioMessage
 from gslcosim.contract.participant import Episode
-from gslcosim.radio.core import RadioCore
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim_services.radio.core import RadioCore
 
 COORDINATES_M = st.floats(-50, 50)
 PLACES_M = st.tuples(COORDINATES_M, COORDINATES_M, COORDINATES_M)

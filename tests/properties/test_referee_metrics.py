@@ -4,7 +4,7 @@ import math
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gslcosim.referee.metrics import directness, movement_overhead, nearest
+from gslcosim_services.referee.metrics import directness, find_nearest, movement_overhead
 
 points = st.tuples(*[st.floats(-100.0, 100.0)] * 3)
 lengths = st.floats(0.01, 1000.0)
@@ -33,5 +33,5 @@ def test_overhead_grows_with_the_path_and_never_shrinks_when_the_shortest_way_do
 
 @given(points, st.lists(points, min_size=1, max_size=6))
 def test_no_place_is_nearer_than_the_nearest(point_m, places_m):
-    chosen_m = nearest(point_m, places_m)
+    chosen_m = find_nearest(point_m, places_m)
     assert all(math.dist(point_m, chosen_m) <= math.dist(point_m, place_m) for place_m in places_m)

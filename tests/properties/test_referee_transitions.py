@@ -10,8 +10,8 @@ from gslcosim.contract.messages import BodyPoses, BodyState, Command, FieldSampl
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Environment, WindFrames
-from gslcosim.referee.core import RefereeCore
 from gslcosim.scenario import Scenario
+from gslcosim_services.referee.core import RefereeCore
 
 AGENTS = ("first", "second")
 ONCE = {"take_off", "gas_contact", "success", "collision", "agent_failed", "out_of_bounds", "declared", "time_limit"}

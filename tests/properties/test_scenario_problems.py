@@ -5,8 +5,8 @@ import json
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gslcosim.base.errors import ScenarioError
 from gslcosim.cli.main import main
-from gslcosim.errors import ScenarioError
 from gslcosim.scenario import LoadedScenario, load_scenario
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.problems import InvalidScenarioError

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.world.paths.trajectory import Limits, fly_at, fly_to
+from gslcosim_services.world.paths.trajectory import Limits, plan_to_point, plan_to_velocity
 
 TICK_NS = 100_000_000
 LIMITS = Limits(max_speed_m_s=1.2, max_acceleration_m_s2=2.5)
@@ -27,7 +27,7 @@ def peaks(trajectory):
 @settings(deadline=None)
 @given(place, place)
 def test_a_leg_from_rest_keeps_its_limits(start_m, end_m):
-    trajectory = fly_to(np.array([start_m, (0.0,) * 3, (0.0,) * 3]), end_m, LIMITS, 0)
+    trajectory = plan_to_point(np.array([start_m, (0.0,) * 3, (0.0,) * 3]), end_m, LIMITS, 0)
     speed, acceleration = peaks(trajectory)
     assert speed <= LIMITS.max_speed_m_s * 1.0001
     assert acceleration <= LIMITS.max_acceleration_m_s2 * 1.0001
@@ -38,7 +38,7 @@ def test_a_leg_from_rest_keeps_its_limits(start_m, end_m):
 @given(place, place, direction, st.floats(0.0, 1.2))
 def test_a_leg_from_flight_keeps_its_limits_and_ends_at_rest(start_m, end_m, heading, speed_m_s):
     start = np.array([start_m, scaled(heading, speed_m_s), (0.0,) * 3])
-    trajectory = fly_to(start, end_m, LIMITS, 0)
+    trajectory = plan_to_point(start, end_m, LIMITS, 0)
     speed, acceleration = peaks(trajectory)
     assert speed <= LIMITS.max_speed_m_s * 1.01
     assert acceleration <= LIMITS.max_acceleration_m_s2 * 1.01
@@ -53,7 +53,7 @@ def test_a_leg_from_flight_keeps_its_limits_and_ends_at_rest(start_m, end_m, hea
 def test_a_change_of_velocity_stays_below_the_speed_limit(start_m, heading, speed_m_s, push, push_m_s2, wanted):
     start = np.array([start_m, scaled(heading, speed_m_s), scaled(push, push_m_s2)])
     velocity = tuple(scaled(wanted, 1.2).tolist())
-    trajectory = fly_at(start, velocity, LIMITS, 0)
+    trajectory = plan_to_velocity(start, velocity, LIMITS, 0)
     speed, acceleration = peaks(trajectory)
     # Speed at its limit and still accelerating cannot be kept below it: the overshoot is bounded instead.
     assert speed <= LIMITS.max_speed_m_s * 1.3
@@ -67,7 +67,7 @@ def test_a_change_of_velocity_stays_below_the_speed_limit(start_m, heading, spee
 def test_a_stop_ends_within_the_braking_distance(start_m, heading, speed_m_s, push, push_m_s2):
     """No further than the speed limit carries in the duration; the duration is bounded by the limits."""
     start = np.array([start_m, scaled(heading, speed_m_s), scaled(push, push_m_s2)])
-    trajectory = fly_at(start, (0.0, 0.0, 0.0), LIMITS, 0)
+    trajectory = plan_to_velocity(start, (0.0, 0.0, 0.0), LIMITS, 0)
     way_m = math.dist(trajectory.end_world_m, start_m)
     assert trajectory.duration_s <= 5.0 * LIMITS.max_speed_m_s / LIMITS.max_acceleration_m_s2
     assert way_m <= 1.3 * LIMITS.max_speed_m_s * trajectory.duration_s

@@ -45,10 +45,10 @@ from fault_expectations import (  # noqa: E402 - test folders are no packages
 )
 from flights import TINY_ROOM, children_of, command_of, is_running, wait_a_moment  # noqa: E402
 
-from gslcosim.recording.repair import is_whole, repair_recording  # noqa: E402
-from gslcosim.rng import stream  # noqa: E402
-from gslcosim.runtime.stops import STOP_LIMIT_S  # noqa: E402
-from gslcosim.scratch import ScratchFolder  # noqa: E402
+from gslcosim.base.rng import stream  # noqa: E402
+from gslcosim.base.scratch import ScratchFolder  # noqa: E402
+from gslcosim.runtime.processes.children import STOP_TIMEOUT_S  # noqa: E402
+from gslcosim_services.recorder.repair import is_complete, repair_recording  # noqa: E402
 
 SIM_TIME_S = 120
 # After it is certain what happened: at once for a kill, after the limit for a stop.
@@ -224,14 +224,14 @@ def _go_on(trial: Trial, fault: Fault, pid: int, signalled_s: float) -> float:
         return signalled_s
     if fault.signal == "stopped for ever":
         if fault.member != "supervisor":
-            return _watched_from(trial, signalled_s) + STOP_LIMIT_S
-        trial.wait_for(lambda: time.monotonic() - signalled_s > STOP_LIMIT_S + 1)
+            return _watched_from(trial, signalled_s) + STOP_TIMEOUT_S
+        trial.wait_for(lambda: time.monotonic() - signalled_s > STOP_TIMEOUT_S + 1)
         _send(pid, signal.SIGKILL)
         return time.monotonic()
     trial.wait_for(lambda: time.monotonic() - signalled_s > fault.stop_s, fault.stop_s + 5)
     if is_running(pid):
         _send(pid, signal.SIGCONT)
-    return _watched_from(trial, signalled_s) + STOP_LIMIT_S
+    return _watched_from(trial, signalled_s) + STOP_TIMEOUT_S
 
 
 # The fork server is there before the scenario has been read; who could miss it comes later.
@@ -305,7 +305,7 @@ def _recording_problems(trial: Trial, outcome: str) -> Iterator[str]:
     if outcome == TAKEN_ALONG:
         if recording.stat().st_size > 100_000:
             repair_recording(recording)
-    elif not is_whole(recording):
+    elif not is_complete(recording):
         yield "the recording does not open"
 
 

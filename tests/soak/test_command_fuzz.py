@@ -14,9 +14,9 @@ import time
 
 import pytest
 
-from gslcosim.cli.main import COMMANDS, told_exit_code
-from gslcosim.errors import ExitCode
-from gslcosim.rng import stream
+from gslcosim.base.errors import ExitCode
+from gslcosim.base.rng import stream
+from gslcosim.cli.main import COMMANDS, run_command
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.yaml_tree import read_yaml
 
@@ -91,7 +91,7 @@ def check_call(words, call, where):
     """Run a command, or only read its words, and hold what comes of it against what every command promises."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.suppress(SystemExit):
-        code = told_exit_code(words, call)
+        code = run_command(words, call)
         told = f"{where}: {words!r:.2000} returned {code}:\n{err.getvalue()[-2000:]}"
         assert code in set(ExitCode) - {ExitCode.INTERRUPTED}, told
         assert "Traceback" not in err.getvalue(), told

@@ -13,23 +13,23 @@ import time
 import msgpack
 import pytest
 
+from gslcosim.base.errors import ContractError
+from gslcosim.base.rng import stream
 from gslcosim.conformance.answers import read_answer
-from gslcosim.conformance.scripted_world import ScriptedWorld, briefing_for
+from gslcosim.conformance.scripted_world import ScriptedWorld, build_briefing
 from gslcosim.contract import codec
-from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import Command, Ending
-from gslcosim.contract.schema import message_types
-from gslcosim.errors import ContractError
-from gslcosim.gateway.framing import (
+from gslcosim.contract.record import get_pydantic_model
+from gslcosim.contract.schema import list_message_types
+from gslcosim.gateway.frame_codec import (
     LENGTH_BYTES,
     MAX_FRAME_BYTES,
     Frame,
-    Refused,
-    payload_of_frame,
-    splitter_of,
+    RefusedFrame,
+    build_splitter,
+    decode_payload,
 )
-from gslcosim.rng import stream
-from gslcosim.runtime.agents.door import MAX_EARLY, MAX_FAULTS, Door
+from gslcosim.runtime.agents.validator import MAX_EARLY_ANSWERS, MAX_FAULTS, CommandValidator
 
 MAX_GROWTH_MB = 200
 LENGTHS = [pytest.param(4.0, marks=pytest.mark.slow), pytest.param(300.0, marks=pytest.mark.soak)]
@@ -38,7 +38,7 @@ SEEDLINGS = [
     codec.encode(Command(tick=5, kind="waypoint", position_world_m=(1.0, 2.0, 3.0), reason="näher")),
     codec.encode(Command(tick=5, kind="hold", hold_s=0.5, contract="1.0")),
     msgpack.packb({"tick": 5, "kind": "declare_source", "declaration": {"position_world_m": [1, 2, 3], "x": [None]}}),
-    codec.encode(briefing_for(7)),
+    codec.encode(build_briefing(7)),
     codec.encode(ScriptedWorld(7).observe(5, is_asked=True)),
     codec.encode(Ending(tick=9, reason="time_limit")),
 ]  # fmt: skip
@@ -82,7 +82,7 @@ def command_like(rng):
         None, True, -1, 0, 5, 6, 2**53, 2**63, 5.0, float("nan"), 1e308, "", "hold", "waypoint", "failed", b"\x00\xff",
         [], [1, 2, 3], [1.0, 2.0], [[1.0], 2.0, 3.0], {}, {"position_world_m": [0, 0, 0]}, "x" * 600, [{}] * 20,
     ]  # fmt: skip
-    names = [*description_of(Command).model_fields, "later"]
+    names = [*get_pydantic_model(Command).model_fields, "later"]
     fields = {"tick": 5, "kind": "hold"}
     for _ in range(int(rng.integers(4))):
         fields[names[int(rng.integers(len(names)))]] = values[int(rng.integers(len(values)))]
@@ -118,7 +118,7 @@ def fuzz(name, seconds, try_one):
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seconds", LENGTHS)
 def test_the_codec_refuses_or_reads_and_what_it_reads_it_can_write(seconds):
-    types = message_types()
+    types = list_message_types()
 
     def try_one(rng, data):
         message_type = types[int(rng.integers(len(types)))] if rng.random() < 0.5 else Command
@@ -140,7 +140,7 @@ def test_the_codec_refuses_or_reads_and_what_it_reads_it_can_write(seconds):
 @pytest.mark.parametrize("seconds", LENGTHS)
 def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
     world = ScriptedWorld(3)
-    state = {"door": Door("agent"), "tick": 0, "asked": set(), "passed": []}
+    state = {"door": CommandValidator("agent"), "tick": 0, "asked": set(), "passed": []}
 
     def take(commands):
         state["passed"] += [command.tick for command in commands]
@@ -152,7 +152,9 @@ def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
 
     def try_one(rng, data):
         if state["door"].is_closed or state["tick"] > 300:
-            state.update(door=Door("agent", may_overlap=bool(rng.random() < 0.3)), tick=0, asked=set(), passed=[])
+            state.update(
+                door=CommandValidator("agent", may_overlap=bool(rng.random() < 0.3)), tick=0, asked=set(), passed=[]
+            )
         door = state["door"]
         if rng.random() < 0.5:
             state["tick"] += 1
@@ -164,7 +166,7 @@ def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
             data = codec.encode(Command(tick=door.pending[0], kind="hold"))
         take(door.received(data))
         assert len(door.faults) <= MAX_FAULTS
-        assert len(door._early) <= MAX_EARLY
+        assert len(door._early) <= MAX_EARLY_ANSWERS
 
     fuzz("door", seconds, try_one)
 
@@ -175,7 +177,7 @@ def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
     "seconds", [pytest.param(2.0, marks=pytest.mark.slow), pytest.param(60.0, marks=pytest.mark.soak)]
 )
 def test_the_gateway_cuts_any_stream_into_frames_or_says_why_not(seconds, frame_format):
-    state = {"splitter": splitter_of(frame_format)}
+    state = {"splitter": build_splitter(frame_format)}
 
     def try_one(rng, data):
         if frame_format == "json" and rng.random() < 0.5:
@@ -189,13 +191,13 @@ def test_the_gateway_cuts_any_stream_into_frames_or_says_why_not(seconds, frame_
         assert len(state["splitter"]._buffer) <= MAX_FRAME_BYTES + LENGTH_BYTES + len(sent)
 
     def judge(item):
-        if isinstance(item, Refused):
+        if isinstance(item, RefusedFrame):
             assert item.text
             if item.is_fatal:
-                state["splitter"] = splitter_of(frame_format)
+                state["splitter"] = build_splitter(frame_format)
             return
         assert isinstance(item, Frame)
         with contextlib.suppress(ContractError):
-            Door("agent").received(payload_of_frame(frame_format, item.payload))
+            CommandValidator("agent").received(decode_payload(frame_format, item.payload))
 
     fuzz(f"gateway.{frame_format}", seconds, try_one)

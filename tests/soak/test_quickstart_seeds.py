@@ -4,8 +4,8 @@ import statistics
 
 import pytest
 
-from gslcosim.rng import stream
-from gslcosim.runtime.flight import fly
+from gslcosim.base.rng import stream
+from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
 
 N_SEEDS = 20
@@ -17,7 +17,7 @@ def test_the_dung_beetle_finds_the_source_from_most_of_20_random_seeds(tmp_path,
     results = []
     for seed in seeds:
         loaded = load_scenario("warehouse_empty", seed=seed, overrides=["recording.enabled=false"])
-        results.append(fly(loaded, runs_dir=tmp_path, processes="one").result)
+        results.append(run_scenario(loaded, runs_dir=tmp_path, processes="one").result)
     assert all(result["valid"] for result in results)
     assert len({result["digest"] for result in results}) == N_SEEDS
     times_s = [agent["time_to_source_s"] for result in results for agent in result["agents"] if agent["success"]]

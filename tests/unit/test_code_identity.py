@@ -1,14 +1,14 @@
 import pytest
 
-from gslcosim import _code_identity
-from gslcosim._code_identity import code_hash, package_files
+from gslcosim.base import code_identity
+from gslcosim.base.code_identity import hash_code, list_package_files
 
 CODE = 'X = 1\n\n\ndef double(x):\n    """Return it twice."""\n    return 2 * x\n'
 
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    monkeypatch.setattr(_code_identity, "PACKAGE_DIR", tmp_path / "package")
+    monkeypatch.setattr(code_identity, "PACKAGE_DIR", tmp_path / "package")
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
     (tmp_path / "package").mkdir()
     return tmp_path / "package"
@@ -16,7 +16,7 @@ def package(tmp_path, monkeypatch):
 
 def hash_of(package, text):
     (package / "module.py").write_text(text)
-    return code_hash([package / "module.py"])
+    return hash_code([package / "module.py"])
 
 
 def test_comments_docstrings_and_layout_do_not_count(package):
@@ -36,19 +36,19 @@ def test_the_name_and_the_order_of_modules_count(package):
     paths = [package / "a.py", package / "b.py"]
     for path in paths:
         path.write_text(CODE)
-    assert code_hash(paths) != code_hash(paths[::-1])
-    assert code_hash(paths[:1]) != code_hash(paths[1:])
+    assert hash_code(paths) != hash_code(paths[::-1])
+    assert hash_code(paths[:1]) != hash_code(paths[1:])
 
 
 def test_it_does_not_need_a_cache(package, monkeypatch, tmp_path):
     first = hash_of(package, CODE)
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "file"))
-    assert code_hash([package / "module.py"]) == first
+    assert hash_code([package / "module.py"]) == first
 
 
 def test_folders_stand_for_their_modules():
-    whole, flat = package_files("environment"), package_files("environment/*")
+    whole, flat = list_package_files("environment"), list_package_files("environment/*")
     assert set(flat) < set(whole)
     assert {path.parent.name for path in flat} == {"environment"}
-    assert package_files("rng.py")[0].is_file()
+    assert list_package_files("rng.py")[0].is_file()

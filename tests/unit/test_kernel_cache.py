@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from gslcosim._kernel_cache import key_path, use_kernel_cache
+from gslcosim.base.kernel_cache import get_key_path, use_kernel_cache
 
 PROGRAM = """
 import gslcosim, numba
@@ -154,7 +154,7 @@ def test_a_folder_of_kernels_that_others_may_write_is_closed(cached, tmp_path, m
     monkeypatch.delenv("NUMBA_CACHE_DIR")
     use_kernel_cache()
     assert folder.stat().st_mode & 0o777 == 0o755
-    assert key_path() == tmp_path / "cache" / "kernels.key"
+    assert get_key_path() == tmp_path / "cache" / "kernels.key"
     if os.geteuid() == 0:
         os.chown(folder, 65534, 65534)
         monkeypatch.delenv("NUMBA_CACHE_DIR")

@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.errors import ExitCode
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim agent new python my_agent
   gslcosim agent check -- python my_agent/agent.py
@@ -69,15 +69,15 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance import FlightLimits, Wiring, check_agent
+    from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
 
-    wiring = Wiring(
+    wiring = ConnectionSpec(
         command=tuple(arguments.words),
         door=arguments.door,
         format=arguments.format,
         observations=arguments.observations,
     )
-    limits = FlightLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, DEFAULT_TIMEOUT_S))
+    limits = SessionLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, DEFAULT_TIMEOUT_S))
     report = check_agent(wiring, limits, lambda name: write_note(f"flight: {name}"))
     if arguments.json:
         write_json(report.as_fields())
@@ -87,7 +87,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _new(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance.creation import create_agent
+    from gslcosim.conformance.scaffold import create_agent
 
     created = create_agent(arguments.language, arguments.name, arguments.dir or Path(arguments.name))
     write(created.as_text())

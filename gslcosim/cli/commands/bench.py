@@ -5,15 +5,15 @@ import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.parsing import Command, at_least_one, whole_number
-from gslcosim.cli.run_dirs import RECORDING
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.run_paths import RECORDING
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
-from gslcosim.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.benchmark.execution.jobs import Pool
-    from gslcosim.benchmark.suite import LoadedSuite, Plan
-    from gslcosim.benchmark.suite.models import LimitsSpec
+    from gslcosim.bench.cases import LoadedSuite, Plan
+    from gslcosim.bench.cases.models import LimitsSpec
+    from gslcosim.bench.execution.pool import Pool
 
 EXAMPLES = """  gslcosim bench list
   gslcosim bench plan gsl_bench_2023
@@ -96,9 +96,12 @@ def _add_trust(action: Any) -> None:
         _verify,
     )
     _add_results(verify)
-    verify.add_argument("--sample", type=at_least_one, default=20, metavar="N", help="how many (default: 20)")
+    verify.add_argument("--sample", type=parse_positive_number, default=20, metavar="N", help="how many (default: 20)")
     verify.add_argument(
-        "--seed", type=whole_number, metavar="N", help="of the lot (default: a new one, which nobody knows before)"
+        "--seed",
+        type=parse_whole_number,
+        metavar="N",
+        help="of the lot (default: a new one, which nobody knows before)",
     )
     _add_trusted(verify)
     _add_workers(verify)
@@ -125,7 +128,7 @@ def _add_trusted(parser: argparse.ArgumentParser) -> None:
 
 def _add_suite(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
-    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the suite's seed")
+    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
 
 
 def _add_selection(parser: argparse.ArgumentParser) -> None:
@@ -145,7 +148,10 @@ def _add_selection(parser: argparse.ArgumentParser) -> None:
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
-        "--jobs", type=at_least_one, metavar="N", help="how many workers on this machine (default: one for each core)"
+        "--jobs",
+        type=parse_positive_number,
+        metavar="N",
+        help="how many workers on this machine (default: one for each core)",
     )
     where.add_argument(
         "--ray", metavar="ADDRESS", help="fly on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
@@ -161,7 +167,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.suite import bundled_suites, load_suite
+    from gslcosim.bench.cases import bundled_suites, load_suite
 
     suites = {name: load_suite(path).suite for name, path in bundled_suites().items()}
     if arguments.json:
@@ -172,34 +178,34 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.execution.pool import n_cores
-    from gslcosim.benchmark.execution.selection import Selection
-    from gslcosim.cli.bench_text import plan_fields, plan_text
+    from gslcosim.bench.execution.pool import n_cores
+    from gslcosim.bench.execution.selection import Selection
+    from gslcosim.cli.bench_output import format_plan, plan_to_json
 
     _, plan = _planned(arguments, is_quiet=arguments.json)
     selection = Selection.of(arguments.only, arguments.filter)
-    fields = plan_fields(plan, selection, n_workers=n_cores())
+    fields = plan_to_json(plan, selection, n_workers=n_cores())
     if arguments.json:
         write_json(fields)
     else:
-        write(plan_text(plan, fields))
+        write(format_plan(plan, fields))
     return 0
 
 
 def _run_suite(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.benchmark.execution.running import Run
-    from gslcosim.benchmark.execution.selection import Selection
-    from gslcosim.benchmark.store.folder import ResultsFolder
-    from gslcosim.cli.bench_text import summary_text, watched_run
+    from gslcosim.bench.execution.runner import SuiteRun
+    from gslcosim.bench.execution.selection import Selection
+    from gslcosim.bench.store.folder import ResultsFolder
+    from gslcosim.cli.bench_output import format_summary, show_run_progress
 
     selection = Selection.of(arguments.only, arguments.filter)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     _check_here(arguments, plan)
     folder = ResultsFolder(arguments.results or RESULTS_DIR / loaded.suite.name)
-    with watched_run(loaded.suite.name, is_quiet=arguments.json) as report:
-        run = Run(
+    with show_run_progress(loaded.suite.name, is_quiet=arguments.json) as report:
+        run = SuiteRun(
             plan,
             folder,
             lambda: _pool(arguments, loaded.suite.limits),
@@ -210,20 +216,20 @@ def _run_suite(arguments: argparse.Namespace) -> int:
         summary = run.fly()
     page = None
     if not summary.is_interrupted and not arguments.no_report:
-        from gslcosim.benchmark.report.writing import write_report
+        from gslcosim.bench.report.writer import write_report
 
         page = write_report(folder.path)
     if arguments.json:
         write_json({key: str(v) if isinstance(v, Path) else v for key, v in asdict(summary).items()})
     else:
-        write(summary_text(summary, page))
+        write(format_summary(summary, page))
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
 
 
 def _report(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.report.writing import write_report
+    from gslcosim.bench.report.writer import write_report
 
     page = write_report(arguments.results, figures=arguments.figures)
     if arguments.json:
@@ -234,12 +240,12 @@ def _report(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.execution.pool import LocalPool
-    from gslcosim.benchmark.execution.sandboxing import check_confinable, check_sandbox
-    from gslcosim.benchmark.execution.verifying import Again, record
-    from gslcosim.benchmark.store.folder import ResultsFolder
+    from gslcosim.bench.execution.pool import LocalPool
+    from gslcosim.bench.execution.sandbox_requirement import check_confinable, check_sandbox
+    from gslcosim.bench.execution.verification import RepeatableResults, record_trial_again
+    from gslcosim.bench.store.folder import ResultsFolder
 
-    again = Again(ResultsFolder(arguments.results))
+    again = RepeatableResults(ResultsFolder(arguments.results))
     trial = again.trial(arguments.trial)
     expected = again.rows[trial.id]["digest"]
     check_sandbox(again.plan)
@@ -247,7 +253,7 @@ def _show(arguments: argparse.Namespace) -> int:
         check_confinable([trial], again.folder.path)
     pool = LocalPool(1, again.plan.loaded.suite.limits)
     try:
-        place, digest = record(again, trial, pool, is_trusted=arguments.trusted)
+        place, digest = record_trial_again(again, trial, pool, is_trusted=arguments.trusted)
     finally:
         pool.close()
     is_same = digest == expected
@@ -259,20 +265,20 @@ def _show(arguments: argparse.Namespace) -> int:
     if not is_same:
         return ExitCode.DIVERGENCE
     if not arguments.no_view and not arguments.json:
-        from gslcosim.recording.viewer import open_viewer
+        from gslcosim.data.recording.viewer import open_viewer
 
         open_viewer(place / RECORDING)
     return 0
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.execution.sandboxing import check_confinable
-    from gslcosim.benchmark.execution.verifying import Again, verify
-    from gslcosim.benchmark.store.folder import ResultsFolder
-    from gslcosim.benchmark.store.verification_marks import prepare_marks
-    from gslcosim.cli.bench_text import verification_fields, verification_text, watched_count
+    from gslcosim.bench.execution.sandbox_requirement import check_confinable
+    from gslcosim.bench.execution.verification import RepeatableResults, verify_trials
+    from gslcosim.bench.store.folder import ResultsFolder
+    from gslcosim.bench.store.verification_marks import prepare_marks
+    from gslcosim.cli.bench_output import format_verification, show_count_progress, verification_to_json
 
-    again = Again(ResultsFolder(arguments.results))
+    again = RepeatableResults(ResultsFolder(arguments.results))
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
     trials = again.sample(arguments.sample, seed=seed)
     if not trials:
@@ -283,42 +289,42 @@ def _verify(arguments: argparse.Namespace) -> int:
     prepare_marks()
     pool = _pool(arguments, again.plan.loaded.suite.limits)
     try:
-        with watched_count("verifying", is_quiet=arguments.json) as report:
-            verification = verify(again, trials, pool, report, is_trusted=arguments.trusted)
+        with show_count_progress("verifying", is_quiet=arguments.json) as report:
+            verification = verify_trials(again, trials, pool, report, is_trusted=arguments.trusted)
     finally:
         pool.close()
     if arguments.json:
-        write_json(verification_fields(verification) | {"seed": seed})
+        write_json(verification_to_json(verification) | {"seed": seed})
     else:
-        write(f"{verification_text(verification)}\nThe sample was drawn with --seed {seed}.")
+        write(f"{format_verification(verification)}\nThe sample was drawn with --seed {seed}.")
     return ExitCode.DIVERGENCE if verification.differences else 0
 
 
 def _rank(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.merging import merge
-    from gslcosim.cli.bench_text import ranking_text
+    from gslcosim.bench.merge import merge
+    from gslcosim.cli.bench_output import format_ranking
 
     ranking = merge(arguments.results, arguments.out, demands_sandbox=arguments.sandboxed)
     if arguments.json:
         write_json({**ranking.leaderboard, "submissions": ranking.submissions, "verified": ranking.verified})
     else:
-        write(ranking_text(ranking))
+        write(format_ranking(ranking))
     return 0
 
 
 def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
-    from gslcosim.benchmark.suite import load_suite, plan_of
-    from gslcosim.cli.bench_text import watched_count
+    from gslcosim.bench.cases import build_plan, load_suite
+    from gslcosim.cli.bench_output import show_count_progress
 
     loaded = load_suite(arguments.suite, seed=arguments.seed)
-    with watched_count("planning", is_quiet=is_quiet) as report:
-        plan = plan_of(loaded, progress=lambda n: report(n, 0))
+    with show_count_progress("planning", is_quiet=is_quiet) as report:
+        plan = build_plan(loaded, progress=lambda n: report(n, 0))
     return loaded, plan
 
 
 # A cluster's nodes tell for themselves, flight by flight.
 def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
-    from gslcosim.benchmark.execution.sandboxing import check_sandbox
+    from gslcosim.bench.execution.sandbox_requirement import check_sandbox
 
     if arguments.ray is None:
         check_sandbox(plan)
@@ -326,10 +332,10 @@ def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
 
 def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
     if arguments.ray is not None:
-        from gslcosim.benchmark.execution.ray_pool import RayPool
+        from gslcosim.bench.execution.ray_pool import RayPool
 
         return RayPool(arguments.ray, limits)
-    from gslcosim.benchmark.execution.pool import LocalPool, n_cores
+    from gslcosim.bench.execution.pool import LocalPool, n_cores
 
     n_jobs = arguments.jobs or n_cores()
     if n_jobs > 4 * n_cores():

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.commands.runs import age_text
-from gslcosim.cli.parsing import Command, at_least_one
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command, parse_positive_number
+from gslcosim.cli.commands.runs import format_age
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
-from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.disk_cache import CacheEntry
+    from gslcosim.base.disk_cache import CacheEntry
 
 EXAMPLES = """  gslcosim cache
   gslcosim cache --kind tape --sort size --limit 10
@@ -36,7 +36,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="only room, tape, kernels, files or program, as often as needed",
     )
     parser.add_argument("--sort", choices=("age", "size"), default="age", help="used last, or largest, first")
-    parser.add_argument("--limit", type=at_least_one, metavar="N", help="show the first N entries only")
+    parser.add_argument("--limit", type=parse_positive_number, metavar="N", help="show the first N entries only")
     parser.add_argument("--older-than", metavar="AGE", help="with free: what was unused for so long: 12h, 30d, 8w")
     parser.add_argument(
         "--keep", metavar="SIZE", help="with free: what was unused for longest, until no more than SIZE is left: 1GB"
@@ -47,7 +47,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.disk_cache import FOLDERS
+    from gslcosim.base.disk_cache import FOLDERS
 
     wrong = [kind for kind in arguments.kind if kind not in FOLDERS]
     if wrong:
@@ -63,8 +63,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from gslcosim._kernel_cache import cache_root
-    from gslcosim.disk_cache import LIMIT_VARIABLE, limit_from_environment, list_entries
+    from gslcosim.base.disk_cache import LIMIT_VARIABLE, limit_from_environment, list_entries
+    from gslcosim.base.kernel_cache import get_cache_root
 
     entries, limit_bytes = _of_kinds(list_entries(), arguments.kind), limit_from_environment()
     total_bytes = sum(entry.size_bytes for entry in entries)
@@ -74,7 +74,7 @@ def _list(arguments: argparse.Namespace) -> int:
         limit_mb = None if limit_bytes == float("inf") else limit_bytes / 1e6
         write_json(
             {
-                "folder": str(cache_root()), "size_mb": _mb(total_bytes), "limit_mb": limit_mb,
+                "folder": str(get_cache_root()), "size_mb": _mb(total_bytes), "limit_mb": limit_mb,
                 "entries": [_row(entry) for entry in shown],
             }
         )  # fmt: skip
@@ -89,12 +89,12 @@ def _list(arguments: argparse.Namespace) -> int:
         write(f"{kind:<9}{len(of_kind):>6}   {_size(sum(entry.size_bytes for entry in of_kind))}")
     limit = "no limit" if limit_bytes == float("inf") else f"limit {_size(limit_bytes)}"
     write(f"{'all':<9}{len(entries):>6}   {_size(total_bytes)}, {limit} ({LIMIT_VARIABLE})")
-    write(f"folder   {cache_root()}")
+    write(f"folder   {get_cache_root()}")
     return 0
 
 
 def _free(arguments: argparse.Namespace) -> int:
-    from gslcosim.disk_cache import list_entries, remove_entries
+    from gslcosim.base.disk_cache import list_entries, remove_entries
 
     choose = _choice(arguments)
     if arguments.yes:
@@ -120,7 +120,7 @@ def _free(arguments: argparse.Namespace) -> int:
 
 
 def _choice(arguments: argparse.Namespace) -> "Callable[[Sequence[CacheEntry]], list[CacheEntry]]":
-    from gslcosim.disk_cache import parse_size_bytes
+    from gslcosim.base.disk_cache import parse_size_bytes
 
     limit_s = None if arguments.older_than is None else _parse_age_s(arguments.older_than)
     keep_bytes = None if arguments.keep is None else parse_size_bytes(arguments.keep, place="gslcosim cache --keep")
@@ -152,7 +152,7 @@ def _of_kinds(entries: "Sequence[CacheEntry]", kinds: Sequence[str]) -> "list[Ca
 
 def _cells(entry: "CacheEntry") -> tuple[str, ...]:
     age_h = (time.time() - entry.used_at_s) / 3600
-    return entry.kind, entry.folder.name, _size(entry.size_bytes), age_text(max(0.0, age_h)), _yes(entry.is_in_use)
+    return entry.kind, entry.folder.name, _size(entry.size_bytes), format_age(max(0.0, age_h)), _yes(entry.is_in_use)
 
 
 def _row(entry: "CacheEntry") -> dict[str, Any]:

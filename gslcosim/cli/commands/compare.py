@@ -2,10 +2,10 @@
 
 import argparse
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import DIGEST, add_runs_dir_option, find_in_run
+from gslcosim.base.errors import ExitCode
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import DIGEST, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim compare runs/first runs/second
   gslcosim compare warehouse_empty-seed7-20250101 warehouse_empty-seed7-20250102 --json"""
@@ -19,7 +19,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.repeating.comparing import RunComparison
+    from gslcosim.runtime.replay.comparison import RunComparison
 
     files = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=DIGEST) for run in (arguments.a, arguments.b)]
     compared = RunComparison.of(*files)

@@ -2,9 +2,9 @@
 
 import argparse
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.errors import ExitCode
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim doctor
   gslcosim doctor --json"""
@@ -15,10 +15,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.health import all_findings
+    from gslcosim.cli.doctor_checks import run_checks
 
     findings = []
-    for finding in all_findings():
+    for finding in run_checks():
         findings.append(finding)
         if not arguments.json:
             remedy = f" {finding.remedy}" if finding.remedy else ""

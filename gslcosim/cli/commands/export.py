@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.os_errors import build_path_error
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.machine import refused_place
 
 if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
@@ -34,13 +34,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.exchange.exporting import export_environment
+    from gslcosim.environment.formats.export import export_environment
 
     environment = _environment_of(arguments.source)
     try:
         export = export_environment(environment, arguments.out, arguments.to, gaden_wind=arguments.gaden_wind)
     except OSError as error:
-        raise refused_place(error, "--out", "a folder that can be written", path=arguments.out) from error
+        raise build_path_error(error, "--out", "a folder that can be written", path=arguments.out) from error
     if arguments.json:
         files = [str(path) for path in export.files]
         write_json({"to": arguments.to, "out": str(arguments.out), "files": files, "notices": list(export.notices)})
@@ -53,8 +53,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _environment_of(source: str) -> "Environment":
+    from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim.generation import prepare_environment
     from gslcosim.scenario import load_scenario
 
     if Path(source).is_dir():

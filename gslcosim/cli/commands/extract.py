@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.cli.bench_text import watched_text
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.base.os_errors import build_path_error
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.bench_output import show_text_progress
+from gslcosim.cli.run_paths import RECORDING, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.machine import refused_place
 
 EXAMPLES = """  gslcosim extract --to parquet
   gslcosim extract runs/night_42 --to csv --out night_42_tables
@@ -41,16 +41,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.extraction.extracting import extract_run
-    from gslcosim.run_data.opening import open_run
+    from gslcosim.data.export.formats import extract_run
+    from gslcosim.data.run import open_run
 
     run = open_run(find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING))
     out = arguments.out or Path(f"{run.run_id}_{arguments.to}")
     try:
-        with watched_text(is_quiet=arguments.json) as report:
+        with show_text_progress(is_quiet=arguments.json) as report:
             files = extract_run(run, out, arguments.to, report)
     except OSError as error:
-        raise refused_place(error, "--out", "a folder that can be written", path=out) from error
+        raise build_path_error(error, "--out", "a folder that can be written", path=out) from error
     if arguments.json:
         write_json({"to": arguments.to, "out": str(out), "files": [str(path) for path in files]})
         return 0

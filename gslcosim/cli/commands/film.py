@@ -3,12 +3,12 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.cli.bench_text import watched_count
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.base.errors import UsageError
+from gslcosim.base.os_errors import build_path_error
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.bench_output import show_count_progress
+from gslcosim.cli.run_paths import RECORDING, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import UsageError
-from gslcosim.machine import refused_place
 
 EXAMPLES = """  gslcosim film --out search.mp4
   gslcosim film runs/night_42 --out end.mp4 --from 100 --to 130 --speed 2
@@ -57,25 +57,25 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.errors import ModelError
-    from gslcosim.film.cuts import Cut
-    from gslcosim.film.encoding import write_film
-    from gslcosim.film.screening import frames_of
-    from gslcosim.run_data.opening import open_run
+    from gslcosim.base.errors import ModelError
+    from gslcosim.data.film.encoder import write_film
+    from gslcosim.data.film.keyframes import FilmCut
+    from gslcosim.data.film.render import render_frames
+    from gslcosim.data.run import open_run
 
     names = arguments.runs or [None]
     runs = [open_run(find_in_run(name, runs_dir=arguments.runs_dir, file_name=RECORDING)) for name in names]
-    cuts = [Cut.of(run, from_s=arguments.from_s, to_s=arguments.to_s, speed=arguments.speed) for run in runs]
+    cuts = [FilmCut.of(run, from_s=arguments.from_s, to_s=arguments.to_s, speed=arguments.speed) for run in runs]
     cut = max(cuts, key=lambda one: one.to_s)
-    frames = frames_of(runs, cut, arguments.size, follow=arguments.follow, has_room=not arguments.plan_only)
+    frames = render_frames(runs, cut, arguments.size, follow=arguments.follow, has_room=not arguments.plan_only)
     n_frames = len(cut.times_s)
     try:
-        with watched_count("frames", is_quiet=arguments.json) as report:
+        with show_count_progress("frames", is_quiet=arguments.json) as report:
             write_film(frames, arguments.out, lambda done: report(done, n_frames))
     except ModelError as error:
         raise UsageError(f"{error} Or film the plan alone with --plan-only.") from error
     except OSError as error:
-        raise refused_place(error, "--out", "a file that can be written", path=arguments.out) from error
+        raise build_path_error(error, "--out", "a file that can be written", path=arguments.out) from error
     if arguments.json:
         size = arguments.out.stat().st_size
         write_json(

@@ -1,4 +1,4 @@
-"""`gslcosim fly`: a person searches, with the keyboard, seeing what an agent sees."""
+"""`gslcosim run_scenario`: a person searches, with the keyboard, seeing what an agent sees."""
 
 import argparse
 import contextlib
@@ -6,17 +6,17 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import add_runs_dir_option
-from gslcosim.cli.scenarios import add_pace_option, add_scenario_arguments, load_checked
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import add_runs_dir_option
+from gslcosim.cli.scenario_arguments import add_pace_option, add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.cockpit.seat import Seat
-    from gslcosim.runtime.over_bus.forks import ForkServer
-    from gslcosim.runtime.status import FlightStatus
+    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import LoadedScenario
+    from gslcosim.teleop.client import TeleopClient
 
 EXAMPLES = """  gslcosim fly tiny_room
   gslcosim fly warehouse_empty --pace 4 --name alice
@@ -47,30 +47,29 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass
 class _Progress:
-    """What the run says of itself before it flies, for the person who waits; it tells the seat where to attach."""
+    """Messages of the run before it starts, for the person who waits; they say where the client attaches."""
 
     agent: str
     text: str = "The run is prepared."
-    seat: "Seat | None" = None
+    seat: "TeleopClient | None" = None
 
-    def __call__(self, status: "FlightStatus") -> None:
-        from gslcosim.cli.flight_report import status_text
+    def __call__(self, status: "RunStatus") -> None:
+        from gslcosim.cli.run_output import format_status
 
-        self.text = status_text(status)
+        self.text = format_status(status)
         if status.run_dir is not None and self.seat is not None:
             self.seat.attach(status.run_dir / "join" / "agents" / f"{self.agent}.json")
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cockpit.dashboard import MIN_COLUMNS, MIN_ROWS
-    from gslcosim.cockpit.keyboard import check_terminal
+    from gslcosim.teleop.terminal import MIN_COLUMNS, MIN_ROWS, check_terminal
 
     check_terminal(MIN_COLUMNS, MIN_ROWS)
     if _NAME.fullmatch(arguments.name) is None:
         raise UsageError(f"--name: expected letters, digits and underscores, was {arguments.name!r}.")
     if not 0.125 <= arguments.step <= 8:
         raise UsageError(f"--step: expected metres from 0.125 to 8, was {arguments.step:g}.")
-    from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.processes.fork_client import ForkServer
 
     is_forking = arguments.processes != "one" and ForkServer.is_possible()
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
@@ -80,19 +79,19 @@ def _run(arguments: argparse.Namespace) -> int:
 def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
     loaded, agent = _with_a_person(arguments)
 
-    from gslcosim.cli.flight_report import summary
-    from gslcosim.cockpit.keyboard import Keyboard
-    from gslcosim.cockpit.seat import Seat
-    from gslcosim.runtime.flight import fly
+    from gslcosim.cli.run_output import format_summary
+    from gslcosim.runtime.run import run_scenario
+    from gslcosim.teleop.client import TeleopClient
+    from gslcosim.teleop.terminal import Terminal
 
     progress = _Progress(agent)
-    with Keyboard() as keyboard:
-        seat = progress.seat = Seat(
+    with Terminal() as keyboard:
+        seat = progress.seat = TeleopClient(
             keyboard, waits_for_questions=arguments.asked, step_m=arguments.step, progress=lambda: progress.text
         )
         seat.start()
         try:
-            flight = fly(
+            flight = run_scenario(
                 loaded,
                 runs_dir=arguments.runs_dir,
                 processes=arguments.processes,
@@ -104,7 +103,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
     if arguments.json:
         write_json(flight.result)
     else:
-        write(summary(flight))
+        write(format_summary(flight))
     if seat.failure is not None:
         write_note(f"The terminal failed: {seat.failure!r}")
     if not flight.result.get("valid"):

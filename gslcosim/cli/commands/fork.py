@@ -8,14 +8,14 @@ import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import add_runs_dir_option, find_in_run
-from gslcosim.cli.scenarios import check_drawing, check_methods, check_places, check_stored_gas
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import add_runs_dir_option, find_in_run
+from gslcosim.cli.scenario_arguments import check_drawing, check_methods, check_places, check_stored_gas
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.processes.fork_client import ForkServer
     from gslcosim.scenario import Scenario
 
 EXAMPLES = """  gslcosim fork warehouse_empty-seed7-2025 --at 120 --agent infotaxis
@@ -74,7 +74,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.processes.fork_client import ForkServer
 
     is_forking = arguments.processes != "one" and ForkServer.is_possible()
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
@@ -82,9 +82,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    from gslcosim.cli.flight_report import summary, watched_flight
-    from gslcosim.runtime.repeating.forking import fly_fork, prepare_fork
-    from gslcosim.runtime.repeating.past_run import PastRun
+    from gslcosim.cli.run_output import format_summary, show_run_progress
+    from gslcosim.runtime.replay.fork import prepare_fork, run_fork
+    from gslcosim.runtime.replay.past_run import PastRun
 
     manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
     past = PastRun.load(manifest.parent)
@@ -102,15 +102,15 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
     if fork.note:
         write_note(f"{fork.note} The run is repeated from its start.")
     title = f"{past.run_dir.run_id} from {arguments.at_s:g} s on"
-    with watched_flight(title, is_quiet=arguments.quiet or arguments.json) as report:
-        forked = fly_fork(
+    with show_run_progress(title, is_quiet=arguments.quiet or arguments.json) as report:
+        forked = run_fork(
             fork, runs_dir=arguments.runs_dir, processes=arguments.processes, fork_server=fork_server, report=report
         )
     flight, divergence = forked.flight, forked.divergence
     if arguments.json:
         write_json({**flight.result, "fork_of": {**fork.origin, "divergence": divergence and vars(divergence)}})
     elif not arguments.quiet:
-        write(summary(flight))
+        write(format_summary(flight))
         write(f"fork of    {past.run_dir.path} at {arguments.at_s:g} s (tick {fork.at_tick})")
         if fork.snapshot is not None:
             write(f"begun at   the snapshot of tick {fork.snapshot.tick}; the recording begins there")
@@ -158,7 +158,7 @@ def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
         scenario: The run's scenario.
         events: Blocks like `{what: source_stops, at_s: 40}`.
     """
-    from gslcosim.scenario.dumping import plain_values
+    from gslcosim.scenario.serialization import plain_values
 
     known = [json.dumps(event) for event in plain_values(scenario).get("events", [])]
     return [f"events=[{', '.join([*known, *events])}]"] if events else []

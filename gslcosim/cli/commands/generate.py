@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.parsing import Command, at_least_one, whole_number
-from gslcosim.cli.scenarios import check_places
+from gslcosim.base.errors import ExitCode
+from gslcosim.base.terminal_text import escape_terminal_text
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.scenario_arguments import check_places
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
-from gslcosim.errors import ExitCode
-from gslcosim.terminal_text import escape_terminal_text
 
 if TYPE_CHECKING:
-    from gslcosim.generation import MadeEnvironment
+    from gslcosim.environment.generation import GenerationResult
     from gslcosim.scenario.recipes import Recipe
 
 EXAMPLES = """  gslcosim generate warehouse_complex
@@ -37,9 +37,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="the environment's folder, or that of all (default: environments/NAME)",
     )
-    parser.add_argument("--count", type=at_least_one, default=1, metavar="N", help="how many, each with the next seed")
-    parser.add_argument("--jobs", type=at_least_one, default=1, metavar="N", help="how many at the same time")
-    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the layout's seed, that of the first")
+    parser.add_argument(
+        "--count", type=parse_positive_number, default=1, metavar="N", help="how many, each with the next seed"
+    )
+    parser.add_argument("--jobs", type=parse_positive_number, default=1, metavar="N", help="how many at the same time")
+    parser.add_argument(
+        "--seed", type=parse_whole_number, metavar="N", help="replace the layout's seed, that of the first"
+    )
     parser.add_argument(
         "--set",
         action="append",
@@ -91,17 +95,17 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.of_scenario.random_places import draw_places
-    from gslcosim.generation import generate_many, orders_of
+    from gslcosim.environment.build.random_positions import draw_positions
+    from gslcosim.environment.generation import build_orders, generate_many
     from gslcosim.scenario.recipes import load_recipe
 
-    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_places)
+    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_positions)
     arguments.out = arguments.out or Path("environments") / recipe.name
     if arguments.mesh_study:
         return _study_meshes(recipe, arguments)
     if arguments.compare_solvers:
         return _compare_solvers(recipe, arguments)
-    orders = orders_of(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
+    orders = build_orders(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
     with _progress_bar(is_quiet=arguments.json) as report:
         outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
     if arguments.json:
@@ -121,8 +125,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
-    from gslcosim.generation.mesh_study import study_meshes
-    from gslcosim.generation.mesh_study_report import rows_of, write_study
+    from gslcosim.environment.generation.mesh_study import study_meshes
+    from gslcosim.environment.generation.mesh_study_report import build_rows, write_study
 
     with _progress_bar(is_quiet=arguments.json) as report:
         study = study_meshes(recipe, arguments.mesh_study, probes_m=arguments.probe, progress=report)
@@ -130,26 +134,26 @@ def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(study.as_fields())
         return 0
-    head, *rows = rows_of(study)
+    head, *rows = build_rows(study)
     write(table(head, rows))
     write_note(f"Written: {', '.join(str(path) for path in files)}.")
     return 0
 
 
 def _compare_solvers(recipe: "Recipe", arguments: argparse.Namespace) -> int:
-    from gslcosim.generation.solver_comparison import compare_on, fields_of
+    from gslcosim.environment.generation.solver_comparison import compare_on, comparison_to_json
 
     with _progress_bar(is_quiet=arguments.json) as report:
         compared = compare_on(recipe, arguments.out, progress=report)
     if arguments.json:
-        write_json(fields_of(compared))
+        write_json(comparison_to_json(compared))
     else:
         write(compared.text)
         write_note(f"Both winds, with pictures from above, are in {arguments.out}.")
     return 0
 
 
-def _write_table(outcomes: "list[MadeEnvironment]") -> None:
+def _write_table(outcomes: "list[GenerationResult]") -> None:
     if outcomes:
         rows = [
             [
@@ -164,7 +168,7 @@ def _write_table(outcomes: "list[MadeEnvironment]") -> None:
         write(table(["seed", "air cells", "solid cells", "seconds", "folder"], rows))
 
 
-def _as_fields(outcome: "MadeEnvironment") -> dict[str, Any]:
+def _as_fields(outcome: "GenerationResult") -> dict[str, Any]:
     return {
         "folder": str(outcome.order.folder),
         "kind": outcome.order.kind,

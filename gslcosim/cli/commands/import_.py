@@ -6,9 +6,9 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.errors import EnvironmentDataError, UsageError
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import EnvironmentDataError, UsageError
 
 if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
@@ -53,8 +53,8 @@ def _seconds(text: str) -> float:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.exchange.grid_room import NOTICE
-    from gslcosim.generation import save_with_views
+    from gslcosim.environment.formats.occupancy_import import NOTICE
+    from gslcosim.environment.generation import save_with_scene_and_picture
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -64,14 +64,14 @@ def _run(arguments: argparse.Namespace) -> int:
         "imported_from": str(arguments.source.resolve()),
         "wind": str(arguments.wind.resolve()) if arguments.wind is not None else None,
     }
-    save_with_views(environment, arguments.out, made_from=made_from, notices=[NOTICE, *notices])
+    save_with_scene_and_picture(environment, arguments.out, made_from=made_from, notices=[NOTICE, *notices])
     _tell(arguments, environment, notices)
     return 0
 
 
 def _imported(arguments: argparse.Namespace) -> "Environment":
-    from gslcosim.environment.exchange.gaden import import_gaden
-    from gslcosim.environment.exchange.gsl_bench import import_gsl_bench
+    from gslcosim.environment.formats.gaden import import_gaden
+    from gslcosim.environment.formats.gsl_bench import import_gsl_bench
 
     origin = arguments.origin or _recognised(arguments.source)
     read = import_gsl_bench if origin == "gsl_bench" else import_gaden
@@ -82,8 +82,8 @@ def _imported(arguments: argparse.Namespace) -> "Environment":
 
 
 def _recognised(source: Path) -> str:
-    from gslcosim.environment.exchange.gaden import is_gaden
-    from gslcosim.environment.exchange.gsl_bench import is_gsl_bench
+    from gslcosim.environment.formats.gaden import is_gaden
+    from gslcosim.environment.formats.gsl_bench import is_gsl_bench
 
     if is_gsl_bench(source):
         return "gsl_bench"

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import ExitCode, UsageError
 
 EXAMPLES = """  gslcosim import-flight hall.csv --scenario hall.yaml
   gslcosim import-flight bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
@@ -34,17 +34,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.scenarios import load_checked
-    from gslcosim.real_flights.bag_logs import read_bag_log
-    from gslcosim.real_flights.csv_logs import read_csv_log
-    from gslcosim.real_flights.importing import import_flight, sensors_of
+    from gslcosim.cli.scenario_arguments import load_checked
+    from gslcosim.data.robot_logs.importer import import_log, log_sensors
+    from gslcosim.data.robot_logs.readers import read_bag_log, read_csv_log
 
     log = arguments.log
     if not log.exists():
         raise UsageError(f"{log}: expected a log, found none.")
     arguments.seed = None
     loaded = load_checked(arguments)
-    sensors = sensors_of(loaded.scenario)
+    sensors = log_sensors(loaded.scenario)
     is_bag = log.is_dir() or log.suffix in _BAG_ENDINGS
     if not is_bag and (arguments.pose or arguments.topic):
         raise UsageError(f"--pose, --topic: expected a bag of ROS, was {log.name}. Leave them out.")
@@ -52,7 +51,7 @@ def _run(arguments: argparse.Namespace) -> int:
         flight = read_bag_log(log, sensors, pose_topic=arguments.pose, topics=dict(map(_topic, arguments.topic)))
     else:
         flight = read_csv_log(log, sensors)
-    imported = import_flight(flight, log, loaded, arguments.runs_dir)
+    imported = import_log(flight, log, loaded, arguments.runs_dir)
     if arguments.json:
         write_json(imported.result)
     else:

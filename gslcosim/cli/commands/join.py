@@ -6,15 +6,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.bus.port import Certificate
-    from gslcosim.runtime.hosts.join_files import JoinFile
-    from gslcosim.runtime.hosts.taking_part import PartTaken
+    from gslcosim.bus.interface import Certificate
+    from gslcosim.runtime.network import JoinFile
+    from gslcosim.runtime.remote.service_join import JoinResult
 
 EXAMPLES = """  gslcosim join join/services/fields.json
   gslcosim join join/services/fields.json fields sensing --tls-certificate client.pem --tls-key client.key
@@ -51,7 +51,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.hosts.join_files import JoinFile
+    from gslcosim.runtime.network import JoinFile
 
     joined = JoinFile.read(
         arguments.file, wait_s=arguments.wait, endpoint=arguments.endpoint, client=_client_certificate(arguments)
@@ -59,13 +59,13 @@ def _run(arguments: argparse.Namespace) -> int:
     say = _say_nothing if arguments.quiet or arguments.json else write_note
     if arguments.what[:1] == [AGENT]:
         return _fly_agent(joined, arguments.what[1:], arguments, say)
-    if joined.join is None or joined.is_of_agent:
+    if joined.join is None or joined.is_for_agent:
         raise UsageError(f"{joined.path}: expected a service's join file, or agent and its program after this agent's.")
 
-    from gslcosim.runtime.hosts.taking_part import serve_from_here
+    from gslcosim.runtime.remote.service_join import join_as_services
 
     names = arguments.what or [joined.name]
-    part = serve_from_here(joined.join, names, runs_dir=arguments.runs_dir, say=say, is_trusted=arguments.trusted)
+    part = join_as_services(joined.join, names, runs_dir=arguments.runs_dir, say=say, is_trusted=arguments.trusted)
     if arguments.json:
         recording = part.recording and str(part.recording)
         write_json({**asdict(part), "run_dir": str(part.run_dir), "recording": recording})
@@ -78,17 +78,17 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _fly_agent(joined: "JoinFile", words: list[str], arguments: argparse.Namespace, say: Callable[[str], None]) -> int:
-    from gslcosim.runtime.hosts.agents_from_here import agent_command, fly_agent_from_here
+    from gslcosim.runtime.remote.agent_join import build_agent_command, join_as_agent
 
-    if not joined.is_of_agent:
+    if not joined.is_for_agent:
         raise UsageError(f"{joined.path}: expected the join file of an agent, was that of service {joined.name}.")
-    fly_agent_from_here(joined, agent_command(words, is_behind_gateway=joined.join is None), say=say)
+    join_as_agent(joined, build_agent_command(words, is_behind_gateway=joined.join is None), say=say)
     if arguments.json:
         write_json({"agent": joined.name, "exit_code": 0})
     return ExitCode.SUCCESS
 
 
-def _told(part: "PartTaken") -> str:
+def _told(part: "JoinResult") -> str:
     end = "to its end" if part.is_whole else "not to its end"
     lines = [f"Took part as {', '.join(part.services)} up to tick {part.last_tick}, {end}."]
     if part.n_resends:
@@ -100,7 +100,7 @@ def _told(part: "PartTaken") -> str:
 
 
 def _client_certificate(arguments: argparse.Namespace) -> "Certificate | None":
-    from gslcosim.bus.port import Certificate
+    from gslcosim.bus.interface import Certificate
 
     if arguments.tls_certificate is None and arguments.tls_key is None:
         return None

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import ExitCode, UsageError
 
 EXAMPLES = """  gslcosim participant new c my_model
   gslcosim participant check -- ./my_model
@@ -56,13 +56,13 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance import FlightLimits, Wiring
+    from gslcosim.conformance import ConnectionSpec, SessionLimits
     from gslcosim.conformance.participants import check_participant
 
     if not 0.0 < arguments.timeout < 1e6:
         raise UsageError(f"--timeout: expected a number of seconds above 0, was {arguments.timeout:g}.")
-    wiring = Wiring(command=tuple(arguments.words), door=arguments.door, format=arguments.format)
-    limits = FlightLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, 30.0))
+    wiring = ConnectionSpec(command=tuple(arguments.words), door=arguments.door, format=arguments.format)
+    limits = SessionLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, 30.0))
     parameters = _parameters(arguments.parameters)
     report = check_participant(wiring, limits, parameters, lambda name: write_note(f"session: {name}"))
     if arguments.json:
@@ -73,7 +73,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _new(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance.participants.beginning import create_participant
+    from gslcosim.conformance.scaffold import create_participant
 
     folder = arguments.dir or Path(arguments.name)
     write(create_participant(arguments.language, arguments.name, folder))
@@ -85,11 +85,11 @@ def _parameters(text: str) -> dict[str, Any]:
     import yaml
     from pydantic import ValidationError
 
-    from gslcosim.scenario.models.own_models import OwnModelSpec
+    from gslcosim.scenario.models.participants import ParticipantProgramSpec
 
     try:
         fields = {"name": "model", "start": {"command": ("x",)}, "writes": ("x",), "parameters": yaml.safe_load(text)}
-        return dict(OwnModelSpec.model_validate(fields).parameters)
+        return dict(ParticipantProgramSpec.model_validate(fields).parameters)
     except (yaml.YAMLError, ValidationError) as error:
         expected = "a block such as {above_ppm: 0.5}, with names and plain values"
         raise UsageError(f"--parameters: expected {expected}, was {text!r}.") from error

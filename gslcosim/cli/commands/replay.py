@@ -1,9 +1,9 @@
-"""`gslcosim replay`: fly a run again from its inputs."""
+"""`gslcosim replay_run`: fly a run again from its inputs."""
 
 import argparse
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim replay runs/warehouse_empty-seed7-20250101T120000-abc123
@@ -35,14 +35,14 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.flight_report import summary, watched_flight
-    from gslcosim.runtime.repeating.past_run import PastRun
-    from gslcosim.runtime.repeating.replaying import replay
+    from gslcosim.cli.run_output import format_summary, show_run_progress
+    from gslcosim.runtime.replay.past_run import PastRun
+    from gslcosim.runtime.replay.replay import replay_run
 
     manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
     past = PastRun.load(manifest.parent)
-    with watched_flight(f"replay of {past.run_dir.run_id}", is_quiet=arguments.quiet or arguments.json) as report:
-        replayed = replay(
+    with show_run_progress(f"replay of {past.run_dir.run_id}", is_quiet=arguments.quiet or arguments.json) as report:
+        replayed = replay_run(
             past,
             runs_dir=arguments.runs_dir,
             recording=_recording(arguments),
@@ -64,7 +64,7 @@ def _run(arguments: argparse.Namespace) -> int:
         }
         write_json({**flight.result, "comparison": comparison})
     elif not arguments.quiet:
-        write(summary(flight))
+        write(format_summary(flight))
         if replayed.snapshot is not None:
             write(f"begun at   the snapshot of tick {replayed.snapshot.tick}; nothing before it was flown")
         if replayed.n_ticks == 0:

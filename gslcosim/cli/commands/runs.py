@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gslcosim.cli.parsing import Command, at_least_one
-from gslcosim.cli.run_dirs import RECORDING, RUNS_DIR
-from gslcosim.cli.run_rows import COLUMNS, NUMBERS, SHORT_NAMES, TEXTS, rows_of
+from gslcosim.base.errors import MachineError, UsageError
+from gslcosim.cli.arguments import Command, parse_positive_number
+from gslcosim.cli.run_paths import RECORDING, RUNS_DIR
+from gslcosim.cli.run_table import COLUMNS, NUMBERS, SHORT_NAMES, TEXTS, collect_rows
 from gslcosim.cli.terminal import (
     add_json_option,
     clear_status_line,
@@ -18,8 +19,7 @@ from gslcosim.cli.terminal import (
     write_json,
     write_note,
 )
-from gslcosim.errors import MachineError, UsageError
-from gslcosim.run_data.row_filters import Condition, sorted_rows
+from gslcosim.data.row_filters import Condition, sorted_rows
 
 EXAMPLES = """  gslcosim runs
   gslcosim runs runs results/smoke --where outcome=collision --where 'time<60' --sort -time
@@ -54,7 +54,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sort", default="age", metavar="COLUMN", help="sort by a column, -COLUMN: largest first (default: age)"
     )
-    parser.add_argument("--limit", type=at_least_one, metavar="N", help="show the first N only")
+    parser.add_argument("--limit", type=parse_positive_number, metavar="N", help="show the first N only")
     parser.add_argument("--yes", action="store_true", help="with remove: remove them, not only say which")
     add_json_option(parser)
 
@@ -69,7 +69,7 @@ def _run(arguments: argparse.Namespace) -> int:
     key = arguments.sort.removeprefix("-")
     key = arguments.sort.replace(key, SHORT_NAMES.get(key, key))
     is_terminal = sys.stderr.isatty()
-    rows = sorted_rows(rows_of(folders, _tell if is_terminal else None), key, COLUMNS)
+    rows = sorted_rows(collect_rows(folders, _tell if is_terminal else None), key, COLUMNS)
     if is_terminal:
         clear_status_line()
     chosen = [row for row in rows if all(condition.holds(row) for condition in conditions)][: arguments.limit]
@@ -113,11 +113,11 @@ def _cell(name: str, row: Mapping[str, Any]) -> str:
     if name == "size_mb":
         return f"{value:.1f} MB" if value >= 1 else f"{1000 * value:.0f} kB"
     if name == "age_h":
-        return age_text(value)
+        return format_age(value)
     return str(value)
 
 
-def age_text(age_h: float) -> str:
+def format_age(age_h: float) -> str:
     """Return an age [h] in the unit in which people say it."""
     factor, unit = next((factor, unit) for below_h, factor, unit in _UNITS if age_h < below_h)
     return f"{age_h * factor:.0f} {unit}"
@@ -171,7 +171,7 @@ def _remove_folder(folder: Path) -> None:
 
 
 def _repair(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) -> int:
-    from gslcosim.recording.repair import repair_recording
+    from gslcosim_services.recorder.repair import repair_recording
 
     told: list[dict[str, Any]] = []
     for row in rows:

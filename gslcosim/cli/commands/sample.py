@@ -7,20 +7,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.parsing import Command, whole_number
-from gslcosim.cli.run_dirs import add_runs_dir_option
+from gslcosim.base.errors import EnvironmentDataError, UsageError
+from gslcosim.base.os_errors import build_path_error
+from gslcosim.cli.arguments import Command, parse_whole_number
+from gslcosim.cli.run_paths import add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import EnvironmentDataError, UsageError
-from gslcosim.machine import refused_place
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from gslcosim.environment.model import Environment
-    from gslcosim.fields.gas_field import PointGrid
-    from gslcosim.fields.offline.sampling import Fields, Instant, View
     from gslcosim.scenario import Scenario
+    from gslcosim_services.fields.gas_field import PointGrid
+    from gslcosim_services.fields.offline.samplers import Fields, Instant, ViewOptions
 
 EXAMPLES = """  gslcosim sample environments/001 --frame 400 --points points.csv --out ppm.csv
   gslcosim sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
@@ -39,7 +39,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     when = parser.add_mutually_exclusive_group(required=True)
     when.add_argument("--time", type=_seconds, metavar="T", help="time in seconds; in a run since its start")
-    when.add_argument("--frame", type=whole_number, metavar="N", help="number of a stored frame; in a run, of a tick")
+    when.add_argument(
+        "--frame", type=parse_whole_number, metavar="N", help="number of a stored frame; in a run, of a tick"
+    )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--points", type=Path, metavar="CSV", help="a csv file with the header x_m,y_m,z_m")
     where.add_argument(
@@ -66,25 +68,27 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.fields.offline.sampling import Instant, View, lattice_in
+    from gslcosim_services.fields.offline.samplers import Instant, ViewOptions, build_lattice
 
     _check_file_name(arguments)
     fields = _fields_of(arguments)
     instant = Instant(time_s=arguments.time, frame=arguments.frame)
-    view = View(has_line_of_sight=not arguments.no_line_of_sight, cutoff_sigma=arguments.cutoff_sigma)
+    view = ViewOptions(has_line_of_sight=not arguments.no_line_of_sight, cutoff_sigma=arguments.cutoff_sigma)
     if arguments.points is not None:
         values = _sample_points(arguments, fields, instant, view)
     else:
         room = fields.grid(instant)
-        values = _sample_grid(arguments, fields, instant, view, lattice_in(room.origin_m, room.max_m, arguments.grid))
+        values = _sample_grid(
+            arguments, fields, instant, view, build_lattice(room.origin_m, room.max_m, arguments.grid)
+        )
     _tell(arguments, values[..., -1])
     return 0
 
 
 def _sample_points(
-    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "View"
+    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "ViewOptions"
 ) -> "NDArray[np.float64]":
-    from gslcosim.cli.points import read_points, write_values
+    from gslcosim.cli.point_files import read_points, write_values
 
     points_m = read_points(arguments.points)
     _check_inside(points_m, fields.grid(instant))
@@ -95,11 +99,11 @@ def _sample_points(
 
 
 def _sample_grid(
-    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "View", grid: "PointGrid"
+    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "ViewOptions", grid: "PointGrid"
 ) -> "NDArray[np.float64]":
     import numpy as np
 
-    from gslcosim.cli.points import COORDINATES, write_values
+    from gslcosim.cli.point_files import COORDINATES, write_values
 
     points_m = grid.points_m()
     if arguments.quantity == "gas":
@@ -117,7 +121,7 @@ def _sample_grid(
 
 
 def _values_at(
-    quantity: str, points_m: "NDArray[np.float64]", fields: "Fields", instant: "Instant", view: "View"
+    quantity: str, points_m: "NDArray[np.float64]", fields: "Fields", instant: "Instant", view: "ViewOptions"
 ) -> "tuple[Sequence[str], NDArray[np.float64]]":
     import numpy as np
 
@@ -145,19 +149,19 @@ def _check_inside(points_m: "NDArray[np.float64]", grid: Any) -> None:
 
 def _fields_of(arguments: argparse.Namespace) -> "Fields":
     from gslcosim.environment.store import HEADER_FILE, load_environment
-    from gslcosim.fields.offline.sampling import RoomFields, stored_fields_in
+    from gslcosim_services.fields.offline.samplers import ScenarioFields, find_stored_fields
 
     folder = Path(arguments.source)
     if (folder / HEADER_FILE).is_file():
         environment = load_environment(folder)
         scenario = _scenario(arguments.scenario)[0] if arguments.scenario else None
-        return RoomFields(environment, scenario, gas=arguments.gas)
+        return ScenarioFields(environment, scenario, gas=arguments.gas)
     if arguments.scenario:
         raise UsageError(f"--scenario: expected an environment folder of ours with it, was {arguments.source}.")
     if (folder / "scenario.yaml").is_file():
         return _run_fields(folder, arguments.gas)
     if folder.is_dir():
-        stored = stored_fields_in(folder, period_s=arguments.period)
+        stored = find_stored_fields(folder, period_s=arguments.period)
         if stored is None:
             raise UsageError(
                 f"{folder}: expected an environment folder ({HEADER_FILE}), a run (scenario.yaml), an environment of "
@@ -171,9 +175,9 @@ def _fields_of(arguments: argparse.Namespace) -> "Fields":
 
 # The id of a run, or a scenario, whose environment is then made.
 def _named_fields(arguments: argparse.Namespace) -> "Fields":
+    from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim.fields.offline.sampling import RoomFields
-    from gslcosim.generation import prepare_environment
+    from gslcosim_services.fields.offline.samplers import ScenarioFields
 
     runs_dir: Path = arguments.runs_dir
     runs = sorted(runs_dir.glob(f"{arguments.source}*/scenario.yaml")) if runs_dir.is_dir() else []
@@ -188,7 +192,7 @@ def _named_fields(arguments: argparse.Namespace) -> "Fields":
         )
     scenario, directory = _scenario(arguments.source)
     environment = load_environment(prepare_environment(scenario, scenario_dir=directory))
-    return RoomFields(environment, scenario, gas=arguments.gas)
+    return ScenarioFields(environment, scenario, gas=arguments.gas)
 
 
 def _is_bundled(name: str) -> bool:
@@ -198,26 +202,26 @@ def _is_bundled(name: str) -> bool:
 
 
 def _scenario(source: str) -> "tuple[Scenario, Path]":
-    from gslcosim.environment.of_scenario.random_places import draw_places
+    from gslcosim.environment.build.random_positions import draw_positions
     from gslcosim.scenario import load_scenario
 
-    loaded = load_scenario(source, placer=draw_places)
+    loaded = load_scenario(source, placer=draw_positions)
     return loaded.scenario, loaded.directory
 
 
 def _run_fields(folder: Path, gas: str | None) -> "Fields":
-    from gslcosim.fields.offline.sampling import RoomFields
     from gslcosim.runtime.run_dir import RunDir
+    from gslcosim_services.fields.offline.samplers import ScenarioFields
 
     scenario = RunDir(folder).load_scenario()
-    return RoomFields(_environment_of_run(folder, scenario), scenario, gas=gas)
+    return ScenarioFields(_environment_of_run(folder, scenario), scenario, gas=gas)
 
 
 # The one that the run had; when the cache was cleared since, the same one made anew.
 def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
+    from gslcosim.base.foreign_json import ForeignFileError
+    from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim.foreign_json import ForeignFileError
-    from gslcosim.generation import prepare_environment
     from gslcosim.runtime.run_dir import RunDir
 
     try:
@@ -232,7 +236,7 @@ def _written(path: Path) -> Generator[None]:
     try:
         yield
     except OSError as error:
-        raise refused_place(error, "--out", "a file that can be written", path=path) from error
+        raise build_path_error(error, "--out", "a file that can be written", path=path) from error
 
 
 def _check_file_name(arguments: argparse.Namespace) -> None:

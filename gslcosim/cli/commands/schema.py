@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.os_errors import build_path_error
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.machine import refused_place
 
 EXAMPLES = """  gslcosim schema export
   gslcosim schema export my_agent/contract
@@ -23,19 +23,19 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.contract.messages import CONTRACT_VERSION
     from gslcosim.contract.publish.export import write_contract
-    from gslcosim.contract.schema import contract_hash
+    from gslcosim.contract.schema import get_contract_hash
 
     try:
         paths = write_contract(arguments.directory)
     except OSError as error:
         place, expected = "schema export", "a folder that can be written"
-        raise refused_place(error, place, expected, path=arguments.directory) from error
+        raise build_path_error(error, place, expected, path=arguments.directory) from error
     if arguments.json:
         files = [path.relative_to(arguments.directory).as_posix() for path in paths]
         folder = str(arguments.directory)
-        write_json({"version": CONTRACT_VERSION, "hash": contract_hash(), "directory": folder, "files": files})
+        write_json({"version": CONTRACT_VERSION, "hash": get_contract_hash(), "directory": folder, "files": files})
     else:
-        write(f"Contract {CONTRACT_VERSION}, hash {contract_hash()}: {len(paths)} files in {arguments.directory}")
+        write(f"Contract {CONTRACT_VERSION}, hash {get_contract_hash()}: {len(paths)} files in {arguments.directory}")
     return 0
 
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import finish_output, write
-from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.processes.fork_client import ForkServer
 
 EXAMPLES = """  gslcosim serve                   in one shell, until Ctrl-C
   gslcosim up warehouse_empty --warm   in others, as often as wanted"""
@@ -29,20 +29,20 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.room_for_titles:
         _begin_anew()
 
-    from gslcosim.runtime.over_bus.warm_server import serve_warm
+    from gslcosim.runtime.processes.daemon import serve_daemon
 
-    serve_warm(_fly, announce=_announce)
+    serve_daemon(_fly, announce=_announce)
     return 0
 
 
 # With one thread, also in libraries that read how many when they are loaded.
 def _begin_anew() -> None:
-    from gslcosim.command_lines import python_command
-    from gslcosim.runtime.over_bus.forks import ONE_THREAD, ROOM_FOR_TITLES
+    from gslcosim.base.command_lines import build_python_command
+    from gslcosim.runtime.processes.fork_client import SINGLE_THREAD_VARIABLES, TITLE_PADDING
 
-    command = python_command("-m", "gslcosim", "serve", "--room-for-titles", ROOM_FOR_TITLES)
+    command = build_python_command("-m", "gslcosim", "serve", "--room-for-titles", TITLE_PADDING)
     finish_output()
-    os.execve(command[0], command, {**os.environ, **ONE_THREAD})
+    os.execve(command[0], command, {**os.environ, **SINGLE_THREAD_VARIABLES})
 
 
 def _announce(socket: Path) -> None:
@@ -51,10 +51,10 @@ def _announce(socket: Path) -> None:
 
 
 def _fly(words: Sequence[str], fork_server: "ForkServer") -> int:
-    from gslcosim.cli.commands.up import fly_with
-    from gslcosim.cli.main import told_exit_code
+    from gslcosim.cli.commands.up import run_scenario
+    from gslcosim.cli.main import run_command
 
-    return told_exit_code(words, lambda arguments: fly_with(arguments, fork_server))
+    return run_command(words, lambda arguments: run_scenario(arguments, fork_server))
 
 
 COMMAND = Command(

@@ -4,13 +4,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.parsing import Command, at_least_one, whole_number
+from gslcosim.base.errors import ExitCode
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep, start_pool
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, start_pool, sweep_text
-from gslcosim.errors import ExitCode
 
 if TYPE_CHECKING:
-    from gslcosim.benchmark.tuning.sweeping import Sweep
+    from gslcosim.bench.studies.sweep import SweepResult
 
 EXAMPLES = """  gslcosim sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
   gslcosim sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
@@ -18,7 +18,7 @@ EXAMPLES = """  gslcosim sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_what(parser)
+    add_target_arguments(parser)
     parser.add_argument(
         "--vary",
         action="append",
@@ -28,31 +28,31 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--repetitions",
-        type=at_least_one,
+        type=parse_positive_number,
         metavar="N",
         help="flights of each case and setting (default: the suite's; 10 for a scenario)",
     )
-    parser.add_argument("--seed", type=whole_number, metavar="N", help="replace the suite's seed")
+    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
     add_json_option(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.execution.running import Run
-    from gslcosim.benchmark.execution.selection import Selection
-    from gslcosim.benchmark.store.folder import ResultsFolder
-    from gslcosim.benchmark.suite import plan_of
-    from gslcosim.benchmark.tuning.subject import find_subject
-    from gslcosim.benchmark.tuning.sweeping import Sweeper
-    from gslcosim.benchmark.tuning.values import parse_varied
-    from gslcosim.cli.bench_text import watched_count, watched_run
+    from gslcosim.bench.cases import build_plan
+    from gslcosim.bench.execution.runner import SuiteRun
+    from gslcosim.bench.execution.selection import Selection
+    from gslcosim.bench.store.folder import ResultsFolder
+    from gslcosim.bench.studies.parameter_values import parse_varied
+    from gslcosim.bench.studies.sweep import SweepPlan
+    from gslcosim.bench.studies.target import find_target
+    from gslcosim.cli.bench_output import show_count_progress, show_run_progress
 
-    subject = find_subject(arguments.suite, arguments.entry, repetitions=arguments.repetitions, seed=arguments.seed)
-    sweeper = Sweeper(subject, parse_varied(arguments.vary, subject))
-    with watched_count("planning", is_quiet=arguments.json) as planned:
-        plan = plan_of(sweeper.suite(), progress=lambda n: planned(n, 0))
+    subject = find_target(arguments.suite, arguments.entry, repetitions=arguments.repetitions, seed=arguments.seed)
+    sweeper = SweepPlan(subject, parse_varied(arguments.vary, subject))
+    with show_count_progress("planning", is_quiet=arguments.json) as planned:
+        plan = build_plan(sweeper.suite(), progress=lambda n: planned(n, 0))
     folder = ResultsFolder(arguments.results or RESULTS_DIR / "_".join([sweeper.name, *sweeper.varied]))
-    with watched_run(sweeper.name, is_quiet=arguments.json) as report:
-        summary = Run(
+    with show_run_progress(sweeper.name, is_quiet=arguments.json) as report:
+        summary = SuiteRun(
             plan,
             folder,
             lambda: start_pool(arguments.jobs, subject.loaded.suite.limits),
@@ -68,18 +68,18 @@ def _run(arguments: argparse.Namespace) -> int:
     return ExitCode.AGENT_FAILED if any(point.figures.n_without_result for point in sweep.points) else 0
 
 
-def _write(sweep: "Sweep", folder: Path, *, is_json: bool) -> None:
-    from gslcosim.benchmark.tuning.drawing import response_svg
-    from gslcosim.benchmark.tuning.writing import sweep_csv, sweep_fields, write_fields, write_text
+def _write(sweep: "SweepResult", folder: Path, *, is_json: bool) -> None:
+    from gslcosim.bench.studies.output import sweep_to_csv, sweep_to_json, write_fields, write_text
+    from gslcosim.bench.studies.response_plot import draw_response_svg
 
-    fields = sweep_fields(sweep)
+    fields = sweep_to_json(sweep)
     write_fields(folder / "sweep.json", fields)
-    write_text(folder / "sweep.csv", sweep_csv(sweep))
-    write_text(folder / "sweep.svg", response_svg(sweep))
+    write_text(folder / "sweep.csv", sweep_to_csv(sweep))
+    write_text(folder / "sweep.svg", draw_response_svg(sweep))
     if is_json:
         write_json(fields)
     else:
-        write(sweep_text(sweep, folder))
+        write(format_sweep(sweep, folder))
 
 
 COMMAND = Command(

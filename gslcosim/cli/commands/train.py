@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.bench_text import watched_count
-from gslcosim.cli.parsing import Command, at_least_one, whole_number
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.bench_output import show_count_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.training.learning.training import Trained
+    from gslcosim.training.learning.training import TrainingResult
 
 EXAMPLES = """  gslcosim train open_halls_ctrnn
   gslcosim train open_halls_ctrnn --rounds 20 --out trained/first
@@ -27,10 +27,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="where everything goes (default: trained/NAME)")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
     parser.add_argument(
-        "--rounds", type=at_least_one, metavar="N", help="at most N rounds now; --resume goes on (default: all)"
+        "--rounds",
+        type=parse_positive_number,
+        metavar="N",
+        help="at most N rounds now; --resume goes on (default: all)",
     )
     parser.add_argument(
-        "--record", type=whole_number, default=2, metavar="N",
+        "--record", type=parse_whole_number, default=2, metavar="N",
         help="record flights of the best in the first N cases of validation, below DIR/runs (default: 2)",
     )  # fmt: skip
     add_json_option(parser)
@@ -40,7 +43,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
     from gslcosim.training.learning.train_file import load_train_file
     from gslcosim.training.learning.training import Training
-    from gslcosim.training.learning.validating import entry_of, record_flights
+    from gslcosim.training.learning.validation import build_entry, record_runs
 
     file = load_train_file(arguments.file)
     name = file.spec.name
@@ -60,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
     runs: list[str] = []
     if trained.best is not None and arguments.record:
         cases = training.validation_cases[: arguments.record]
-        flown = record_flights(file.family.name, cases, entry_of(trained.best, folder / POLICY_FILE), folder / "runs")
+        flown = record_runs(file.family.name, cases, build_entry(trained.best, folder / POLICY_FILE), folder / "runs")
         runs = [str(result.run_dir) for result in flown]
     fields = _fields(trained, runs)
     if arguments.json:
@@ -88,7 +91,7 @@ class _Watch:
         """Show how far something is."""
         if what not in self._lines:
             self.end()
-            line = watched_count(f"{self._title}, {what}", is_quiet=self._is_quiet)
+            line = show_count_progress(f"{self._title}, {what}", is_quiet=self._is_quiet)
             self._lines[what] = self._stack.enter_context(line)
         self._lines[what](done, total)
 
@@ -107,8 +110,8 @@ class _Watch:
         self._lines.clear()
 
 
-def _draw(trained: "Trained") -> None:
-    from gslcosim.training.learning.learning_curves import draw_curves
+def _draw(trained: "TrainingResult") -> None:
+    from gslcosim.training.learning.curves import draw_curves
 
     try:
         draw_curves(trained.curves, trained.folder)
@@ -116,7 +119,7 @@ def _draw(trained: "Trained") -> None:
         write_note(f"No figure of the curves: {error}")
 
 
-def _fields(trained: "Trained", runs: list[str]) -> dict[str, Any]:
+def _fields(trained: "TrainingResult", runs: list[str]) -> dict[str, Any]:
     return {
         "name": trained.name,
         "folder": str(trained.folder),
@@ -129,7 +132,7 @@ def _fields(trained: "Trained", runs: list[str]) -> dict[str, Any]:
     }
 
 
-def _text(trained: "Trained", fields: dict[str, Any], file: str) -> str:
+def _text(trained: "TrainingResult", fields: dict[str, Any], file: str) -> str:
     validated = [each for each in trained.curves if "validation_cost" in each]
     lines = [f"{trained.name}: {fields['rounds']} rounds in {trained.took_s:.0f} s."]
     if validated:

@@ -2,10 +2,10 @@
 
 import argparse
 
-from gslcosim.cli.parsing import Command, at_least_one, whole_number
+from gslcosim.base.errors import ExitCode
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_tuning, show_tuning_progress, start_pool
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.cli.tuning_text import RESULTS_DIR, add_what, start_pool, tuning_text, watched_tuning
-from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
   gslcosim tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400 --jobs 2
@@ -13,7 +13,7 @@ EXAMPLES = """  gslcosim tune tiny_room --entry dung_beetle --range leg_m=0.2:2.
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_what(parser)
+    add_target_arguments(parser)
     parser.add_argument(
         "--range",
         action="append",
@@ -23,43 +23,42 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "often as needed (default: all numbers of the method's card with min, max and a default)",
     )
     parser.add_argument(
-        "--budget", type=at_least_one, required=True, metavar="N", help="how many flights, validation included"
+        "--budget", type=parse_positive_number, required=True, metavar="N", help="how many flights, validation included"
     )
     parser.add_argument(
         "--flights-per-setting",
-        type=at_least_one,
+        type=parse_positive_number,
         metavar="K",
         help="flights of each setting in training (default: half the square root of the budget)",
     )
     parser.add_argument(
-        "--seed", type=whole_number, default=0, metavar="N", help="of the search and of its flights (default: 0)"
+        "--seed", type=parse_whole_number, default=0, metavar="N", help="of the search and of its flights (default: 0)"
     )
     add_json_option(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.benchmark.tuning.budget import budget_of
-    from gslcosim.benchmark.tuning.optimising import Tuner
-    from gslcosim.benchmark.tuning.subject import find_subject
-    from gslcosim.benchmark.tuning.values import parse_ranges, ranges_of_card
-    from gslcosim.benchmark.tuning.writing import (
+    from gslcosim.bench.studies.output import (
         parameters_to_paste,
-        tuning_csv,
-        tuning_fields,
+        to_inline_yaml,
+        tuning_to_csv,
+        tuning_to_json,
         write_fields,
         write_text,
-        yaml_of,
     )
+    from gslcosim.bench.studies.parameter_values import card_ranges, parse_ranges
+    from gslcosim.bench.studies.target import find_target
+    from gslcosim.bench.studies.tuning import Tuner, split_budget
 
-    subject = find_subject(arguments.suite, arguments.entry)
-    ranges = parse_ranges(arguments.range, subject) if arguments.range else ranges_of_card(subject)
+    subject = find_target(arguments.suite, arguments.entry)
+    ranges = parse_ranges(arguments.range, subject) if arguments.range else card_ranges(subject)
     suite, entry = subject.loaded.suite, subject.entry.name
     folder = arguments.results or RESULTS_DIR / f"tune_{suite.name}_{entry}"
-    with watched_tuning(f"tuning {entry} in {suite.name}", is_quiet=arguments.json) as watch:
+    with show_tuning_progress(f"tuning {entry} in {suite.name}", is_quiet=arguments.json) as watch:
         tuner = Tuner(
             subject,
             ranges,
-            budget_of(arguments.budget, arguments.flights_per_setting),
+            split_budget(arguments.budget, arguments.flights_per_setting),
             seed=arguments.seed,
             folder=folder,
             start_pool=lambda: start_pool(arguments.jobs, suite.limits),
@@ -72,13 +71,13 @@ def _run(arguments: argparse.Namespace) -> int:
             watch.end()
             write_note("Interrupted. The same command goes on.")
             return ExitCode.INTERRUPTED
-    fields = tuning_fields(tuning)
+    fields = tuning_to_json(tuning)
     write_fields(folder / "tuning.json", fields)
-    write_text(folder / "tuning.csv", tuning_csv(tuning))
+    write_text(folder / "tuning.csv", tuning_to_csv(tuning))
     if arguments.json:
         write_json(fields)
     else:
-        write(tuning_text(tuning, folder, yaml_of(parameters_to_paste(tuning))))
+        write(format_tuning(tuning, folder, to_inline_yaml(parameters_to_paste(tuning))))
     return 0
 
 

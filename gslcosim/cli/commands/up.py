@@ -6,20 +6,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.cli.live import add_live_options, live_flight
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import add_runs_dir_option
-from gslcosim.cli.scenarios import add_pace_option, add_scenario_arguments, load_checked
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.live_viewer import add_live_options, open_live_view
+from gslcosim.cli.run_paths import add_runs_dir_option
+from gslcosim.cli.scenario_arguments import add_pace_option, add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
-from gslcosim.errors import UsageError
 
 if TYPE_CHECKING:
-    from gslcosim.bus.port import Certificate
-    from gslcosim.runtime.joining import Network
-    from gslcosim.runtime.over_bus.forks import ForkServer
-    from gslcosim.runtime.status import FlightStatus
+    from gslcosim.bus.interface import Certificate
+    from gslcosim.runtime.network import Network
+    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.status import RunStatus
 
-Report = Callable[["FlightStatus"], None]
+Report = Callable[["RunStatus"], None]
 EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
@@ -112,19 +112,19 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.warm:
-        from gslcosim.runtime.over_bus.warm_client import fly_warm
+        from gslcosim.runtime.processes.daemon_client import run_on_daemon
 
-        return fly_warm(arguments.command_line)
+        return run_on_daemon(arguments.command_line)
 
-    from gslcosim.runtime.over_bus.forks import ForkServer
+    from gslcosim.runtime.processes.fork_client import ForkServer
 
     is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
     # First of all: it imports what services need while the scenario is read and checked.
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:
-        return fly_with(arguments, fork_server)
+        return run_scenario(arguments, fork_server)
 
 
-def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
+def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
     """Fly the scenario of parsed words, tell how it went, and return the exit code.
 
     Args:
@@ -136,15 +136,15 @@ def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") ->
     if arguments.warm and "one" in (arguments.processes, arguments.processes or loaded.scenario.processes):
         raise UsageError("--warm: expected --processes separate or grouped with it, was one. Leave --warm away.")
 
-    from gslcosim.cli.flight_report import summary, watched_flight
-    from gslcosim.runtime.flight import fly
+    from gslcosim.cli.run_output import format_summary, show_run_progress
+    from gslcosim.runtime.run import run_scenario
 
     network = _network(arguments)
     is_told = not arguments.quiet and not arguments.json
     title = f"{loaded.name}, seed {loaded.scenario.seed}"
-    with live_flight(arguments.live, loaded.scenario) as live:
-        with watched_flight(title, is_quiet=arguments.quiet or arguments.json) as report:
-            flight = fly(
+    with open_live_view(arguments.live, loaded.scenario) as live:
+        with show_run_progress(title, is_quiet=arguments.quiet or arguments.json) as report:
+            flight = run_scenario(
                 loaded,
                 runs_dir=arguments.runs_dir,
                 processes=arguments.processes,
@@ -156,7 +156,7 @@ def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") ->
         if arguments.json:
             write_json(flight.result)
         elif not arguments.quiet:
-            write(summary(flight))
+            write(format_summary(flight))
         if not flight.result.get("valid"):
             for fault in flight.result.get("faults", []):
                 write_note(f"{fault['participant']}: {fault['text']}")
@@ -166,7 +166,7 @@ def fly_with(arguments: argparse.Namespace, fork_server: "ForkServer | None") ->
 
 # Who starts the services needs to know where their join files are.
 def _telling_where(report: Report, network: "Network") -> Report:
-    def told(status: "FlightStatus") -> None:
+    def told(status: "RunStatus") -> None:
         if status.run_dir is not None:
             folder = (network.join_dir or status.run_dir / "join") / "services"
             write_note(f"Elsewhere: gslcosim join {folder / 'NAME.json'}, for {', '.join(network.elsewhere)}")
@@ -176,7 +176,7 @@ def _telling_where(report: Report, network: "Network") -> Report:
 
 
 def _network(arguments: argparse.Namespace) -> "Network":
-    from gslcosim.runtime.joining import LEASE_S, Network
+    from gslcosim.runtime.network import DEFAULT_LEASE_S, Network
 
     named = [name.strip() for words in arguments.elsewhere for name in words.split(",")]
     return Network(
@@ -184,14 +184,14 @@ def _network(arguments: argparse.Namespace) -> "Network":
         elsewhere=tuple(dict.fromkeys(named)),
         join_dir=arguments.join_dir,
         tls=_certificate(arguments),
-        lease_s=LEASE_S if arguments.lease_s is None else arguments.lease_s,
+        lease_s=DEFAULT_LEASE_S if arguments.lease_s is None else arguments.lease_s,
         is_insecure=arguments.insecure,
         window_ticks=arguments.window_ticks,
     )
 
 
 def _certificate(arguments: argparse.Namespace) -> "Certificate | None":
-    from gslcosim.bus.port import Certificate
+    from gslcosim.bus.interface import Certificate
 
     if arguments.tls_certificate is None and arguments.tls_key is None:
         if arguments.tls_ca is not None or arguments.tls_client_ca is not None:

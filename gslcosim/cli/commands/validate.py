@@ -2,10 +2,10 @@
 
 import argparse
 
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.scenarios import add_scenario_arguments, load_checked
+from gslcosim.base.errors import ExitCode
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.scenario_arguments import add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json
-from gslcosim.errors import ExitCode
 
 EXAMPLES = """  gslcosim validate my_scenario.yaml
   gslcosim validate warehouse_empty --set wind.cell_m=0.1
@@ -22,8 +22,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.scenario import dump_resolved
-    from gslcosim.scenario.dumping import plain_values
     from gslcosim.scenario.problems import InvalidScenarioError
+    from gslcosim.scenario.serialization import plain_values
 
     try:
         loaded = load_checked(arguments)

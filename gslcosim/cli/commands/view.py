@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from gslcosim.cli.live import serve_until_closed
-from gslcosim.cli.parsing import Command
-from gslcosim.cli.run_dirs import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.live_viewer import serve_until_closed
+from gslcosim.cli.run_paths import RECORDING, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import write
-from gslcosim.errors import UsageError
 
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
@@ -73,7 +73,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.recording.viewer import open_viewer, screenshot
+    from gslcosim.data.recording.viewer import open_viewer, screenshot
 
     with _recording(arguments) as recording:
         if arguments.screenshot:
@@ -98,12 +98,12 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
     if len(arguments.runs) < 2 and not is_environment and arguments.at is None:
         yield find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
         return
-    from gslcosim.scratch import ScratchFolder
+    from gslcosim.base.scratch import ScratchFolder
 
     with ScratchFolder() as scratch:
         path = scratch.path / RECORDING
         if arguments.at is not None:
-            from gslcosim.cli.several_runs import record_run_at
+            from gslcosim.cli.run_views import record_run_at
 
             recording = find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
             record_run_at(recording, path, arguments.at, is_still=arguments.screenshot is not None)
@@ -115,14 +115,14 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
 
 
 def _record_environment(folder: Path, path: Path) -> None:
+    from gslcosim.data.recording.environment_view import record_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim.recording.environment_view import record_environment
 
     record_environment(load_environment(folder, with_meshes=True), path)
 
 
 def _record_side_by_side(arguments: argparse.Namespace, path: Path) -> None:
-    from gslcosim.cli.several_runs import record_runs
+    from gslcosim.cli.run_views import record_runs
 
     recordings = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs]
     record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")

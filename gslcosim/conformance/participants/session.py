@@ -1,53 +1,239 @@
-"""One session of a check with a participant: what is played, and what comes back."""
+"""Session of a check with a participant: scripted inputs, its answers, and the rules that they break."""
 
+import math
 import queue
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
-from gslcosim.command_lines import exit_text
-from gslcosim.conformance.findings import Failure
-from gslcosim.conformance.flight import FlightLimits
-from gslcosim.conformance.participants.answering import Answering, failure_of_hello, failure_of_outputs
-from gslcosim.conformance.participants.scripted_inputs import (
-    EMPTY_TICKS,
-    TICKS,
-    ScriptedInputs,
-    briefing_of_check,
-    payload_of,
-    with_later_fields,
+import msgpack
+
+from gslcosim.base.command_lines import describe_exit
+from gslcosim.base.errors import ContractError
+from gslcosim.base.rng import stream
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.conformance.report import Failure
+from gslcosim.conformance.scripted_world import ROOM_M, TICK_NS, add_unknown_fields
+from gslcosim.conformance.session import SessionLimits
+from gslcosim.conformance.transports import AgentExited, CheckedProcess, ConnectionSpec
+from gslcosim.contract import codec, keys
+from gslcosim.contract.environment_messages import WIND, WindShare
+from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
+from gslcosim.contract.keys import KEY_TABLE
+from gslcosim.contract.messages import Bounds, Ending, FieldSamples, GasAmount, Message, MountSample, ParameterValue
+from gslcosim.contract.participation import (
+    PARTICIPATION_VERSION,
+    VENTILATION,
+    ParticipantBriefing,
+    ParticipantHello,
+    ParticipantInputs,
+    ParticipantOutputs,
+    ParticipantValues,
+    PortRead,
+    PortWrite,
+    VehicleOfRun,
+    build_own_port,
 )
-from gslcosim.conformance.wires import StartedProcess
-from gslcosim.conformance.wiring import AgentExited, Wiring
-from gslcosim.contract import codec
-from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.contract.messages import Ending, Message
-from gslcosim.contract.participation import ParticipantHello, ParticipantInputs, ParticipantOutputs
-from gslcosim.errors import ContractError
-from gslcosim.gateway.exchange import AnswerLateError, FrameExchange, StreamEndedError
-from gslcosim.gateway.listener import Listener
-from gslcosim.gateway.streams import PipeStream, Stream
-from gslcosim.runtime.agents.guests import GATEWAY_VARIABLE, TOKEN_VARIABLE
-from gslcosim.runtime.foreign.program import PARTICIPANT_VARIABLE
+from gslcosim.contract.publish.examples import EXAMPLES
+from gslcosim.gateway.connections import (
+    AnswerTimeoutError,
+    BlockingConnection,
+    Listener,
+    PipeStream,
+    Stream,
+    StreamEndedError,
+)
+from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.external.core import PARTICIPANT_VARIABLE
+from gslcosim.runtime.external.protocol import is_valid_name, read_hello, read_outputs
 
-Kind = Literal["plain", "unknown fields", "missing inputs", "ending at once", "lost link"]
+PARTICIPANT_NAME = "model_1"
+VEHICLE_NAME = "beetle"
+# In a row, and over the places where integers get longer in msgpack.
+INPUT_TICKS = (*range(40), *range(120, 131), *range(250, 260), *range(65_530, 65_540))
+# Without any input, as at the beginning of a run where all have a delay.
+N_EMPTY_TICKS = 5
+_HIDDEN_KEYS = (keys.briefing(ANY_AGENT), keys.question(ANY_AGENT), keys.raw_command(ANY_AGENT), keys.ending(ANY_AGENT))
+_OWN_PORT_PREFIX = build_own_port("", "").split("/")[0]
+
+
+def get_message_name(port: str) -> str | None:
+    """Return the type of the message on a port of a run, None where no run has such a port."""
+    parts = port.split("/")
+    if port == WIND:
+        return WindShare.__name__
+    if parts[0] == _OWN_PORT_PREFIX and len(parts) == 3 and all(parts):
+        return ParticipantValues.__name__
+    for channel in KEY_TABLE:
+        wanted = channel.key.split("/")
+        fits = len(parts) == len(wanted) and all(b == ANY_AGENT or a == b for a, b in zip(parts, wanted, strict=True))
+        if fits and all(parts) and channel.key not in _HIDDEN_KEYS:
+            return channel.message
+    return None
+
+
+def build_check_briefing(
+    hello: ParticipantHello, seed: int, parameters: Mapping[str, ParameterValue]
+) -> ParticipantBriefing:
+    """Return what a participant is told first."""
+    return ParticipantBriefing(
+        tick=0,
+        participant=PARTICIPANT_NAME,
+        contract_version=PARTICIPATION_VERSION,
+        scenario="check",
+        tick_ns=TICK_NS,
+        period_ticks=1,
+        seed=seed,
+        time_limit_s=10_000.0,
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
+        gases=("ethanol",),
+        vehicles=(VehicleOfRun(agent=VEHICLE_NAME, sensors=("nose", "wind")),),
+        reads=tuple(PortRead(port=port, delay_ticks=0, message=get_message_name(port) or "") for port in hello.reads),
+        writes=tuple(_build_write(word) for word in hello.writes),
+        parameters=dict(parameters),
+    )
+
+
+class ScriptedInputs:
+    """One session's inputs. The same seed gives the same."""
+
+    def __init__(self, reads: Iterable[str], seed: int) -> None:
+        self._reads = tuple(reads)
+        self._noise = stream(seed, "conformance.inputs")
+
+    def at(self, tick: int) -> ParticipantInputs:
+        """Return the inputs of a tick; to be called for each tick in turn."""
+        inputs = {port: _build_input(port, tick, float(self._noise.standard_normal())) for port in self._reads}
+        return ParticipantInputs(
+            tick=tick,
+            time_s=seconds_from_ticks(tick, TICK_NS),
+            inputs={port: message.model_dump() for port, message in inputs.items()},
+        )
+
+
+def add_later_fields(message: Message) -> dict[str, Any]:
+    """Return the fields of a message as a later minor version might send it, also within the inputs."""
+    fields = message.model_dump()
+    inputs: dict[str, Any] = fields.pop("inputs", {})
+    later = add_unknown_fields(fields)
+    if isinstance(message, ParticipantInputs):
+        is_data = {port: get_message_name(port) == ParticipantValues.__name__ for port in inputs}
+        later["inputs"] = {
+            port: value if is_data[port] else add_unknown_fields(value) for port, value in inputs.items()
+        }
+    return later
+
+
+def pack_fields(fields: Mapping[str, Any]) -> bytes:
+    """Return fields as msgpack."""
+    payload: Any = msgpack.packb(fields)
+    return bytes(payload)
+
+
+# In gas for a while, then not, with noise.
+def _build_input(port: str, tick: int, noise: float) -> Message:
+    name = get_message_name(port)
+    if name == FieldSamples.__name__:
+        ppm = max(0.0, 5.0 * math.sin(tick / 6.0) + 0.1 * noise)
+        gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=ppm),)
+        wind_m_s = (0.5 + 0.01 * noise, 0.0, 0.0)
+        names = ("nose", "wind")
+        samples = (MountSample(agent=VEHICLE_NAME, sensor=each, gases=gases, wind_world_m_s=wind_m_s) for each in names)
+        return FieldSamples(tick=tick, samples=tuple(samples))
+    if name == ParticipantValues.__name__:
+        return ParticipantValues(tick=tick, values={"level": noise, "is_on": noise > 0})
+    if name == WindShare.__name__:
+        return WindShare(tick=tick, share=abs(noise))
+    example = next(message for message in EXAMPLES.values() if type(message).__name__ == name)
+    return example.model_copy(update={"tick": tick})
+
+
+def _build_write(word: str) -> PortWrite:
+    if word == VENTILATION:
+        return PortWrite(word=word, port=WIND, message=WindShare.__name__)
+    return PortWrite(word=word, port=build_own_port(PARTICIPANT_NAME, word), message=ParticipantValues.__name__)
+
+
+@dataclass(frozen=True)
+class FailureBuilder:
+    """Makes failures of one session."""
+
+    session: str
+
+    def failure(self, rule: str, sent: str, expected: str, got: str) -> Failure:
+        """Return a break of a rule."""
+        return Failure(rule=rule, flight=self.session, sent=sent, expected=expected, got=got)
+
+    def add_log_tail(self, failure: Failure, words: str) -> Failure:
+        """Return a failure with the end of the program's log."""
+        return replace(failure, got=f"{failure.got}\nThe end of its log: {words}")
+
+
+def find_hello_failure(answering: FailureBuilder, payload: bytes) -> tuple[ParticipantHello | None, Failure | None]:
+    """Return a program's hello, or the rule that it breaks."""
+    sent = "its environment"
+    try:
+        codec.unpack_untrusted("ParticipantHello", payload)
+    except ContractError as error:
+        return None, answering.failure("encoding", sent, "one map", str(error))
+    try:
+        hello = read_hello(payload)
+    except ContractError as error:
+        rule = "contract" if str(error).startswith("contract:") else "hello"
+        return None, answering.failure(rule, sent, "a ParticipantHello", str(error))
+    problems = [f"reads {port!r}, which no run has" for port in hello.reads if get_message_name(port) is None]
+    problems += [f"writes {word!r}, which is no name" for word in hello.writes if not is_valid_name(word)]
+    for key, words in (("reads", hello.reads), ("writes", hello.writes)):
+        problems += [f"{key} {word!r} twice" for word in dict.fromkeys(words) if words.count(word) > 1]
+    if not hello.writes:
+        problems.append("writes nothing")
+    if problems:
+        expected = f"ports of a run, and {VENTILATION} or words of its own, each once"
+        return None, answering.failure("ports", sent, expected, "; ".join(problems))
+    return hello, None
+
+
+def find_outputs_failure(
+    answering: FailureBuilder, payload: bytes, tick: int, words: Iterable[str]
+) -> tuple[Mapping[str, Message] | None, Failure | None]:
+    """Return the answers of a program to the inputs of a tick, or the rule that they break."""
+    sent, declared = f"ParticipantInputs, tick {tick}", tuple(words)
+    try:
+        fields = codec.unpack_untrusted("ParticipantOutputs", payload)
+    except ContractError as error:
+        return None, answering.failure("encoding", sent, "one map", str(error))
+    try:
+        return read_outputs(payload, tick, declared), None
+    except ContractError as error:
+        said = str(error)
+    outputs = fields.get("outputs")
+    if type(fields.get("tick")) is not int or fields["tick"] != tick:
+        rule, expected = "tick", f"tick: {tick}"
+    elif not isinstance(outputs, dict) or {*outputs} != {*declared}:
+        rule, expected = "outputs", f"outputs with {', '.join(sorted(declared))}"
+    else:
+        rule, expected = "values", "finite numbers and truth values by name"
+    return None, answering.failure(rule, sent, expected, said)
+
+
+SessionKind = Literal["plain", "unknown fields", "missing inputs", "ending at once", "lost link"]
 END_REASON = "the run is over"
-_NAME = "participant"
+_PROCESS_NAME = "participant"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SessionScript:
-    """What is played: under which name, with which seed, and what is special."""
+    """Script of a session: its name, its seed, and what is special."""
 
     name: str
     seed: int
-    kind: Kind = "plain"
+    kind: SessionKind = "plain"
 
 
 @dataclass
-class Played:
-    """What came of a session: the first break of a rule if there was one, all answers, and how it ended."""
+class SessionResult:
+    """Result of a session: the first break of a rule if there was one, all answers, and how it ended."""
 
     script: SessionScript
     hello: ParticipantHello | None = None
@@ -56,29 +242,33 @@ class Played:
     hello_at_s: float = 0.0
     slowest_s: float = 0.0
     exit_code: int | None = None
-    is_end_told: bool = False
-    left_over: tuple[str, ...] = ()
+    is_end_sent: bool = False
+    leftover_processes: tuple[str, ...] = ()
 
 
 class ParticipantSession:
     """Plays one script with one start of a program."""
 
     def __init__(
-        self, wiring: Wiring, script: SessionScript, limits: FlightLimits, parameters: Mapping[str, ParameterValue]
+        self,
+        wiring: ConnectionSpec,
+        script: SessionScript,
+        limits: SessionLimits,
+        parameters: Mapping[str, ParameterValue],
     ) -> None:
         self._wiring = wiring
         self._limits = limits
         self._parameters = parameters
-        self._started = StartedProcess(wiring)
+        self._started = CheckedProcess(wiring)
         self._connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
         self._listener: Listener | None = None
-        self._exchange: FrameExchange | None = None
-        self.played = Played(script)
+        self._exchange: BlockingConnection | None = None
+        self.played = SessionResult(script)
 
-    def play(self) -> Played:
+    def play(self) -> SessionResult:
         """Play the script from the program's start to its end; nothing of it is left when this returns."""
         played = self.played
-        answering = Answering(played.script.name)
+        answering = FailureBuilder(played.script.name)
         try:
             self._start()
             played.failure = self._greet(answering) or self._step(answering)
@@ -90,18 +280,20 @@ class ParticipantSession:
                 self._exchange.close_output()
                 self._exchange.close_input()
             words = self._started.end_process()
-            played.left_over = self._started.left_over
+            played.leftover_processes = self._started.leftover_processes
         if played.failure is not None and words:
-            played.failure = answering.with_words(played.failure, words)
+            played.failure = answering.add_log_tail(played.failure, words)
         return played
 
     def _start(self) -> None:
         started, wiring = self._started, self._wiring
         started.orphans.begin()
-        variables = {PARTICIPANT_VARIABLE: _NAME, **started.orphans.variables}
+        variables = {PARTICIPANT_VARIABLE: _PROCESS_NAME, **started.orphans.variables}
         log, cwd = started.log, wiring.directory
         if wiring.door == "stdio":
-            pipes = started.children.start_piped(_NAME, started.command(), variables=variables, log=log, cwd=cwd)
+            pipes = started.children.start_piped(
+                _PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd
+            )
             self._connected.put(PipeStream(*pipes))
             return
         is_unix = wiring.door == "unix"
@@ -110,10 +302,10 @@ class ParticipantSession:
         )
         listener.admit(wiring.format, lambda stream, _: self._connected.put(stream), lambda _: None)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        started.children.start_guest(_NAME, started.command(), variables=variables, log=log, cwd=cwd)
+        started.children.start_without_bus(_PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd)
 
     # The first break of a rule up to the briefing.
-    def _greet(self, answering: Answering) -> Failure | None:
+    def _greet(self, answering: FailureBuilder) -> Failure | None:
         began_s, limit_s = time.monotonic(), self._limits.join_s
         expected = f"a ParticipantHello within {limit_s:g} s"
         exchange = self._exchange = self._opened(limit_s)
@@ -121,32 +313,32 @@ class ParticipantSession:
             return answering.failure("hello", "its environment", expected, f"no connection{self._how()}")
         try:
             payload = exchange.receive(ParticipantHello, within_s=limit_s)
-        except (StreamEndedError, AnswerLateError) as error:
+        except (StreamEndedError, AnswerTimeoutError) as error:
             return answering.failure("hello", "its environment", expected, f"{error}{self._how()}")
         except ContractError as error:
             return answering.failure("encoding", "its environment", "a frame", str(error))
-        hello, failure = failure_of_hello(answering, payload)
+        hello, failure = find_hello_failure(answering, payload)
         if hello is None:
             return failure
         self.played.hello, self.played.hello_at_s = hello, time.monotonic() - began_s
-        return self._tell(answering, briefing_of_check(hello, self.played.script.seed, self._parameters))
+        return self._tell(answering, build_check_briefing(hello, self.played.script.seed, self._parameters))
 
-    def _step(self, answering: Answering) -> Failure | None:
+    def _step(self, answering: FailureBuilder) -> Failure | None:
         played = self.played
         hello = played.hello
         if hello is None or played.script.kind == "ending at once":
             return None
         inputs = ScriptedInputs(hello.reads, played.script.seed)
-        for tick in TICKS:
+        for tick in INPUT_TICKS:
             message = inputs.at(tick)
-            if played.script.kind == "missing inputs" and tick < EMPTY_TICKS:
+            if played.script.kind == "missing inputs" and tick < N_EMPTY_TICKS:
                 message = message.model_copy(update={"inputs": {}})
             if failure := self._ask(answering, message, hello):
                 return failure
         # What it may still have to say.
-        return self._nothing_more(answering, f"the inputs up to tick {TICKS[-1]}", self._limits.settle_s)
+        return self._nothing_more(answering, f"the inputs up to tick {INPUT_TICKS[-1]}", self._limits.settle_s)
 
-    def _ask(self, answering: Answering, message: ParticipantInputs, hello: ParticipantHello) -> Failure | None:
+    def _ask(self, answering: FailureBuilder, message: ParticipantInputs, hello: ParticipantHello) -> Failure | None:
         exchange, played, limit_s = self._exchange, self.played, self._limits.answer_s
         sent = f"ParticipantInputs, tick {message.tick}"
         if exchange is None:
@@ -160,40 +352,40 @@ class ParticipantSession:
             payload = exchange.receive(ParticipantOutputs, within_s=limit_s)
         except StreamEndedError as error:
             return answering.failure("stays", sent, "an answer, and a program that stays", f"{error}{self._how()}")
-        except AnswerLateError as error:
+        except AnswerTimeoutError as error:
             return answering.failure("answers", sent, f"ParticipantOutputs with tick {message.tick}", str(error))
         except ContractError as error:
             return answering.failure("encoding", sent, "a frame with ParticipantOutputs", str(error))
         played.slowest_s = max(played.slowest_s, time.monotonic() - asked_s)
-        if _tick_of(payload) in played.answers and exchange.comes_within(self._limits.settle_s):
+        if _read_tick(payload) in played.answers and exchange.comes_within(self._limits.settle_s):
             # It was on its way when the inputs were told, and their answer comes behind it.
             return self._one_more(answering, sent)
-        answers, failure = failure_of_outputs(answering, payload, message.tick, hello.writes)
+        answers, failure = find_outputs_failure(answering, payload, message.tick, hello.writes)
         if answers is not None:
             played.answers[message.tick] = answers
         return failure
 
-    def _nothing_more(self, answering: Answering, sent: str, within_s: float) -> Failure | None:
+    def _nothing_more(self, answering: FailureBuilder, sent: str, within_s: float) -> Failure | None:
         exchange = self._exchange
         if exchange is None or not exchange.comes_within(within_s):
             return None
         return self._one_more(answering, sent)
 
-    def _one_more(self, answering: Answering, sent: str) -> Failure:
+    def _one_more(self, answering: FailureBuilder, sent: str) -> Failure:
         return answering.failure("once", sent, "nothing until the next inputs come", "one frame more")
 
-    def _tell(self, answering: Answering, message: Message) -> Failure | None:
+    def _tell(self, answering: FailureBuilder, message: Message) -> Failure | None:
         exchange = self._exchange
         if exchange is None:
             return None
         is_later = self.played.script.kind == "unknown fields"
-        payload = payload_of(with_later_fields(message)) if is_later else codec.encode(message)
+        payload = pack_fields(add_later_fields(message)) if is_later else codec.encode(message)
         name = type(message).__name__
         try:
             exchange.send(name, payload, within_s=self._limits.answer_s)
         except StreamEndedError as error:
             return answering.failure("stays", name, "a program that stays", f"{error}{self._how()}")
-        except AnswerLateError as error:
+        except AnswerTimeoutError as error:
             return answering.failure("answers", name, "a program that reads", str(error))
         return None
 
@@ -201,17 +393,17 @@ class ParticipantSession:
         exchange, played = self._exchange, self.played
         if exchange is None or played.failure is not None:
             return
-        played.is_end_told = True
+        played.is_end_sent = True
         if played.script.kind != "lost link":
-            self._tell(Answering(played.script.name), Ending(tick=0, reason=END_REASON))
+            self._tell(FailureBuilder(played.script.name), Ending(tick=0, reason=END_REASON))
         exchange.close_output()
         self._wait_for_exit(self._limits.exit_s)
 
-    def _opened(self, limit_s: float) -> FrameExchange | None:
+    def _opened(self, limit_s: float) -> BlockingConnection | None:
         deadline_s = time.monotonic() + limit_s
         while time.monotonic() < deadline_s and not (self._has_exited() and self._connected.empty()):
             try:
-                return FrameExchange(self._connected.get(timeout=0.05), self._wiring.format)
+                return BlockingConnection(self._connected.get(timeout=0.05), self._wiring.format)
             except queue.Empty:
                 continue
         return None
@@ -231,12 +423,12 @@ class ParticipantSession:
     def _how(self) -> str:
         self._wait_for_exit(self._limits.settle_s)
         code = self.played.exit_code
-        return "" if code is None else f"; the process {exit_text(code)}"
+        return "" if code is None else f"; the process {describe_exit(code)}"
 
 
-def _tick_of(payload: bytes) -> int | None:
+def _read_tick(payload: bytes) -> int | None:
     try:
-        tick = codec.unpack_foreign("ParticipantOutputs", payload).get("tick")
+        tick = codec.unpack_untrusted("ParticipantOutputs", payload).get("tick")
     except ContractError:
         return None
     return tick if type(tick) is int else None

@@ -1,1 +1,1 @@
-"""What exports the contract: schemas, golden vectors, AsyncAPI and the page of messages. No run needs it."""
+"""Export of the contract: schemas, golden vectors, AsyncAPI and the page of messages. No run needs it."""

@@ -1,11 +1,11 @@
-"""One or several examples of each message, from which the golden vectors are made.
+"""Examples of each message, from which the golden vectors are made.
 
 Together they hold every message type, and every optional field at least once with a value.
 """
 
 import numpy as np
 
-from gslcosim.contract.arrays import NumericArray
+from gslcosim.contract.environment_messages import WindShare
 from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
@@ -46,7 +46,60 @@ from gslcosim.contract.messages import (
     Verdict,
     Waypoint,
 )
-from gslcosim.contract.publish.participation_examples import PARTICIPATION_EXAMPLES
+from gslcosim.contract.participation import (
+    ParticipantBriefing,
+    ParticipantHello,
+    ParticipantInputs,
+    ParticipantOutputs,
+    ParticipantValues,
+    PortRead,
+    PortWrite,
+    VehicleOfRun,
+)
+from gslcosim.contract.record import NumericArray
+
+_SAMPLES = FieldSamples(
+    tick=1,
+    samples=(
+        MountSample(
+            agent="beetle",
+            sensor="nose",
+            gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=3.5),),
+            wind_world_m_s=(0.5, -0.25, 0.0),
+        ),
+    ),
+)
+PARTICIPATION_EXAMPLES: dict[str, Message] = {
+    "hello": ParticipantHello(tick=0, reads=("truth/samples",), writes=("ventilation", "state"), contract="1.0"),
+    "hello_of_a_source": ParticipantHello(tick=0, reads=(), writes=("state",)),
+    "participant_briefing": ParticipantBriefing(
+        tick=0,
+        participant="air_conditioner",
+        contract_version="1.0",
+        scenario="warehouse_empty",
+        tick_ns=100_000_000,
+        period_ticks=2,
+        seed=7,
+        time_limit_s=300.0,
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 15.0, 8.0)),
+        gases=("ethanol",),
+        vehicles=(VehicleOfRun(agent="beetle", sensors=("nose", "wind")),),
+        reads=(PortRead(port="truth/samples", delay_ticks=1, message="FieldSamples"),),
+        writes=(
+            PortWrite(word="ventilation", port="truth/wind", message="WindShare"),
+            PortWrite(word="state", port="participant/air_conditioner/state", message="ParticipantValues"),
+        ),
+        parameters={"above_ppm": 0.5, "rooms": ("a", "b"), "is_on": True},
+    ),
+    "inputs_none": ParticipantInputs(tick=0, time_s=0.0, inputs={}),
+    "inputs": ParticipantInputs(tick=2, time_s=0.2, inputs={"truth/samples": _SAMPLES.model_dump()}),
+    "outputs": ParticipantOutputs(
+        tick=2, outputs={"ventilation": {"share": 1.25}, "state": {"is_in_gas": True, "n_ticks": 3.0}}
+    ),
+    "values": ParticipantValues(tick=2, values={"is_in_gas": True, "n_ticks": 3.0}),
+    "wind_share": WindShare(tick=2, share=1.25),
+}
+
 
 _BODY = BodyState(
     agent="beetle",
@@ -58,7 +111,7 @@ _BODY = BodyState(
     awaiting_command=False,
     path_length_m=12.0,
 )
-_RESULT = AgentResult(
+_AGENT_RESULT = AgentResult(
     name="beetle",
     success=False,
     outcome="time_limit",
@@ -325,8 +378,8 @@ EXAMPLES: dict[str, Message] = {
         tick=900,
         end_reason="success",
         agents=(
-            _RESULT,
-            _RESULT.model_copy(
+            _AGENT_RESULT,
+            _AGENT_RESULT.model_copy(
                 update={
                     "name": "second",
                     "success": True,

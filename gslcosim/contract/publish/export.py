@@ -1,25 +1,24 @@
-"""The published contract: all its files, made from the messages. `gslcosim schema export` writes them."""
+"""Files of the published contract, made from the messages; `gslcosim schema export` writes them."""
 
 import json
 from pathlib import Path
 from typing import Any
 
-from gslcosim.contract.codec import MAX_LEVELS
+from gslcosim.contract.codec import MAX_NESTING
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.participation import PARTICIPATION_VERSION
-from gslcosim.contract.publish.asyncapi import asyncapi_yaml
-from gslcosim.contract.publish.participation_api import participation_yaml
-from gslcosim.contract.publish.vectors import vectors_of
+from gslcosim.contract.publish.asyncapi import build_agent_yaml, build_participant_yaml
+from gslcosim.contract.publish.vectors import build_vectors
 from gslcosim.contract.schema import (
-    contract_hash,
-    json_schema_of,
-    message_types,
-    participation_hash,
-    participation_types,
-    published_types,
+    build_json_schema,
+    get_contract_hash,
+    get_participation_hash,
+    list_message_types,
+    list_participation_types,
+    list_published_types,
 )
 
-_MADE = "# Made by `make contract` from gslcosim/contract; do not edit.\n"
+_GENERATED_NOTE = "# Made by `make contract` from gslcosim/contract; do not edit.\n"
 _README = f"""# The contract, version {CONTRACT_VERSION}
 
 <!-- Made by `make contract` from gslcosim/contract; do not edit. -->
@@ -39,7 +38,7 @@ Where `canonical` is true they are exactly what gslcosim writes; the others are 
 `schema_refuses` tells whether the JSON Schema already finds what is wrong.
 In `fields` and in JSON, bytes are base64 text.
 
-In what an agent writes each key is there once, and lists and maps are at most {MAX_LEVELS} deep.
+In what an agent writes each key is there once, and lists and maps are at most {MAX_NESTING} deep.
 
 An agent meets four messages: `Briefing`, `Observation`, `Command` and `Ending`; the others are between services.
 
@@ -49,35 +48,35 @@ A model of one's own meets `ParticipantHello`, `ParticipantBriefing`, `Participa
 """
 
 
-def contract_files() -> dict[str, str]:
+def build_contract_files() -> dict[str, str]:
     """Return the text of each file of the published contract by its path, relative to the folder."""
     files = {
         "README.md": _README,
         "contract.json": _json(
             {
                 "version": CONTRACT_VERSION,
-                "hash": contract_hash(),
-                "messages": [item.__name__ for item in message_types()],
+                "hash": get_contract_hash(),
+                "messages": [item.__name__ for item in list_message_types()],
                 "participation": {
                     "version": PARTICIPATION_VERSION,
-                    "hash": participation_hash(),
-                    "messages": [item.__name__ for item in participation_types()],
+                    "hash": get_participation_hash(),
+                    "messages": [item.__name__ for item in list_participation_types()],
                 },
             }
         ),
-        "asyncapi.yaml": f"{_MADE}{asyncapi_yaml()}",
-        "participation.yaml": f"{_MADE}{participation_yaml()}",
+        "asyncapi.yaml": f"{_GENERATED_NOTE}{build_agent_yaml()}",
+        "participation.yaml": f"{_GENERATED_NOTE}{build_participant_yaml()}",
     }
-    for item in published_types():
-        files[f"schemas/{item.__name__}.json"] = _json(json_schema_of(item))
-        files[f"vectors/{item.__name__}.json"] = _json(vectors_of(item))
+    for item in list_published_types():
+        files[f"schemas/{item.__name__}.json"] = _json(build_json_schema(item))
+        files[f"vectors/{item.__name__}.json"] = _json(build_vectors(item))
     return files
 
 
 def write_contract(folder: Path) -> list[Path]:
     """Write all files of the contract below a folder, which is made where it is missing; return them."""
     written: list[Path] = []
-    for name, text in contract_files().items():
+    for name, text in build_contract_files().items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")

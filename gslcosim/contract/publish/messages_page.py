@@ -9,15 +9,15 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from gslcosim.contract.channels import CHANNELS, Channel
-from gslcosim.contract.codec import MAX_LEVELS
-from gslcosim.contract.description import description_of
+from gslcosim.contract.codec import MAX_NESTING
+from gslcosim.contract.keys import KEY_TABLE, KeyEntry
 from gslcosim.contract.messages import CONTRACT_VERSION, Message, Record
 from gslcosim.contract.participation import PARTICIPATION_VERSION
-from gslcosim.contract.schema import message_types, participation_types
+from gslcosim.contract.record import get_pydantic_model
+from gslcosim.contract.schema import list_message_types, list_participation_types
 
 # Which message travels on which key.
-MESSAGE_OF_KEY = {channel.key: channel.message for channel in CHANNELS}
+MESSAGES_BY_KEY = {channel.key: channel.message for channel in KEY_TABLE}
 
 _HEAD = f"""# Keys and messages, contract {CONTRACT_VERSION}
 
@@ -26,7 +26,7 @@ _HEAD = f"""# Keys and messages, contract {CONTRACT_VERSION}
 A message is a msgpack map with string keys; its encoding header is `application/msgpack;gslcosim.<Message>/1`.
 Reals are float64, or whole numbers where a language has no others; NaN and infinity are refused.
 Unknown keys are ignored; a key with a default may be absent; a changed meaning gets a new name.
-In a command each key is there once, and lists and maps are at most {MAX_LEVELS} deep.
+In a command each key is there once, and lists and maps are at most {MAX_NESTING} deep.
 [notation.md](notation.md) has frames, units and words.
 The same for programs, as JSON Schema, AsyncAPI and golden bytes, is in [agents/contract](../agents/contract/README.md).
 """
@@ -41,9 +41,9 @@ They are a contract of their own, with the rules of [contract-evolution.md](cont
 """
 
 
-def messages_markdown() -> str:
+def build_messages_markdown() -> str:
     """Return the whole reference."""
-    found, with_participants = message_types(), participation_types()
+    found, with_participants = list_message_types(), list_participation_types()
     return "\n".join(
         [
             _HEAD,
@@ -66,13 +66,13 @@ def _keys_table() -> str:
             "An agent reaches those under `agents/<its name>/`, and no others.\n",
             "| key | message | written by | when | read by |",
             "|---|---|---|---|---|",
-            *map(_key_row, CHANNELS),
+            *map(_key_row, KEY_TABLE),
             "",
         ]
     )
 
 
-def _key_row(channel: Channel) -> str:
+def _key_row(channel: KeyEntry) -> str:
     name = channel.message
     cells = (f"`{channel.key}`", f"[{name}](#{name.lower()})", channel.writer, channel.when, channel.readers)
     return f"| {' | '.join(cells)} |"
@@ -80,7 +80,7 @@ def _key_row(channel: Channel) -> str:
 
 def _section(record: type[Record]) -> str:
     text = inspect.cleandoc(record.__doc__ or "")
-    rows = [_row(name, field) for name, field in description_of(record).model_fields.items()]
+    rows = [_row(name, field) for name, field in get_pydantic_model(record).model_fields.items()]
     return "\n".join([f"### {record.__name__}\n", text, "", "| field | type | default |", "|---|---|---|", *rows, ""])
 
 
@@ -105,7 +105,7 @@ def _parts(found: tuple[type[Message], ...]) -> list[type[Record]]:
 
 
 def _types_in(record: type[Record]) -> list[Any]:
-    return [field.annotation for field in description_of(record).model_fields.values()]
+    return [field.annotation for field in get_pydantic_model(record).model_fields.values()]
 
 
 def _type_text(annotation: Any) -> str:
@@ -157,4 +157,4 @@ def _limits(annotation: Any, metadata: tuple[Any, ...]) -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(messages_markdown())
+    sys.stdout.write(build_messages_markdown())

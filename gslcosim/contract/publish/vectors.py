@@ -17,7 +17,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import CONTRACT_VERSION, Command, Message
 from gslcosim.contract.participation import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.contract.schema import message_types
+from gslcosim.contract.schema import list_message_types
 
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
@@ -37,7 +37,7 @@ class Accepted:
 
 @dataclass(frozen=True, kw_only=True)
 class Rejected:
-    """What is no message of this type; `json` with bytes that are no UTF-8 is given as `json_hex`."""
+    """Bytes or text that are no message of this type; `json` with bytes that are no UTF-8 is given as `json_hex`."""
 
     name: str
     reason: str
@@ -47,36 +47,36 @@ class Rejected:
     json_hex: str | None = None
 
 
-def vectors_of(message_type: type[Message]) -> dict[str, Any]:
+def build_vectors(message_type: type[Message]) -> dict[str, Any]:
     """Return the content of a message's vectors file."""
-    accepted, rejected = list(accepted_of(message_type)), list(rejected_of(message_type))
+    accepted, rejected = list(build_accepted(message_type)), list(build_rejected(message_type))
     return {
         "message": message_type.__name__,
-        "contract": CONTRACT_VERSION if message_type in message_types() else PARTICIPATION_VERSION,
-        "accept": [_present(case) for case in accepted],
-        "reject": [_present(case) for case in rejected],
+        "contract": CONTRACT_VERSION if message_type in list_message_types() else PARTICIPATION_VERSION,
+        "accept": [_drop_absent(case) for case in accepted],
+        "reject": [_drop_absent(case) for case in rejected],
     }
 
 
-def accepted_of(message_type: type[Message]) -> Iterator[Accepted]:
+def build_accepted(message_type: type[Message]) -> Iterator[Accepted]:
     """Yield the examples of a message as gslcosim writes them, then the first of them as others may write it."""
     examples = {name: message for name, message in EXAMPLES.items() if type(message) is message_type}
     for name, message in examples.items():
-        yield _accepted(name, message.model_dump(), message, canonical=True)
+        yield _build_accepted_case(name, message.model_dump(), message, canonical=True)
     message = next(iter(examples.values()))
-    for name, change in _OTHER_WAYS.items():
-        yield _accepted(name, change(message), message, canonical=False)
-    wide = _wide(message.model_dump())
+    for name, change in _ALTERNATIVE_ENCODINGS.items():
+        yield _build_accepted_case(name, change(message), message, canonical=False)
+    wide = _pack_wide(message.model_dump())
     fields = _as_json(message.model_dump())
     yield Accepted(name="wide_headers", canonical=False, fields=fields, msgpack=wide.hex())
     yield Accepted(name="indented", canonical=False, fields=fields, json=json.dumps(fields, indent=1))
 
 
-def rejected_of(message_type: type[Message]) -> Iterator[Rejected]:
+def build_rejected(message_type: type[Message]) -> Iterator[Rejected]:
     """Yield what a reader of this message must reject."""
     example = next(message for message in EXAMPLES.values() if type(message) is message_type)
-    for fault in (*_FAULTS_OF_ALL, *_FAULTS_OF.get(message_type.__name__, ())):
-        yield _rejected(fault, {**example.model_dump(), **fault.change})
+    for fault in (*_COMMON_FAULTS, *_FAULTS_BY_MESSAGE.get(message_type.__name__, ())):
+        yield _apply_fault(fault, {**example.model_dump(), **fault.change})
     whole = codec.encode(example)
     yield Rejected(
         name="cut_off",
@@ -92,7 +92,7 @@ def rejected_of(message_type: type[Message]) -> Iterator[Rejected]:
         msgpack=(whole + b"\xc0").hex(),
         json=codec.encode_json(example).decode() + "{}",
     )
-    yield from _rejected_of_foreign(example)
+    yield from _build_untrusted_rejections(example)
     yield Rejected(name="no_map", reason="an array, not a map", schema_refuses=True, msgpack="9107", json="[7]")
     yield Rejected(name="nothing", reason="no bytes at all", schema_refuses=True, msgpack="", json="")
     yield Rejected(name="number_as_key", reason="keys are text", schema_refuses=True, msgpack="810707")
@@ -101,7 +101,7 @@ def rejected_of(message_type: type[Message]) -> Iterator[Rejected]:
 
 
 # Only what agents write is looked at so closely: see `codec.unpack_foreign`.
-def _rejected_of_foreign(example: Message) -> Iterator[Rejected]:
+def _build_untrusted_rejections(example: Message) -> Iterator[Rejected]:
     if not isinstance(example, Command | ParticipantHello | ParticipantOutputs):
         return
     fields = example.model_dump()
@@ -114,61 +114,65 @@ def _rejected_of_foreign(example: Message) -> Iterator[Rejected]:
         json='{"tick":8,' + codec.encode_json(example).decode()[1:],
     )
     nested: list[Any] = []
-    for _ in range(codec.MAX_LEVELS - 1):
+    for _ in range(codec.MAX_NESTING - 1):
         nested = [nested]
-    reason = f"lists and maps are at most {codec.MAX_LEVELS} deep"
+    reason = f"lists and maps are at most {codec.MAX_NESTING} deep"
     fault = _Fault(name="too_deep", reason=reason, change={"later": nested}, schema_refuses=False)
-    yield _rejected(fault, {**fields, **fault.change})
+    yield _apply_fault(fault, {**fields, **fault.change})
 
 
 # ---------------------------------------------------------------- other ways to write the same
 
 
-def _accepted(name: str, written: _Fields, message: Message, *, canonical: bool) -> Accepted:
+def _build_accepted_case(name: str, written: _Fields, message: Message, *, canonical: bool) -> Accepted:
     return Accepted(
         name=name,
         canonical=canonical,
         fields=_as_json(message.model_dump()),
         msgpack=_msgpack.packb(written, use_bin_type=True).hex(),
-        json=codec.json_line(written).decode(),
+        json=codec.dump_json_line(written).decode(),
     )
 
 
-_OTHER_WAYS: dict[str, Callable[[Message], _Fields]] = {
+_ALTERNATIVE_ENCODINGS: dict[str, Callable[[Message], _Fields]] = {
     "unknown_keys": lambda message: {**message.model_dump(), "a_later_key": {"n": [1, None, "x"]}, "message": "any"},
     "defaults_left_out": lambda message: message.model_dump(exclude_defaults=True),
     "keys_in_other_order": lambda message: dict(reversed(message.model_dump().items())),
-    "whole_numbers_for_reals": lambda message: _whole(message.model_dump()),
+    "whole_numbers_for_reals": lambda message: _with_integers(message.model_dump()),
 }
 
 
 # Languages with one kind of number write 12.0 as 12.
-def _whole(value: Any) -> Any:
+def _with_integers(value: Any) -> Any:
     if isinstance(value, dict):
-        return {name: _whole(item) for name, item in value.items()}  # pyright: ignore[reportUnknownVariableType]
+        return {name: _with_integers(item) for name, item in value.items()}  # pyright: ignore[reportUnknownVariableType]
     if isinstance(value, list | tuple):
-        return [_whole(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
+        return [_with_integers(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
     if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
         return int(value)
     return value
 
 
 # Some libraries always write the longest headers; that is msgpack too.
-def _wide(value: Any) -> bytes:
+def _pack_wide(value: Any) -> bytes:
     if isinstance(value, dict):
-        return b"\xdf" + _four(value) + b"".join(_wide(name) + _wide(item) for name, item in value.items())  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+        return (
+            b"\xdf"
+            + _pack_length(value)
+            + b"".join(_pack_wide(name) + _pack_wide(item) for name, item in value.items())
+        )  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
     if isinstance(value, list | tuple):
-        return b"\xdd" + _four(value) + b"".join(map(_wide, value))  # pyright: ignore[reportUnknownArgumentType]
+        return b"\xdd" + _pack_length(value) + b"".join(map(_pack_wide, value))  # pyright: ignore[reportUnknownArgumentType]
     if isinstance(value, str):
-        return b"\xdb" + _four(value.encode()) + value.encode()
+        return b"\xdb" + _pack_length(value.encode()) + value.encode()
     if isinstance(value, bytes):
-        return b"\xc6" + _four(value) + value
+        return b"\xc6" + _pack_length(value) + value
     if type(value) is int:
         return b"\xcf" + value.to_bytes(8, "big") if value >= 0 else b"\xd3" + value.to_bytes(8, "big", signed=True)
     return _msgpack.packb(value)
 
 
-def _four(value: Any) -> bytes:
+def _pack_length(value: Any) -> bytes:
     return len(value).to_bytes(4, "big")
 
 
@@ -186,7 +190,7 @@ class _Fault:
 _NAN, _INFINITY = float("nan"), float("inf")
 _DROP = object()
 _POINT = [1.0, 2.0, 3.0]
-_FAULTS_OF_ALL = (
+_COMMON_FAULTS = (
     _Fault(name="no_tick", reason="tick is missing", change={"tick": _DROP}),
     _Fault(name="tick_is_text", reason="tick is a whole number, nothing is converted", change={"tick": "7"}),
     _Fault(name="tick_is_nil", reason="tick is a whole number", change={"tick": None}),
@@ -203,7 +207,7 @@ def _belief(dtype: str, shape: list[int], data_hex: str) -> _Fields:
     return {"origin_m": _POINT, "cell_m": 0.5, "probability": probability}
 
 
-_FAULTS_OF = {
+_FAULTS_BY_MESSAGE = {
     "WindShare": (
         _Fault(name="no_share", reason="share is missing", change={"share": _DROP}),
         _Fault(name="share_below_0", reason="air does not flow backwards", change={"share": -0.5}),
@@ -408,7 +412,7 @@ _FAULTS_OF = {
 }
 
 
-def _rejected(fault: _Fault, fields: _Fields) -> Rejected:
+def _apply_fault(fault: _Fault, fields: _Fields) -> Rejected:
     written = {name: value for name, value in fields.items() if value is not _DROP}
     # NaN is no JSON; but some languages write it, and a reader must not let it in.
     text = json.dumps(_as_json(written), ensure_ascii=False, separators=(",", ":"))
@@ -423,9 +427,9 @@ def _rejected(fault: _Fault, fields: _Fields) -> Rejected:
 
 # As in JSON: bytes are base64 text, tuples are lists.
 def _as_json(fields: _Fields) -> _Fields:
-    text = json.dumps(fields, default=codec.base64_text)
+    text = json.dumps(fields, default=codec.encode_base64)
     return json.loads(text)
 
 
-def _present(case: Accepted | Rejected) -> dict[str, Any]:
+def _drop_absent(case: Accepted | Rejected) -> dict[str, Any]:
     return {name: value for name, value in asdict(case).items() if value is not None}

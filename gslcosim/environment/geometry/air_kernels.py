@@ -1,10 +1,10 @@
-"""Floods over cells with blocked borders: surely free cells, whose air the rest is, and where two airs meet."""
+"""Flood fills over cells with blocked borders: free cells, the air that the rest belongs to, and narrow passages."""
 # pyright: basic
 
 import numba
 import numpy as np
 
-from gslcosim.environment.geometry.surface_kernels import BORDER, CROSSED, TOUCHED
+from gslcosim.environment.geometry.triangle_kernels import BORDER, CROSSED, TOUCHED
 
 AIR, OTHER = 1, 2
 _NEW_AIR, _NEW_OTHER = 3, 4

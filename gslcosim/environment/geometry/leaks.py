@@ -1,4 +1,4 @@
-"""Where the air of a geometry escapes: the holes, their size and what is near."""
+"""Leaks of a geometry: the holes through which its air escapes, their size and what is near."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.geometry.air_kernels import clearances, split_at_narrows
-from gslcosim.environment.geometry.surface_kernels import BORDER
-from gslcosim.environment.geometry.surface_voxels import Cells, SurfaceVoxels
-from gslcosim.environment.geometry.surfaces import Surfaces
+from gslcosim.environment.geometry.surfaces import Cells, Surfaces, SurfaceVoxels
+from gslcosim.environment.geometry.triangle_kernels import BORDER
 from gslcosim.environment.grid import Grid, point_text
 from gslcosim.scenario.problems import Problem
 
@@ -45,7 +44,7 @@ def find_leaks(voxels: SurfaceVoxels, is_air: Cells, seed: NDArray[np.int64]) ->
     return sorted(mouths, key=lambda leak: -leak.size_m[0] * leak.size_m[1])
 
 
-def problem_of_leaks(leaks: list[Leak], surfaces: Surfaces) -> Problem:
+def describe_leaks(leaks: list[Leak], surfaces: Surfaces) -> Problem:
     """Return the holes as one problem that says where they are and what to do."""
     texts = [
         f"a hole of about {leak.size_m[0]:.3g} x {leak.size_m[1]:.3g} m near {point_text(leak.middle_m)} m beside "

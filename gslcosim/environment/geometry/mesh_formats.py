@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import EnvironmentDataError
+from gslcosim.base.errors import EnvironmentDataError
 
 Up = Literal["y", "z"]
 

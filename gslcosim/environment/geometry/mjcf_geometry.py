@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.geometry.mesh_formats import Part
-from gslcosim.errors import EnvironmentDataError
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 

@@ -1,4 +1,4 @@
-"""Openings of a geometry: surfaces that close the air in there, and their places on the sides of the grid."""
+"""Openings of a geometry: surfaces that close the air in, and their places on the sides of the grid."""
 
 import itertools
 import re
@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.environment.geometry.mesh_formats import Part
 from gslcosim.environment.grid import Grid, point_text
 from gslcosim.environment.model import Opening
-from gslcosim.environment.openings import Face, border_m, snapped_range
-from gslcosim.quantities import Vec3
+from gslcosim.environment.openings import Face, border_m, snap_range
 from gslcosim.scenario.models.geometry import GeometryOpeningSpec, GeometrySpec
 from gslcosim.scenario.problems import Problem
 
@@ -52,7 +52,7 @@ class PlacedOpening:
     duct_m: float
 
 
-def plugs_of(spec: GeometrySpec, parts: Sequence[Part]) -> tuple[list[Plug], list[Part], list[Problem]]:
+def find_plugs(spec: GeometrySpec, parts: Sequence[Part]) -> tuple[list[Plug], list[Part], list[Problem]]:
     """Return the openings, the parts that are not openings, and openings whose surface is not in the files."""
     plugs: list[Plug] = []
     problems: list[Problem] = []
@@ -77,7 +77,7 @@ def plugs_of(spec: GeometrySpec, parts: Sequence[Part]) -> tuple[list[Plug], lis
     return plugs, [part for j, part in enumerate(parts) if j not in used], problems
 
 
-def seeds_of(plug: Plug, grid: Grid) -> NDArray[np.int64]:
+def seed_cells(plug: Plug, grid: Grid) -> NDArray[np.int64]:
     """Return the (n, 3) cells one to three cells before and behind places spread over an opening."""
     middle_m = (plug.min_m + plug.max_m) / 2
     half_m = (plug.max_m[plug.axis] - plug.min_m[plug.axis]) / 2
@@ -110,7 +110,7 @@ def place_opening(
         The place, or why there is none.
     """
     axis, (b, c) = plug.axis, (other for other in range(3) if other != plug.axis)
-    spans = [slice(*snapped_range(plug.min_m[o], plug.max_m[o], grid, o, is_outward=True)) for o in (b, c)]
+    spans = [slice(*snap_range(plug.min_m[o], plug.max_m[o], grid, o, is_outward=True)) for o in (b, c)]
     columns = np.moveaxis(is_air, axis, 0)[:, spans[0], spans[1]]
     low, high = (
         min(max((end_m[axis] - grid.origin_m[axis]) / grid.cell_m, 0.0), grid.shape[axis])

@@ -1,4 +1,4 @@
-"""All surfaces of a geometry as triangles, and which of them make a body."""
+"""Surfaces of a geometry as triangles on a grid, the bodies they make, and the cells of air between them."""
 
 import math
 from collections.abc import Sequence
@@ -7,8 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.environment.geometry.air_kernels import flood_untouched, share_touched
 from gslcosim.environment.geometry.mesh_formats import Part
-from gslcosim.environment.geometry.surface_kernels import join_inplace
+from gslcosim.environment.geometry.triangle_kernels import (
+    CROSSED,
+    EPS,
+    find_crossings,
+    join_inplace,
+    mark_touched_inplace,
+)
+from gslcosim.environment.grid import Grid
 
 # Corners closer than this are one: coordinates of files have single precision [m].
 SAME_M = 1e-5
@@ -34,7 +42,7 @@ class Surfaces:
         return self.part[triangles] < 0
 
 
-def surfaces_of(parts: Sequence[Part], opening_corners_m: NDArray[np.float64]) -> Surfaces:
+def build_surfaces(parts: Sequence[Part], opening_corners_m: NDArray[np.float64]) -> Surfaces:
     """Return the triangles of all parts and openings; those without area and doubles within a part are left out.
 
     Args:
@@ -127,3 +135,185 @@ def _bodies_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.
     n_triangles = np.diff(starts, append=len(order))
     closed[owners[order[starts[n_triangles != 2]]]] = False
     return body.astype(np.int32), closed
+
+
+Cells = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossings:
+    """Crossings of surfaces with the lines between centres of neighbouring cells, ordered by line, body, and place.
+
+    `link` is axis * n_cells + the flat index of the lower cell, `triangle` the index of what crosses it, `place` where
+    on the axis, in cells from the grid's lower corner.
+    """
+
+    link: NDArray[np.int64]
+    triangle: NDArray[np.int64]
+    place: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceVoxels:
+    """Surfaces on a grid. `marks` is (nx, ny, nz) uint8 with the bits of `surface_kernels`."""
+
+    grid: Grid
+    surfaces: Surfaces
+    marks: NDArray[np.uint8]
+    crossings: Crossings
+
+
+def voxelize_surfaces(surfaces: Surfaces, grid: Grid) -> SurfaceVoxels:
+    """Return which cells the surfaces touch and which lines between cells they cross."""
+    triangles = (surfaces.corners_m - grid.origin_m) / grid.cell_m
+    marks = np.zeros(grid.shape, dtype=np.uint8)
+    mark_touched_inplace(marks, triangles)
+    crossings = _crossings_of(surfaces, triangles, grid)
+    axis, cell = np.divmod(np.unique(crossings.link), marks.size)
+    np.bitwise_or.at(marks.reshape(-1), cell, (CROSSED << axis).astype(np.uint8))
+    return SurfaceVoxels(grid=grid, surfaces=surfaces, marks=marks, crossings=crossings)
+
+
+def find_certain_air(voxels: SurfaceVoxels, cells: NDArray[np.int64]) -> Cells:
+    """Return the cells that no surface touches and that the air of (n, 3) cells reaches, through whole faces of cells.
+
+    Cells that a surface touches, or outside the grid, are passed over.
+    """
+    cells = cells[voxels.grid.contains_cell(cells)]
+    return flood_untouched(voxels.marks, np.ravel_multi_index(tuple(cells.T), voxels.grid.shape).astype(np.int64))
+
+
+def find_air(voxels: SurfaceVoxels, is_surely_air: Cells) -> Cells:
+    """Return the cells whose centre is in the air, those that a surface passes included."""
+    return share_touched(voxels.marks, is_surely_air)
+
+
+def thin_bodies(voxels: SurfaceVoxels, box_m: NDArray[np.float64]) -> Cells:
+    """Return the cells that bodies take although they hold no centre of a cell there: plates, posts and small things.
+
+    Each takes the cell that holds the middle of its thickness, so that gas and sight never pass through a thin plate.
+
+    Args:
+        voxels: The surfaces.
+        box_m: (3, 2) where the air's box begins and ends on each axis, world frame [m]; what lies beyond takes none,
+            so that walls around the air do not grow into it.
+    """
+    is_solid = np.zeros(voxels.grid.shape, dtype=np.bool_)
+    spans = _spans(voxels, is_by_body=True)
+    box = (box_m - np.asarray(voxels.grid.origin_m)[:, np.newaxis]) / voxels.grid.cell_m
+    axis = (spans[0] // is_solid.size).astype(np.int64)
+    is_within = (spans[1] < box[axis, 1] - EPS) & (spans[2] > box[axis, 0] + EPS)
+    _fill_middles_inplace(is_solid, spans[:, is_within & (spans[2] - spans[1] > 1e-6)])
+    _fill_posts_inplace(is_solid, voxels)
+    return is_solid
+
+
+def find_sheets(voxels: SurfaceVoxels, is_air: Cells) -> Cells:
+    """Return the cells that surfaces take that have air on both sides: the cell that holds the surface.
+
+    A surface on the border of two cells takes the upper one. What remains as air has nothing between its cells.
+    """
+    is_solid = np.zeros(voxels.grid.shape, dtype=np.bool_)
+    spans = _spans(voxels, is_by_body=False)
+    lower, upper = _ends(spans, is_air.shape)
+    is_between = is_air.reshape(-1)[lower] & is_air.reshape(-1)[upper]
+    _fill_middles_inplace(is_solid, spans[:, is_between])
+    return is_solid
+
+
+def air_extent_m(voxels: SurfaceVoxels, is_air: Cells, axis: int) -> tuple[float, float]:
+    """Return where the air ends on an axis, at the farthest of the walls that bound it [m].
+
+    Columns of cells that end at an opening count only where all do: behind a door's frame the air goes on.
+    """
+    columns = np.moveaxis(is_air, axis, 0)
+    has_air = columns.any(axis=0)
+    first = np.argmax(columns, axis=0)[has_air]
+    last = len(columns) - 1 - np.argmax(columns[::-1], axis=0)[has_air]
+    cells = np.argwhere(has_air)
+    low = _walls_at(voxels, axis, np.insert(cells, axis, first - 1, axis=1), is_last=True)
+    high = _walls_at(voxels, axis, np.insert(cells, axis, last, axis=1), is_last=False)
+    origin_m, cell_m = voxels.grid.origin_m[axis], voxels.grid.cell_m
+    least = low.min() if len(low) else float(first.min())
+    most = high.max() if len(high) else float(last.max() + 1)
+    return origin_m + least * cell_m, origin_m + most * cell_m
+
+
+def _crossings_of(surfaces: Surfaces, triangles: NDArray[np.float64], grid: Grid) -> Crossings:
+    shape = np.array(grid.shape, dtype=np.int64)
+    none = np.empty(0, dtype=np.int64)
+    n = find_crossings(triangles, shape, none, none, np.empty(0))
+    links, owners, places = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
+    if n:
+        find_crossings(triangles, shape, links, owners, places)
+    order = np.lexsort((places, surfaces.body[owners], links))
+    return Crossings(link=links[order], triangle=owners[order], place=places[order])
+
+
+# The lines that are crossed, by each body or by all, without those of openings: (3, n) of line, first and last place.
+def _spans(voxels: SurfaceVoxels, *, is_by_body: bool, has_openings: bool = False) -> NDArray[np.float64]:
+    crossings, surfaces = voxels.crossings, voxels.surfaces
+    chosen = has_openings | ~surfaces.is_opening(crossings.triangle)
+    link, place = crossings.link[chosen], crossings.place[chosen]
+    if not len(link):
+        return np.empty((3, 0))
+    is_start = np.diff(link, prepend=-1) != 0
+    if is_by_body:
+        is_start |= np.diff(surfaces.body[crossings.triangle[chosen]], prepend=-1) != 0
+    starts = np.flatnonzero(is_start)
+    return np.stack(
+        (link[starts].astype(np.float64), np.minimum.reduceat(place, starts), np.maximum.reduceat(place, starts))
+    )
+
+
+# Where walls cross the lines from cells (n, 3) to the next along an axis, for those that do; openings if nothing else.
+def _walls_at(voxels: SurfaceVoxels, axis: int, cells: NDArray[np.int64], *, is_last: bool) -> NDArray[np.float64]:
+    wanted = axis * voxels.marks.size + np.ravel_multi_index(tuple(cells.T), voxels.grid.shape)
+    for has_openings in (False, True):
+        links, firsts, lasts = _spans(voxels, is_by_body=False, has_openings=has_openings)
+        found = np.isin(links, wanted)
+        if found.any():
+            return (lasts if is_last else firsts)[found]
+    return np.empty(0)
+
+
+# The flat indices of the cells at both ends of lines.
+def _ends(spans: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    axis, lower = np.divmod(spans[0].astype(np.int64), math.prod(shape))
+    return lower, lower + np.array((shape[1] * shape[2], shape[2], 1))[axis]
+
+
+def _fill_middles_inplace(is_solid: Cells, spans: NDArray[np.float64]) -> None:
+    lower, upper = _ends(spans, is_solid.shape)
+    axis = (spans[0] // is_solid.size).astype(np.int64)
+    border = np.stack(np.unravel_index(upper, is_solid.shape), axis=1)[np.arange(len(upper)), axis]
+    # A thousandth off: a middle on the border belongs to the upper cell, whatever the last digits say.
+    chosen = np.where((spans[1] + spans[2]) / 2 + 1e-3 >= border, upper, lower)
+    is_solid.reshape(-1)[chosen] = True
+
+
+# Closed bodies thinner than a cell along two axes may meet no line between centres at all.
+def _fill_posts_inplace(is_solid: Cells, voxels: SurfaceVoxels) -> None:
+    surfaces, grid = voxels.surfaces, voxels.grid
+    corners = (surfaces.corners_m - grid.origin_m) / grid.cell_m
+    order = np.argsort(surfaces.body, kind="stable")
+    if not len(order):
+        return
+    starts = np.flatnonzero(np.diff(surfaces.body[order], prepend=-1))
+    lows = np.minimum.reduceat(corners.min(axis=1)[order], starts)
+    highs = np.maximum.reduceat(corners.max(axis=1)[order], starts)
+    bodies = surfaces.body[order][starts]
+    is_post = surfaces.closed[bodies] & (np.sum(highs - lows < 1, axis=1) >= 2)
+    for low, high in zip(lows[is_post], highs[is_post], strict=True):
+        ranges = [_cells_of(low[axis], high[axis], grid.shape[axis]) for axis in range(3)]
+        is_solid[tuple(ranges)] = True
+
+
+# The same rule as for boxes: cells whose centre lies in [low, high), or the one that holds the middle.
+def _cells_of(low: float, high: float, n: int) -> slice:
+    low, high = round(low, 4), round(high, 4)
+    first, last = int(np.ceil(low - 0.5)), int(np.ceil(high - 0.5))
+    if first >= last:
+        first = int(np.floor((low + high) / 2))
+        last = first + 1
+    return slice(min(max(first, 0), n), min(max(last, 0), n))

@@ -1,4 +1,4 @@
-"""Rooms from a few numbers: one module a family of layouts, and what they are furnished with.
+"""Layouts: environments from a few numbers, one module a family, and their furniture.
 
 From outside: `kinds` turns any layout into a room of named boxes.
 """

@@ -1,9 +1,10 @@
-"""Houses: offices along a corridor, flats divided at random, and rooms joined by random passages."""
+"""Buildings: offices along a corridor, flats divided at random, and rooms joined by random passages."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from gslcosim.base.rng import stream
 from gslcosim.environment.layouts.pieces import (
     CONCRETE_RGBA,
     GOODS_RGBA,
@@ -11,12 +12,11 @@ from gslcosim.environment.layouts.pieces import (
     WOOD_RGBA,
     Area,
     Rgba,
+    box_above,
     free_places,
-    solid,
     wall_with_gaps,
 )
 from gslcosim.environment.model import Box
-from gslcosim.rng import stream
 from gslcosim.scenario.models.layouts import ClutteredRoomsSpec, HomeSpec, OfficeSpec
 
 Gap = tuple[float, float]
@@ -35,7 +35,7 @@ CLUTTER_SIDE_M, CLUTTER_HEIGHT_M = (0.4, 1.0), (0.4, 2.0)
 FURNITURE_GAP_M, DOOR_GAP_M = 0.6, 0.9
 
 
-def office_of(layout: OfficeSpec) -> tuple[Box, ...]:
+def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
     """Return walls, doors and desks of an office; the corridor runs along x in the middle."""
     rng = stream(layout.seed, "layout.office")
     x_m, y_m, z_m = layout.size_m
@@ -47,7 +47,7 @@ def office_of(layout: OfficeSpec) -> tuple[Box, ...]:
     boxes = _walls(walls, z_m, layout.door_m[1])
     if solid_from_m < x_m:
         outside = Area(min_m=(solid_from_m, _corridor_sides_m(layout)[1]), max_m=(x_m, y_m))
-        boxes.append(solid("outside", outside, 0.0, z_m, CONCRETE_RGBA, is_wall=True))
+        boxes.append(box_above("outside", outside, 0.0, z_m, CONCRETE_RGBA, is_wall=True))
     if layout.has_furniture:
         doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
         boxes += _desks(rng, kept, [*doors, *(area for area, _ in walls)], z_m)
@@ -61,7 +61,7 @@ def l_shape_from_m(layout: OfficeSpec) -> float:
     return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
 
 
-def home_of(layout: HomeSpec) -> tuple[Box, ...]:
+def build_home(layout: HomeSpec) -> tuple[Box, ...]:
     """Return walls, doors and furniture of a flat that was divided at random."""
     rng = stream(layout.seed, "layout.home")
     x_m, y_m, z_m = layout.size_m
@@ -83,7 +83,7 @@ def home_of(layout: HomeSpec) -> tuple[Box, ...]:
     return tuple(boxes)
 
 
-def cluttered_rooms_of(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
+def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
     """Return walls with passages between a grid of rooms, all of which can be reached, and clutter."""
     rng = stream(layout.seed, "layout.cluttered_rooms")
     z_m = layout.size_m[2]
@@ -181,7 +181,7 @@ def _furnish(
         return []
     (x0, y0), (x1, y1), gap_m = place.min_m, place.max_m, FURNITURE_GAP_M
     taken.append(Area(min_m=(x0 - gap_m, y0 - gap_m), max_m=(x1 + gap_m, y1 + gap_m)))
-    return [solid(name, place, 0.0, height_m, rgba)]
+    return [box_above(name, place, 0.0, height_m, rgba)]
 
 
 # Ways to divide the largest room that can be divided: its index, the two rooms, and the wall with its door.

@@ -1,21 +1,21 @@
-"""Places whose air is open: plants with tanks and buildings, and wind tunnels."""
+"""Outdoor layouts: plants with tanks and buildings, and wind tunnels."""
 
 import math
 
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.rng import stream
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.layouts.pieces import (
     CONCRETE_RGBA,
     STEEL_RGBA,
     TANK_RGBA,
     Area,
-    circle,
+    box_above,
+    circle_corners,
     free_places,
-    solid,
-    strips,
+    split_into_strips,
 )
 from gslcosim.environment.model import Box, Opening
-from gslcosim.quantities import Vec3
-from gslcosim.rng import stream
 from gslcosim.scenario.models.layouts import OpeningSpec, PlantSpec, WindTunnelSpec
 
 # Chosen: a small storage tank, a shed; width kept between them and to the boundary.
@@ -24,7 +24,7 @@ BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
 PLANT_GAP_M = 2.0
 
 
-def plant_of(layout: PlantSpec) -> tuple[Box, ...]:
+def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
     """Return the buildings and tanks of a plant; those for which there is no place are left out."""
     rng = stream(layout.seed, "layout.plant")
     x_m, y_m, z_m = layout.size_m
@@ -36,18 +36,18 @@ def plant_of(layout: PlantSpec) -> tuple[Box, ...]:
         height_m = min(float(rng.uniform(*BUILDING_HEIGHT_M)), 0.8 * z_m)
         for place in list(free_places(rng, sides_m, zone, taken, gap_m=PLANT_GAP_M))[:1]:
             taken.append(place)
-            boxes.append(solid(f"building_{i}", place, 0.0, height_m, CONCRETE_RGBA))
+            boxes.append(box_above(f"building_{i}", place, 0.0, height_m, CONCRETE_RGBA))
     for i in range(layout.n_tanks):
         radius_m = float(rng.uniform(*TANK_RADIUS_M))
         height_m = min(float(rng.uniform(*TANK_HEIGHT_M)), 0.8 * z_m)
         for place in list(free_places(rng, (2 * radius_m, 2 * radius_m), zone, taken, gap_m=PLANT_GAP_M))[:1]:
             taken.append(place)
             centre_m = (place.min_m[0] + radius_m, place.min_m[1] + radius_m)
-            boxes += strips(f"tank_{i}", circle(centre_m, radius_m), 0.0, height_m, TANK_RGBA)
+            boxes += split_into_strips(f"tank_{i}", circle_corners(centre_m, radius_m), 0.0, height_m, TANK_RGBA)
     return tuple(boxes)
 
 
-def wind_tunnel_of(layout: WindTunnelSpec) -> tuple[Box, ...]:
+def build_wind_tunnel(layout: WindTunnelSpec) -> tuple[Box, ...]:
     """Return the blocks of a wind tunnel, in a row along its middle line."""
     x_m, y_m, z_m = layout.size_m
     side_m = min(layout.block_m, 0.6 * y_m)
@@ -57,7 +57,7 @@ def wind_tunnel_of(layout: WindTunnelSpec) -> tuple[Box, ...]:
         low_m = first_m + i * (side_m + layout.gap_m)
         if low_m + side_m <= x_m:
             area = Area(min_m=(low_m, (y_m - side_m) / 2), max_m=(low_m + side_m, (y_m + side_m) / 2))
-            boxes.append(solid(f"block_{i}", area, 0.0, min(side_m, z_m), STEEL_RGBA))
+            boxes.append(box_above(f"block_{i}", area, 0.0, min(side_m, z_m), STEEL_RGBA))
     return tuple(boxes)
 
 

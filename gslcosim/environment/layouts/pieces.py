@@ -1,4 +1,4 @@
-"""What rooms are furnished with: turned and round solids as strips, walls with doors, places that keep apart."""
+"""Pieces of layouts: turned and round solids as strips, walls with doors, and places that keep apart."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -46,7 +46,7 @@ class Area:
         )
 
 
-def solid(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, is_wall: bool = False) -> Box:
+def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, is_wall: bool = False) -> Box:
     """Return the box above an area between two heights [m]."""
     return Box(
         name=name,
@@ -57,7 +57,7 @@ def solid(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, i
     )
 
 
-def turned(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
+def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
     """Return the corners, counterclockwise, of a rectangle that is turned about its centre."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return tuple(
@@ -69,7 +69,7 @@ def turned(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...
     )
 
 
-def circle(centre_m: Point, radius_m: float) -> tuple[Point, ...]:
+def circle_corners(centre_m: Point, radius_m: float) -> tuple[Point, ...]:
     """Return the corners of a regular polygon of the same area as a circle."""
     step = 2 * math.pi / N_CIRCLE
     reach_m = radius_m * math.sqrt(step / math.sin(step))
@@ -79,18 +79,20 @@ def circle(centre_m: Point, radius_m: float) -> tuple[Point, ...]:
     )
 
 
-def bounds_of(corners_m: Sequence[Point]) -> Area:
+def bounding_area(corners_m: Sequence[Point]) -> Area:
     """Return the smallest area that holds all corners."""
     xs, ys = zip(*corners_m, strict=True)
     return Area(min_m=(min(xs), min(ys)), max_m=(max(xs), max(ys)))
 
 
-def strips(name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba) -> tuple[Box, ...]:
+def split_into_strips(
+    name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba
+) -> tuple[Box, ...]:
     """Return boxes `name_0`, `name_1`, … along x that together stand for a convex prism.
 
     Each strip is as long as the polygon is at the strip's middle, so that the area is kept to second order.
     """
-    bounds = bounds_of(corners_m)
+    bounds = bounding_area(corners_m)
     n = max(1, round(bounds.size_m[0] / STRIP_M))
     borders = np.linspace(bounds.min_m[0], bounds.max_m[0], n + 1)
     boxes: list[Box] = []
@@ -98,7 +100,7 @@ def strips(name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float,
         low, high = _span_at((borders[i] + borders[i + 1]) / 2, corners_m)
         area = Area(min_m=(float(borders[i]), low), max_m=(float(borders[i + 1]), high))
         if high - low > 1e-6:
-            boxes.append(solid(f"{name}_{i}", area, bottom_m, top_m, rgba))
+            boxes.append(box_above(f"{name}_{i}", area, bottom_m, top_m, rgba))
     return tuple(boxes)
 
 
@@ -122,9 +124,9 @@ def wall_with_gaps(
             continue
         part = _part(area, axis, low, high)
         if i % 2 == 0:
-            boxes.append(solid(f"{name}_{i // 2}", part, 0.0, height_m, WALL_RGBA, is_wall=True))
+            boxes.append(box_above(f"{name}_{i // 2}", part, 0.0, height_m, WALL_RGBA, is_wall=True))
         elif gap_height_m < height_m - 1e-6:
-            boxes.append(solid(f"{name}_lintel_{i // 2}", part, gap_height_m, height_m, WALL_RGBA, is_wall=True))
+            boxes.append(box_above(f"{name}_lintel_{i // 2}", part, gap_height_m, height_m, WALL_RGBA, is_wall=True))
     return tuple(boxes)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gslcosim.base.rng import stream
 from gslcosim.environment.layouts.pieces import (
     GOODS_RGBA,
     SHELF_RGBA,
@@ -13,14 +14,13 @@ from gslcosim.environment.layouts.pieces import (
     WOOD_RGBA,
     Area,
     Rgba,
-    bounds_of,
+    bounding_area,
+    box_above,
     free_places,
-    solid,
-    strips,
-    turned,
+    rotated_corners,
+    split_into_strips,
 )
 from gslcosim.environment.model import Box
-from gslcosim.rng import stream
 from gslcosim.scenario.models.layouts import ComplexWarehouseSpec, OpeningSpec, SimpleWarehouseSpec
 
 Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
@@ -50,7 +50,7 @@ PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
 ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
 
 
-def racks_of(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
+def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
     """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
     places = rack_areas(layout, openings)
     n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
@@ -106,7 +106,7 @@ def end_aisle_m(layout: Racks, openings: Sequence[OpeningSpec]) -> float:
     return layout.end_aisle_m or widest_m + END_AISLE_EXTRA_M
 
 
-def items_of(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
+def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
     """Return forklifts, piles and pallets, turned by any angle, in the end aisles and clear of the openings."""
     rng = stream(layout.seed, "layout.items")
     x_m, y_m, _ = layout.size_m
@@ -154,12 +154,12 @@ def _rack(name: str, area: Area, height_m: float, storey: int, rack_type: int) -
     is_empty = rack_type >= len(LOADS)
     (x0, y0), (x1, y1) = area.min_m, area.max_m
     boxes = [
-        solid(f"{name}_post_{i}", _area(x, y, POST_M, POST_M), bottom_m, bottom_m + height_m, STEEL_RGBA)
+        box_above(f"{name}_post_{i}", _area(x, y, POST_M, POST_M), bottom_m, bottom_m + height_m, STEEL_RGBA)
         for i, (x, y) in enumerate((x, y) for x in (x0, x1 - POST_M) for y in (y0, y1 - POST_M))
     ]
     for level in EMPTY_SHELVES[rack_type - len(LOADS)] if is_empty else (0, 1):
         shelf_m = bottom_m + level * height_m / 2
-        boxes.append(solid(f"{name}_shelf_{level}", area, shelf_m, shelf_m + SHELF_M, SHELF_RGBA))
+        boxes.append(box_above(f"{name}_shelf_{level}", area, shelf_m, shelf_m + SHELF_M, SHELF_RGBA))
     if not is_empty:
         boxes += _goods(name, area, bottom_m, height_m, LOADS[rack_type])
     return boxes
@@ -179,7 +179,7 @@ def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequen
         low_m = bottom_m + level * height_m / 2 + SHELF_M
         if share > 0:
             boxes.append(
-                solid(f"{name}_goods_{i}", bay_area, low_m, low_m + share * (height_m / 2 - SHELF_M), GOODS_RGBA)
+                box_above(f"{name}_goods_{i}", bay_area, low_m, low_m + share * (height_m / 2 - SHELF_M), GOODS_RGBA)
             )
     return boxes
 
@@ -189,8 +189,8 @@ def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[tuple[
         size_m = (float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M)))
     else:
         size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
-    corners = turned((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
-    return corners, bounds_of(corners)
+    corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
+    return corners, bounding_area(corners)
 
 
 def _item(
@@ -215,7 +215,7 @@ def _item(
 def _layer(
     name: str, part: str, corners: Sequence[tuple[float, float]], bottom_m: float, top_m: float, rgba: Rgba
 ) -> list[Box]:
-    return list(strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
+    return list(split_into_strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
 
 
 def _shrunk(corners: Sequence[tuple[float, float]], share: float) -> tuple[tuple[float, float], ...]:

@@ -1,1 +1,1 @@
-"""Paths through the free cells of a room: shortest ones, which judge flights, and planned ones, which are flown."""
+"""Paths through the free cells of an environment: shortest ones for the referee, and planned ones for vehicles."""

@@ -1,6 +1,6 @@
-"""A room as an OpenFOAM case: what is solved, how, and from which start."""
+"""OpenFOAM case of an environment: equations, numerics, initial fields and boundary conditions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,15 +8,182 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import FlowError
-from gslcosim.flow.openfoam import dictionary
-from gslcosim.flow.openfoam.fields import fields_of
-from gslcosim.flow.openfoam.polymesh import PolyMesh, polymesh_of
+from gslcosim.base.errors import FlowError
+from gslcosim.flow.boundaries.domain import Domain, PlacedPatch, build_domain
+from gslcosim.flow.boundaries.inflow import Schedule
+from gslcosim.flow.boundaries.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
+from gslcosim.flow.openfoam.polymesh import Boundary, PolyMesh, build_polymesh
+from gslcosim.flow.pressure import F32, LOW
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
-from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT
-from gslcosim.flow.walls.domain import build_domain
-from gslcosim.flow.walls.inflow import Schedule
-from gslcosim.flow.walls.patches import Inlet, MovingWall, Outlet, Patch, SlipWall
+from gslcosim.flow.turbulence import SMAGORINSKY_CONSTANT, inlet_turbulence, start_turbulence
+
+Entries = Mapping[str, Any]
+
+
+def write_dictionary(path: Path, entries: Entries, *, of_class: str = "dictionary") -> None:
+    """Write entries as an OpenFOAM dictionary; a mapping in them becomes a dictionary of its own.
+
+    Booleans become yes and no, tuples lists in parentheses, numbers their shortest exact form; other values are text.
+    """
+    _write(path, of_class, "\n".join(_lines(entries)))
+
+
+def write_boundary(path: Path, boundaries: Mapping[str, Entries]) -> None:
+    """Write the list of boundaries of a mesh."""
+    body = "\n".join(_lines(boundaries))
+    _write(path, "polyBoundaryMesh", f"{len(boundaries)}\n(\n{body}\n)")
+
+
+def write_labels(path: Path, labels: NDArray[np.int64], *, note: str) -> None:
+    """Write whole numbers, one a line; `note` is what OpenFOAM's tools show of the file."""
+    _write_list(path, "labelList", map(str, labels.tolist()), len(labels), note=note)
+
+
+def write_faces(path: Path, faces: NDArray[np.int64]) -> None:
+    """Write faces of four points each, (n, 4)."""
+    _write_list(path, "faceList", (f"4({a} {b} {c} {d})" for a, b, c, d in faces.tolist()), len(faces))
+
+
+def write_points(path: Path, points_m: NDArray[np.float64]) -> None:
+    """Write points (n, 3) [m]."""
+    _write_list(path, "vectorField", (f"({x:.9g} {y:.9g} {z:.9g})" for x, y, z in points_m.tolist()), len(points_m))
+
+
+def _write_list(path: Path, of_class: str, items: Iterable[str], n: int, *, note: str = "") -> None:
+    _write(path, of_class, f"{n}\n(\n" + "\n".join(items) + "\n)", note=note)
+
+
+def _write(path: Path, of_class: str, body: str, *, note: str = "") -> None:
+    header = {"version": "2.0", "format": "ascii", "class": of_class, "object": path.name}
+    if note:
+        header["note"] = f'"{note}"'
+    path.parent.mkdir(parents=True, exist_ok=True)
+    head = "\n".join(_lines({"FoamFile": header}))
+    path.write_text(f"{head}\n\n{body}\n", encoding="ascii")
+
+
+def _lines(entries: Entries, indent: str = "") -> Iterable[str]:
+    for key, value in entries.items():
+        if isinstance(value, Mapping):
+            yield from (f"{indent}{key}", f"{indent}{{", *_lines(value, f"{indent}    "), f"{indent}}}")
+        else:
+            yield f"{indent}{key} {_text(value)};"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return f"({' '.join(_text(item) for item in value)})"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+Condition = Mapping[str, Any]
+Level = Mapping[str, float]  # k and epsilon
+
+_ZERO_GRADIENT = {"type": "zeroGradient"}
+_CALCULATED = {"type": "calculated", "value": "uniform 0"}
+_SLIP = {"type": "slip"}
+
+_DIMENSIONS = {
+    "U": "[0 1 -1 0 0 0 0]",
+    "p": "[0 2 -2 0 0 0 0]",
+    "k": "[0 2 -2 0 0 0 0]",
+    "epsilon": "[0 2 -3 0 0 0 0]",
+    "nut": "[0 2 -1 0 0 0 0]",
+}
+_FIELDS = {"k_epsilon": ("U", "p", "k", "epsilon", "nut"), "smagorinsky": ("U", "p", "nut"), "laminar": ("U", "p")}
+
+
+def build_fields(domain: Domain, boundaries: tuple[Boundary, ...], turbulence: str) -> dict[str, dict[str, Any]]:
+    """Return the start of each field that a turbulence model needs, by OpenFOAM's name.
+
+    Air is still; k and epsilon are those that the built-in solver starts with, everywhere.
+    """
+    start = _level(*start_turbulence(domain))
+    return {
+        name: {
+            "dimensions": _DIMENSIONS[name],
+            "internalField": "uniform (0 0 0)" if name == "U" else f"uniform {start.get(name, 0.0)!r}",
+            "boundaryField": {b.name: _condition(name, b, domain, start, turbulence) for b in boundaries},
+        }
+        for name in _FIELDS[turbulence]
+    }
+
+
+def _condition(field: str, boundary: Boundary, domain: Domain, start: Level, turbulence: str) -> Condition:
+    if boundary.placed is None:
+        return _at_wall(field, (0.0, 0.0, 0.0), start, turbulence)
+    patch = boundary.placed.patch
+    if isinstance(patch, MovingWall):
+        return _at_wall(field, patch.velocity_m_s, start, turbulence)
+    if isinstance(patch, SlipWall):
+        return _CALCULATED if field == "nut" else _SLIP
+    if isinstance(patch, Outlet):
+        return _at_outlet(field, start)
+    assert isinstance(patch, Inlet), "write_case refuses other kinds"
+    level = _level(*inlet_turbulence(boundary.placed, domain))
+    return _at_inlet(field, _inlet_velocities(boundary.placed, domain), level)
+
+
+def _at_wall(field: str, velocity_m_s: tuple[float, float, float], start: Level, turbulence: str) -> Condition:
+    if field == "U":
+        return _fixed(velocity_m_s)
+    if field == "p":
+        return _ZERO_GRADIENT
+    if field == "nut":
+        # Without a turbulence energy the wall's friction follows from the speed beside it alone.
+        function = "nutkWallFunction" if turbulence == "k_epsilon" else "nutUSpaldingWallFunction"
+        return {"type": function, "value": "uniform 0"}
+    function = {"k": "kqRWallFunction", "epsilon": "epsilonWallFunction"}[field]
+    return {"type": function, "value": f"uniform {start[field]!r}"}
+
+
+def _at_outlet(field: str, start: Level) -> Condition:
+    if field == "p":
+        return {"type": "fixedValue", "value": "uniform 0"}
+    if field == "U":
+        return {"type": "pressureInletOutletVelocity", "value": "uniform (0 0 0)"}
+    if field == "nut":
+        return _CALCULATED
+    inside = f"uniform {start[field]!r}"
+    return {"type": "inletOutlet", "inletValue": inside, "value": inside}
+
+
+def _at_inlet(field: str, velocities_m_s: F32, level: Level) -> Condition:
+    if field == "U":
+        first = velocities_m_s[0]
+        return _fixed(first) if (velocities_m_s == first).all() else _fixed_each(velocities_m_s)
+    if field == "p":
+        return _ZERO_GRADIENT
+    if field == "nut":
+        return _CALCULATED
+    return {"type": "fixedValue", "value": f"uniform {level[field]!r}"}
+
+
+def _level(k_m2_s2: float, epsilon_m2_s3: float) -> Level:
+    return {"k": float(k_m2_s2), "epsilon": float(epsilon_m2_s3)}
+
+
+# (n, 3) velocities of the inlet's faces, in the order of the mesh: that of their cells.
+def _inlet_velocities(placed: PlacedPatch, domain: Domain) -> F32:
+    assert placed.inflow is not None, "inlets have one"
+    inside = LOW + domain.shape[placed.axis] - 1 if placed.is_high else LOW
+    return placed.inflow.profile_m_s[domain.air[placed.layer(inside)]]
+
+
+def _fixed(velocity_m_s: Iterable[float]) -> Condition:
+    return {"type": "fixedValue", "value": f"uniform {_vector(velocity_m_s)}"}
+
+
+def _fixed_each(velocities_m_s: F32) -> Condition:
+    vectors = " ".join(_vector(velocity) for velocity in velocities_m_s)
+    return {"type": "fixedValue", "value": f"nonuniform List<vector> {len(velocities_m_s)}({vectors})"}
+
+
+def _vector(components: Iterable[float]) -> str:
+    return f"({' '.join(f'{component:.9g}' for component in components)})"
+
 
 COURANT = 1.0  # AutoGDM+'s
 FIRST_STEP_S = 1e-4  # AutoGDM+'s; the Courant number decides from the second step on
@@ -120,18 +287,18 @@ def write_case(
     _check(patches, folder, turbulence, n_ranks, courant)
     _check_times(end_time_s, average_from_s)
     domain = build_domain(free, cell_m, patches)
-    mesh = polymesh_of(domain)
+    mesh = build_polymesh(domain)
     _write_mesh(folder / "constant" / "polyMesh", mesh)
-    for name, field in fields_of(domain, mesh.boundaries, turbulence).items():
+    for name, field in build_fields(domain, mesh.boundaries, turbulence).items():
         of_class = "volVectorField" if name == "U" else "volScalarField"
-        dictionary.write_dictionary(folder / "0" / name, field, of_class=of_class)
+        write_dictionary(folder / "0" / name, field, of_class=of_class)
     transport = {"transportModel": "Newtonian", "nu": f"[0 2 -1 0 0 0 0] {float(nu_m2_s)!r}"}
-    dictionary.write_dictionary(folder / "constant" / "transportProperties", transport)
-    dictionary.write_dictionary(folder / "constant" / "turbulenceProperties", _SIMULATION[turbulence])
-    dictionary.write_dictionary(folder / "system" / "fvSchemes", _SCHEMES)
-    dictionary.write_dictionary(folder / "system" / "fvSolution", _SOLUTION)
-    dictionary.write_dictionary(folder / "system" / "controlDict", _control(end_time_s, average_from_s, courant))
-    dictionary.write_dictionary(folder / "system" / "decomposeParDict", _decomposition(n_ranks, mesh.air.shape))
+    write_dictionary(folder / "constant" / "transportProperties", transport)
+    write_dictionary(folder / "constant" / "turbulenceProperties", _SIMULATION[turbulence])
+    write_dictionary(folder / "system" / "fvSchemes", _SCHEMES)
+    write_dictionary(folder / "system" / "fvSolution", _SOLUTION)
+    write_dictionary(folder / "system" / "controlDict", _control(end_time_s, average_from_s, courant))
+    write_dictionary(folder / "system" / "decomposeParDict", _decomposition(n_ranks, mesh.air.shape))
     return FoamCase(folder=folder, mesh=mesh, field="U" if average_from_s is None else "UMean", n_ranks=n_ranks)
 
 
@@ -173,15 +340,15 @@ def _check_kind(patch: Patch) -> None:
 def _write_mesh(folder: Path, mesh: PolyMesh) -> None:
     note = f"nPoints: {len(mesh.points_m)} nCells: {mesh.n_cells} nFaces: {len(mesh.faces)} "
     note += f"nInternalFaces: {len(mesh.neighbours)}"
-    dictionary.write_points(folder / "points", mesh.points_m)
-    dictionary.write_faces(folder / "faces", mesh.faces)
-    dictionary.write_labels(folder / "owner", mesh.owners, note=note)
-    dictionary.write_labels(folder / "neighbour", mesh.neighbours, note=note)
+    write_points(folder / "points", mesh.points_m)
+    write_faces(folder / "faces", mesh.faces)
+    write_labels(folder / "owner", mesh.owners, note=note)
+    write_labels(folder / "neighbour", mesh.neighbours, note=note)
     boundaries = {
         b.name: {"type": "wall" if b.is_wall else "patch", "nFaces": b.n_faces, "startFace": b.first_face}
         for b in mesh.boundaries
     }
-    dictionary.write_boundary(folder / "boundary", boundaries)
+    write_boundary(folder / "boundary", boundaries)
 
 
 def _control(end_time_s: float, average_from_s: float | None, courant: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Finding OpenFOAM on this machine, whoever packaged it."""
+"""OpenFOAM installations on this machine, whoever packaged them."""
 
 import os
 import re
@@ -7,7 +7,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 
 TOOLS = ("pimpleFoam", "decomposePar", "mpirun")
 

@@ -1,13 +1,13 @@
-"""A grid of cells as OpenFOAM's polyhedral mesh, so that no meshing tool is needed."""
+"""Polyhedral mesh of OpenFOAM from a grid of cells, so that no meshing tool is needed."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow.pressure_kernels import HIGH, LOW
-from gslcosim.flow.walls.domain import Bool, Domain, PlacedPatch
-from gslcosim.flow.walls.patches import MovingWall
+from gslcosim.flow.boundaries.domain import Bool, Domain, PlacedPatch
+from gslcosim.flow.boundaries.patches import MovingWall
+from gslcosim.flow.pressure import HIGH, LOW
 
 Int = NDArray[np.int64]
 
@@ -25,7 +25,7 @@ class Boundary:
 
     @property
     def is_wall(self) -> bool:
-        """Whether air rubs on it."""
+        """True if air rubs on it."""
         return self.placed is None or isinstance(self.placed.patch, MovingWall)
 
 
@@ -55,7 +55,7 @@ class PolyMesh:
         return int(np.count_nonzero(self.air))
 
 
-def polymesh_of(domain: Domain) -> PolyMesh:
+def build_polymesh(domain: Domain) -> PolyMesh:
     """Return the mesh of a domain's air, faces in OpenFOAM's upper-triangular order.
 
     Inner faces come first, by owner and then by neighbour; boundary faces follow, by boundary and then by owner.

@@ -1,6 +1,12 @@
-"""The wind of a room by OpenFOAM: the same question and the same form of answer as the built-in solver's."""
+"""Wind by OpenFOAM: run its tools on a case, follow what they print, and read the result."""
 
+import collections
+import contextlib
+import os
+import re
 import shutil
+import signal
+import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,14 +14,143 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import FlowError
-from gslcosim.flow.openfoam.case import COURANT, write_case
-from gslcosim.flow.openfoam.installation import find_installation
-from gslcosim.flow.openfoam.result import read_wind
-from gslcosim.flow.openfoam.run import run_case
+from gslcosim.base.errors import FlowError
+from gslcosim.flow.boundaries.patches import Patch
+from gslcosim.flow.openfoam.case import COURANT, FoamCase, write_case
+from gslcosim.flow.openfoam.installation import Installation, find_installation
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
-from gslcosim.flow.walls.patches import Patch
+
+_FIELD_TYPE = NDArray[np.float32]
+
+
+def read_wind(case: FoamCase) -> _FIELD_TYPE:
+    """Return the wind of a case that has been run, (nx, ny, nz, 3) at cell centres [m/s], zero in solids.
+
+    Raises:
+        FlowError: the result is missing or not as it was asked for; says which file.
+    """
+    cells = np.full((case.mesh.n_cells, 3), np.nan)
+    for part in _parts(case):
+        values = _read_vectors(_last_time(part) / case.field)
+        cells[_cell_numbers(part, len(values))] = values
+    if not np.isfinite(cells).all():
+        raise FlowError(
+            f"{case.folder}: expected a finite {case.field} in every cell, was missing or infinite in some."
+        )
+    velocity_m_s = np.zeros((*case.mesh.air.shape, 3), np.float32)
+    velocity_m_s[case.mesh.air] = cells
+    return velocity_m_s
+
+
+def _parts(case: FoamCase) -> list[Path]:
+    parts = [case.folder / f"processor{rank}" for rank in range(case.n_ranks)]
+    return parts if case.n_ranks > 1 else [case.folder]
+
+
+def _last_time(part: Path) -> Path:
+    times = {float(path.name): path for path in part.iterdir() if re.fullmatch(r"[0-9.]+(e[+-]?\d+)?", path.name)}
+    latest = max(times, default=0.0)
+    if latest <= 0:
+        raise FlowError(f"{part}: expected a folder named by the end of the solve [s], found none.")
+    return times[latest]
+
+
+# Which cells of the whole mesh the rows of a part are.
+def _cell_numbers(part: Path, n: int) -> NDArray[np.int64]:
+    path = part / "constant" / "polyMesh" / "cellProcAddressing"
+    return _read_numbers(path, r"\n(\d+)\s*\(", np.int64) if path.is_file() else np.arange(n)
+
+
+def _read_vectors(path: Path) -> NDArray[np.float64]:
+    return _read_numbers(path, r"internalField\s+nonuniform\s+List<vector>\s+(\d+)\s*\(", np.float64, width=3)
+
+
+# The list of numbers after its length, which `opening` finds, in text; parentheses around vectors are left out.
+def _read_numbers(path: Path, opening: str, dtype: type, *, width: int = 1) -> NDArray:
+    if not path.is_file():
+        raise FlowError(f"{path}: expected OpenFOAM to have written it, was missing.")
+    text = path.read_text(encoding="ascii", errors="replace")
+    match = re.search(opening, text)
+    if match is None:
+        raise FlowError(f"{path}: expected a list in text (writeFormat ascii), found none.")
+    n = int(match[1])
+    end = text.find(")\n)" if width > 1 else ")", match.end())
+    body = text[match.end() : end]
+    numbers = np.fromstring(body.translate({ord("("): " ", ord(")"): " "}), dtype=dtype, sep=" ")
+    if numbers.size != n * width:
+        raise FlowError(f"{path}: expected {n * width} numbers, found {numbers.size}.")
+    return numbers if width == 1 else numbers.reshape(n, width)
+
+
+_TIME = re.compile(r"^Time = ([0-9.eE+-]+)s?$")
+_N_LAST_LINES = 15
+
+
+def run_case(case: FoamCase, installation: Installation, *, on_time: Callable[[float], None]) -> None:
+    """Solve a case: cut its mesh into parts and let pimpleFoam run on them.
+
+    Args:
+        case: A written case that was not run yet.
+        installation: OpenFOAM.
+        on_time: Is told the flow's time [s] at each step.
+
+    Raises:
+        FlowError: a tool failed; the message has the last lines of its log and says where the log is.
+    """
+    solver = [installation.tool("pimpleFoam"), "-case", str(case.folder)]
+    if case.n_ranks > 1:
+        _run(case, installation, [installation.tool("decomposePar"), "-case", str(case.folder)])
+        solver = [installation.tool("mpirun"), "-np", str(case.n_ranks), *solver, "-parallel"]
+    _run(case, installation, solver, on_time=on_time)
+
+
+def _run(
+    case: FoamCase,
+    installation: Installation,
+    command: Sequence[str],
+    *,
+    on_time: Callable[[float], None] | None = None,
+) -> None:
+    name = "decomposePar" if on_time is None else "pimpleFoam"
+    log = case.folder / f"log.{name}"
+    last_lines: collections.deque[str] = collections.deque(maxlen=_N_LAST_LINES)
+    process = subprocess.Popen(
+        command,
+        env=installation.environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    )
+    with _ended(process), log.open("w", encoding="utf-8") as lines:
+        assert process.stdout is not None, "it is a pipe"
+        for line in process.stdout:
+            lines.write(line)
+            last_lines.append(line)
+            if on_time is not None and (match := _TIME.match(line)):
+                on_time(float(match[1]))
+        status = process.wait()
+    if status != 0:
+        raise FlowError(
+            f"{name} failed with exit status {status}. The end of its log:\n{''.join(last_lines).rstrip()}\nLog: {log}"
+        )
+
+
+# Leaves no process behind, whatever ends the block: mpirun passes the signal on to its ranks.
+@contextlib.contextmanager
+def _ended(process: "subprocess.Popen[str]"):  # noqa: ANN202
+    try:
+        yield
+    finally:
+        if process.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGTERM)
+            process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
 
 
 def solve_wind_openfoam(

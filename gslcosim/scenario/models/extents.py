@@ -2,16 +2,17 @@
 
 from pydantic_core import PydanticCustomError
 
-from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import shown
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import broken_rule_error, format_point
 
 
 def check_box(min_m: Vec3, max_m: Vec3) -> None:
     """Raise what a validator raises where two points are not the lower and upper corner of a box [m]."""
     if min(_sides_m(min_m, max_m)) <= 0:
         raise _wrong_corners(
-            max_m, f"each number greater than that of min_m, {shown(min_m)}", "min_m and max_m are opposite corners."
+            max_m,
+            f"each number greater than that of min_m, {format_point(min_m)}",
+            "min_m and max_m are opposite corners.",
         )
 
 
@@ -21,7 +22,7 @@ def check_box_or_rectangle(min_m: Vec3, max_m: Vec3) -> None:
     if min(sides_m) < 0 or sides_m.count(0) > 1:
         raise _wrong_corners(
             max_m,
-            f"two numbers greater than those of min_m, {shown(min_m)}, and none smaller",
+            f"two numbers greater than those of min_m, {format_point(min_m)}, and none smaller",
             "min_m and max_m are opposite corners of a box or rectangle.",
         )
 
@@ -32,7 +33,7 @@ def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
     if min(sides_m) != 0 or sides_m.count(0) != 1:
         raise _wrong_corners(
             max_m,
-            f"one number equal to that of min_m, {shown(min_m)}, and two greater",
+            f"one number equal to that of min_m, {format_point(min_m)}, and two greater",
             "An opening is a rectangle on one side of the room.",
         )
 
@@ -40,16 +41,16 @@ def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
 def check_velocity_of(kind: str, velocity_m_s: Vec3 | None) -> None:
     """Raise what a validator raises where an opening that is no inlet has a velocity."""
     if velocity_m_s is not None and kind != "inlet":
-        raise broken_rule(
+        raise broken_rule_error(
             key="velocity_m_s",
             expected=f"no velocity for an {'open side' if kind == 'open' else kind}",
-            found=shown(velocity_m_s),
+            found=format_point(velocity_m_s),
             remedy="Only an inlet has one; the air finds its way through the others.",
         )
 
 
 def _wrong_corners(max_m: Vec3, expected: str, remedy: str) -> PydanticCustomError:
-    return broken_rule(key="max_m", expected=expected, found=shown(max_m), remedy=remedy)
+    return broken_rule_error(key="max_m", expected=expected, found=format_point(max_m), remedy=remedy)
 
 
 def _sides_m(min_m: Vec3, max_m: Vec3) -> list[float]:

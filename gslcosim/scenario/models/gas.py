@@ -1,19 +1,18 @@
-"""The gas of a scenario: sources, dispersion, and the choices of models; every field with unit, default and range."""
+"""Gas of a scenario: sources, dispersion, and the choices of models; every field with unit, default and range."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, model_validator
 
-from gslcosim.offers import Offers
-from gslcosim.quantities import Vec3
+from gslcosim.base.plugins import EntryPoints
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import NonNegative, Positive, Spec, broken_rule_error
 from gslcosim.scenario.models.gas_sources import GasDefinition
 from gslcosim.scenario.models.gas_sources import SourceSpec as SourceSpec
 from gslcosim.scenario.models.one_of import KindedSpec, OneOf
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
 
-# The gases that there are; the table with their figures is in gslcosim.fields.
+# The gases that there are; the table with their figures is in gslcosim_services.fields.
 GASES = (
     "ethanol", "methane", "hydrogen", "propanol", "chlorine", "fluorine", "acetone", "neon", "helium", "biogas",
     "butane", "carbon_dioxide", "carbon_monoxide", "smoke",
@@ -72,7 +71,7 @@ class PlaybackSpec(Spec):
 
 
 class GasSpec(KindedSpec):
-    """What every gas model has; the block of a model adds what only this model has.
+    """Base of all gas models; the block of a model adds what only this model has.
 
     A package's block derives from this class or from `FilamentsSpec`, and narrows `model` to its name.
     `can_be_driven` says that the gas follows when a service changes the wind.
@@ -109,7 +108,7 @@ class GasSpec(KindedSpec):
                 "release": source.release.kind != "constant" and not self.has_releases,
             }
             for key in (key for key, is_useless in useless.items() if is_useless):
-                raise broken_rule(
+                raise broken_rule_error(
                     key=f"sources[{i}].{key}",
                     expected=f"no {key} with model: {self.model}",
                     found=getattr(source, key).kind,
@@ -120,14 +119,14 @@ class GasSpec(KindedSpec):
     @model_validator(mode="after")
     def _check_kept_gas(self) -> Self:
         if self.tape and (not self.can_be_taped or self.rotor_downwash):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="tape",
                 expected="false, unless the gas is made of filaments that no vehicle moves",
                 found="true with rotor_downwash" if self.rotor_downwash else f"true with model: {self.model}",
                 remedy="Leave tape out.",
             )
         if self.rotor_downwash and not self.has_filaments:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="rotor_downwash",
                 expected="false with a model without filaments of its own",
                 found=f"true with model: {self.model}",
@@ -141,7 +140,7 @@ class GasSpec(KindedSpec):
 
 
 class FilamentsSpec(GasSpec):
-    """What gas models that move filaments have.
+    """Base of gas models that move filaments.
 
     Growth sigma^2 = sigma0^2 + growth_m2_s * age; random walk with eddy diffusivity per axis. `compatibility` repeats
     GADEN's noise, cut-off and buoyancy, with `gaden_noise_std_m` in place of the eddy diffusivity.
@@ -186,7 +185,7 @@ class FarrellGasSpec(FilamentsSpec):
 
 
 class FormulaGasSpec(GasSpec):
-    """What gas models with a formula for the plume have."""
+    """Base of gas models with a formula for the plume."""
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "plume.instantaneous_frac": ("meandering_plume",),
@@ -228,7 +227,7 @@ class PlaybackGasSpec(GasSpec):
     @model_validator(mode="after")
     def _check_playback(self) -> Self:
         if self.playback is None:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="playback",
                 expected="a folder of frames with model: playback",
                 found="none",
@@ -247,7 +246,7 @@ GAS_KINDS = OneOf(
     tag_key="model",
     base=GasSpec,
     own=GAS_MODELS,
-    offers=Offers(group=GAS_ENTRY_POINTS, what="gas model"),
+    offers=EntryPoints(group=GAS_ENTRY_POINTS, what="gas model"),
     default="filament",
 )
 # Chosen by `model`; a block that does not say it moves filaments.

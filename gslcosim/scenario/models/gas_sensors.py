@@ -1,11 +1,11 @@
-"""The settings of sensors of gas and wind; every field with unit, default and range."""
+"""Settings of sensors of gas and wind; every field with unit, default and range."""
 
 from typing import ClassVar
 
 from pydantic import Field
 
+from gslcosim.scenario.models.base import NonNegative, Positive
 from gslcosim.scenario.models.sensor_base import BeamSensorSpec, MeasuringSensorSpec
-from gslcosim.scenario.models.spec import NonNegative, Positive
 
 
 class MoxSensorSpec(MeasuringSensorSpec):

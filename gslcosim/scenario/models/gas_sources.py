@@ -1,4 +1,4 @@
-"""The sources of a scenario's gas, and gases that gslcosim does not know by itself."""
+"""Sources of a scenario's gas, and gases that gslcosim does not know by itself."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -6,14 +6,13 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from gslcosim.quantities import Vec3
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error, format_point
 from gslcosim.scenario.models.one_of import KindedSpec
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, shown
 
 
 class ReleaseSpec(KindedSpec):
-    """When filaments are born.
+    """Times at which filaments are born.
 
     `constant` evenly, `poisson` independently of each other; `variable` draws a rate from 0 to `filaments_per_s` anew
     every `interval_s`; `intermittent` releases for `on_s` and pauses for `off_s`; `scheduled` changes the rate as
@@ -42,7 +41,7 @@ class ReleaseSpec(KindedSpec):
         times_s = [time_s for time_s, _ in self.schedule]
         is_ascending = all(before < after for before, after in pairwise(times_s))
         if not is_ascending or (self.kind == "scheduled") != bool(self.schedule):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="schedule",
                 expected="pairs of time and rate with ascending times",
                 found=f"times {', '.join(f'{time_s:g}' for time_s in times_s) or 'none'}",
@@ -67,10 +66,10 @@ class ShapeSpec(KindedSpec):
     def _check_size(self) -> Self:
         is_negative = self.kind != "line" and min(self.size_m) < 0
         if self.kind != "point" and (is_negative or not any(self.size_m)):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="size_m",
                 expected="a vector that is not zero" if self.kind == "line" else "three edges, none negative",
-                found=shown(self.size_m),
+                found=format_point(self.size_m),
                 remedy="For example shape: {kind: box, size_m: [1, 1, 0.5]}.",
             )
         return self
@@ -92,7 +91,7 @@ class SourceSpec(Spec):
 
 
 class PowerLawSpec(Spec):
-    """How a MOX sensor responds to a gas: Rs/R0 = a c^b, c in ppm; `b` is negative, as resistance falls with gas."""
+    """Response of a MOX sensor to a gas: Rs/R0 = a c^b, c in ppm; `b` is negative, as resistance falls with gas."""
 
     sensor: str = Field(description="the model of the sensor")
     a: Positive = Field(description="factor of Rs/R0 = a c^b, c in ppm")

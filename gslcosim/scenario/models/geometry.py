@@ -1,13 +1,12 @@
-"""The frozen models of a room from the user's own geometry: which files, how they lie, and where the air passes."""
+"""Geometry of one's own: files, their placement, and where the air passes."""
 
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from gslcosim.quantities import Vec3
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import Name, Positive, Spec, broken_rule_error
 from gslcosim.scenario.models.extents import check_box, check_box_or_rectangle, check_velocity_of
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, Positive, Spec
 
 
 class ExtentSpec(Spec):
@@ -35,7 +34,7 @@ class BoundsSpec(Spec):
 
 
 class GeometryOpeningSpec(Spec):
-    """Where air comes in or goes out: a `box` around it, or a `surface` of the files by its name.
+    """Opening of a geometry where air comes in or goes out: a `box` around it, or a `surface` of the files by its name.
 
     A surface is a mesh, group, material, node, solid or geom. `kind: open` is a side where the outdoors go
     on. `velocity_m_s` is an inlet's; without it the wind of `wind.inlet_velocity_m_s`, straight inwards.
@@ -54,7 +53,7 @@ class GeometryOpeningSpec(Spec):
     @model_validator(mode="after")
     def _check_place(self) -> Self:
         if (self.box is None) == (self.surface is None):
-            raise broken_rule(
+            raise broken_rule_error(
                 expected="exactly one of box and surface",
                 found="neither" if self.box is None else "both",
                 remedy="box gives the place in metres, surface names a part of the files.",
@@ -93,7 +92,7 @@ class GeometrySpec(Spec):
         names = [opening.name for opening in self.openings]
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="openings",
                 expected="openings with different names",
                 found=f"{doubled[0]} {names.count(doubled[0])} times",

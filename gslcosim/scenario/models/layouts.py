@@ -1,4 +1,4 @@
-"""The frozen models of layouts: what kinds of rooms can be generated, and what can be said of each.
+"""Layouts: kinds of environments that can be generated, and the settings of each.
 
 They hold what Tables 9.1 and 9.2 of the GSL-Bench thesis have for warehouses, and the like for other rooms: `kind` is
 env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`
@@ -10,10 +10,18 @@ from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from gslcosim.quantities import Vec3
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import (
+    Count,
+    Fraction,
+    Name,
+    NonNegative,
+    Positive,
+    RoomEdge,
+    Spec,
+    broken_rule_error,
+)
 from gslcosim.scenario.models.extents import check_box, check_rectangle, check_velocity_of
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Count, Fraction, Name, NonNegative, Positive, RoomEdge, Spec
 
 DEFAULT_KIND = "warehouse_empty"
 
@@ -71,7 +79,7 @@ class FurtherOpeningSpec(OpeningSpec):
 
 
 class RoomSpec(Spec):
-    """What all layouts have. Sizes [m]; `seed` decides all that is drawn at random.
+    """Base of all layouts. Sizes [m]; `seed` decides all that is drawn at random.
 
     `inlet` and `outlet` are rectangles anywhere on the boundary; without them the openings are where the layout has
     them, in warehouses and houses `inlet_size_m` and `outlet_size_m` (along y, and high) in the near and far corner.
@@ -102,7 +110,7 @@ class RoomSpec(Spec):
     def _check_openings(self) -> Self:
         for key in ("inlet", "outlet"):
             if getattr(self, key) is not None and getattr(self, f"{key}_size_m") is not None:
-                raise broken_rule(
+                raise broken_rule_error(
                     key=f"{key}_size_m",
                     expected=f"no size beside {key}, which has its own",
                     found="both",

@@ -16,9 +16,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
-from gslcosim.offers import OfferError, Offers
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Spec
+from gslcosim.base.plugins import EntryPoints, PluginError
+from gslcosim.scenario.models.base import Spec, broken_rule_error
 
 
 # Told apart by identity: annotations are hashed.
@@ -45,7 +44,7 @@ class OneOf:
     tag_key: str
     base: type[Spec]
     own: Mapping[str, type[Spec]]
-    offers: Offers | None
+    offers: EntryPoints | None
     default: str | None = None
     part: str | None = None
     unknown: str | None = None
@@ -62,7 +61,7 @@ class OneOf:
         """Return the block of a kind, or nothing where there is no such kind.
 
         Raises:
-            OfferError: a package offers the kind, and it cannot be used.
+            PluginError: a package offers the kind, and it cannot be used.
         """
         if not isinstance(kind, str):
             return None
@@ -105,8 +104,8 @@ class OneOf:
             kind = self.form[0]
         try:
             block = self.block_of(kind)
-        except OfferError as error:
-            rule = broken_rule(key=self.tag_key, expected=error.expected, found=error.found, remedy=error.remedy)
+        except PluginError as error:
+            rule = broken_rule_error(key=self.tag_key, expected=error.expected, found=error.found, remedy=error.remedy)
             raise _refused([InitErrorDetails(type=rule, loc=(), input=values)]) from error
         if block is None:
             raise _refused([self._unknown_kind(kind, values)])
@@ -118,7 +117,7 @@ class OneOf:
     def _unknown_kind(self, kind: object, values: dict[str, Any]) -> InitErrorDetails:
         if self.unknown is not None and isinstance(kind, str):
             names = ", ".join(self.names()) or "there is none"
-            rule = broken_rule(
+            rule = broken_rule_error(
                 key=self.tag_key,
                 expected=f"{self.unknown} ({names})",
                 found=f"'{kind}'",
@@ -175,7 +174,7 @@ class KindedSpec(Spec):
         for key, home in self.useless_keys().items():
             if _is_given(self, key):
                 name = key.rpartition(".")[2]
-                raise broken_rule(
+                raise broken_rule_error(
                     key=key,
                     expected=f"no {name} with {self.tag_key}: {self.kind_name}",
                     found="one",

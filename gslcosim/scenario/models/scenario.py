@@ -1,14 +1,15 @@
-"""The frozen models of a scenario file: every field with unit, default and range."""
+"""Frozen models of a scenario file: every field with unit, default and range."""
 
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.errors import VehicleError
-from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.confinement import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
-from gslcosim.scenario.models.event_kinds import Event
+from gslcosim.base.errors import VehicleError
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import ParameterValue
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, broken_rule_error
+from gslcosim.scenario.models.base import Spec as Spec
+from gslcosim.scenario.models.events import Event
 from gslcosim.scenario.models.gas import Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
@@ -18,20 +19,18 @@ from gslcosim.scenario.models.layouts import DoorSpec
 from gslcosim.scenario.models.layouts import Layout as Layout
 from gslcosim.scenario.models.layouts import LayoutSpec as LayoutSpec
 from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
-from gslcosim.scenario.models.onboard import CameraSensorSpec
-from gslcosim.scenario.models.own_models import OwnModelSpec
-from gslcosim.scenario.models.rules import broken_rule
+from gslcosim.scenario.models.onboard_sensors import CameraSensorSpec
+from gslcosim.scenario.models.participants import ParticipantProgramSpec
+from gslcosim.scenario.models.sandbox import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
 from gslcosim.scenario.models.sensors import Sensor
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
 from gslcosim.scenario.models.services import Service
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive
-from gslcosim.scenario.models.spec import Spec as Spec
 from gslcosim.scenario.models.success import SourceSuccess, Success
 from gslcosim.scenario.models.wind import SolverSpec as SolverSpec
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.vehicles import Vehicle, is_vehicle, vehicle_names, vehicle_of
+from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, vehicle_names
 
 SCHEMA = "gslcosim/scenario/1"
 # Keys of `environment` that name a folder.
@@ -39,7 +38,7 @@ FOLDER_KEYS = ("path", "gsl_bench", "gaden")
 
 
 class EnvironmentSpec(Spec):
-    """Where the run takes place.
+    """Environment of the run.
 
     One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
     AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`; the user's own `geometry`.
@@ -68,7 +67,7 @@ class EnvironmentSpec(Spec):
         keys = [key for key in type(self).model_fields if key != "doors"]
         given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
-            raise broken_rule(
+            raise broken_rule_error(
                 expected=f"exactly one of {', '.join(keys[:-1])} and {keys[-1]}",
                 found=" and ".join(given) or "none",
                 remedy="layout generates a room, path takes the folder of one made before.",
@@ -77,7 +76,7 @@ class EnvironmentSpec(Spec):
 
 
 class StartSpec(Spec):
-    """How an agent comes to life: a Python agent by name or file, a command line, or one that attaches itself.
+    """Start of an agent: a Python agent by name or file, a command line, or one that attaches itself.
 
     `door` is the way it joins: `zenoh`, or the gateway over `stdio`, `tcp` or `unix` in a `format` of frames.
     `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh,
@@ -110,14 +109,14 @@ class StartSpec(Spec):
 
     @property
     def is_behind_gateway(self) -> bool:
-        """Whether the agent speaks frames with the supervisor instead of joining the bus."""
+        """True if the agent speaks frames with the supervisor instead of joining the bus."""
         return self.door != "zenoh"
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
         given = [key for key in ("python", "command", "attach", "process_of") if getattr(self, key)]
         if len(given) != 1:
-            raise broken_rule(
+            raise broken_rule_error(
                 expected="exactly one of python, command, attach: true and process_of",
                 found=" and ".join(given) or "none",
                 remedy="For example start: {python: dung_beetle}.",
@@ -127,21 +126,21 @@ class StartSpec(Spec):
     @model_validator(mode="after")
     def _check_door(self) -> Self:
         if self.process_of is not None and self.is_behind_gateway:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="door",
                 expected=f"no door beside process_of: {self.process_of}'s is taken",
                 found=self.door,
                 remedy=f"Give door, format and observations with {self.process_of}.",
             )
         if self.python is not None and (self.door in ("tcp", "unix") or self.format == "json"):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="format" if self.door == "stdio" else "door",
                 expected="msgpack for a Python agent" if self.door == "stdio" else "zenoh or stdio for a Python agent",
                 found=self.format if self.door == "stdio" else self.door,
                 remedy="Leave it out, or start a program that speaks the gateway's frames with command.",
             )
         if self.attach and self.door == "stdio":
-            raise broken_rule(
+            raise broken_rule_error(
                 key="door",
                 expected="zenoh, tcp or unix for an agent that attaches itself",
                 found=self.door,
@@ -152,7 +151,7 @@ class StartSpec(Spec):
     @model_validator(mode="after")
     def _check_method(self) -> Self:
         if self.method is not None and not self.attach:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="method",
                 expected="none but for an agent that attaches itself: others have the name of their program",
                 found=self.method,
@@ -164,7 +163,7 @@ class StartSpec(Spec):
     def _check_frames(self) -> Self:
         for key, default in (("format", "msgpack"), ("observations", "all")):
             if getattr(self, key) != default and not self.is_behind_gateway:
-                raise broken_rule(
+                raise broken_rule_error(
                     key=key,
                     expected=f"{default} with door: zenoh",
                     found=getattr(self, key),
@@ -178,7 +177,7 @@ USUAL_HEIGHT_M = 2.0
 
 
 def _usual_height_m(values: dict[str, Any]) -> float:
-    facts = vehicle_of(values["model"])
+    facts = get_vehicle(values["model"])
     return facts.body.half_height_m if facts.drives else USUAL_HEIGHT_M
 
 
@@ -213,28 +212,28 @@ class VehicleSpec(Spec):
 
     @property
     def drives(self) -> bool:
-        """Whether the vehicle stays on the ground."""
+        """True if the vehicle stays on the ground."""
         return self.facts.drives
 
     @property
     def facts(self) -> Vehicle:
-        """What the catalogue says of the vehicle."""
-        return vehicle_of(self.model)
+        """Facts of the vehicle from the catalogue."""
+        return get_vehicle(self.model)
 
     @field_validator("model")
     @classmethod
     def _check_model(cls, model: str) -> str:
         if not is_vehicle(model):
             names = vehicle_names()
-            raise broken_rule(
+            raise broken_rule_error(
                 expected=f"one of {', '.join(names[:-1])} or {names[-1]}",
                 found=f"'{model}'",
                 remedy=did_you_mean(model, names),
             )
         try:
-            vehicle_of(model)
+            get_vehicle(model)
         except VehicleError as error:
-            raise broken_rule(
+            raise broken_rule_error(
                 expected="a vehicle whose folder is whole",
                 found=f"'{model}'",
                 remedy=str(error).replace("\n", " "),
@@ -244,14 +243,14 @@ class VehicleSpec(Spec):
     @model_validator(mode="after")
     def _check_avoidance(self) -> Self:
         if self.drives and self.avoidance == "3d":
-            raise broken_rule(
+            raise broken_rule_error(
                 key="avoidance",
                 expected=f"none or 2d for a {self.model}, which stays on the floor",
                 found="3d",
                 remedy="Take 2d.",
             )
         if self.drives and self.separation_m:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="separation_m",
                 expected=f"0 for a {self.model}: only vehicles in the air go out of the way of others",
                 found=f"{self.separation_m:g}",
@@ -262,7 +261,7 @@ class VehicleSpec(Spec):
     @model_validator(mode="after")
     def _check_height(self) -> Self:
         if self.drives and self.search_height_m != self.facts.body.half_height_m:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="search_height_m",
                 expected=f"no height for a {self.model}, which stays on the floor",
                 found=f"{self.search_height_m:g}",
@@ -340,7 +339,7 @@ class AgentSpec(Spec):
 
     @property
     def place(self) -> str:
-        """Where it is in a scenario, for errors."""
+        """Path in a scenario, for errors."""
         return f"agents.{self.name}"
 
     @property
@@ -355,7 +354,7 @@ class AgentSpec(Spec):
 
     @property
     def is_free(self) -> bool:
-        """Whether time never waits for it."""
+        """True if time never waits for it."""
         return self.mode == "free"
 
     @property
@@ -365,7 +364,7 @@ class AgentSpec(Spec):
 
     @property
     def is_asked_every_tick(self) -> bool:
-        """Whether every observation awaits a command."""
+        """True if every observation awaits a command."""
         return self.mode_name in ("lockstep", "latency")
 
 
@@ -393,21 +392,21 @@ class ChannelSpec(Spec):
 
 
 class StopSpec(Spec):
-    """What ends a run besides success: simulated time [s], or a collision."""
+    """Conditions that end a run besides success: simulated time [s], or a collision."""
 
     time_limit_s: Positive = Field(default=300.0, description="simulated time after which the run ends")
     on_collision: bool = Field(default=True, description="a collision ends the run")
 
 
 class RefereeSpec(Spec):
-    """How the run is judged."""
+    """Scoring of the run."""
 
     success: Success = Field(default=SourceSuccess(), description="what counts as success")
     stop: StopSpec = Field(default=StopSpec(), description="what ends the run besides success")
 
 
 class RecordingSpec(Spec):
-    """What is recorded, how often, and from when to when [s of simulated time]; `to_s` absent: to the end."""
+    """Content of the recording, how often, and from when to when [s of simulated time]; `to_s` absent: to the end."""
 
     enabled: bool = Field(default=True, description="whether the run is recorded")
     gas_every_s: Positive = Field(default=1.0, description="simulated time between pictures of the gas")
@@ -418,7 +417,7 @@ class RecordingSpec(Spec):
     @model_validator(mode="after")
     def _check_times(self) -> Self:
         if self.to_s is not None and self.to_s <= self.from_s:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="to_s",
                 expected=f"a time after from_s, {self.from_s:g} s",
                 found=f"{self.to_s:g} s",
@@ -469,7 +468,7 @@ class Scenario(Spec):
     recording: RecordingSpec = Field(default=RecordingSpec(), description="what is recorded")
     channels: tuple[ChannelSpec, ...] = Field(default=(), description="channels on which agents send each other texts")
     services: tuple[Service, ...] = Field(default=(), description="services of other packages that take part")
-    participants: tuple[OwnModelSpec, ...] = Field(
+    participants: tuple[ParticipantProgramSpec, ...] = Field(
         default=(), description="models of one's own that take part as programs, in any language"
     )
     events: tuple[Event, ...] = Field(default=(), description="what happens during the run")
@@ -491,7 +490,7 @@ class Scenario(Spec):
     @model_validator(mode="after")
     def _check_restart(self) -> Self:
         if self.restart is not None and self.snapshots is None:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="restart",
                 expected="snapshots with it, at which a service goes on",
                 found="none",
@@ -504,14 +503,14 @@ class Scenario(Spec):
         drivers = [each.name for each in (*self.services, *self.participants) if each.drives_wind]
         key = "participants" if any(each.drives_wind for each in self.participants) else "services"
         if len(drivers) > 1:
-            raise broken_rule(
+            raise broken_rule_error(
                 key=key,
                 expected="at most one that changes the wind",
                 found=" and ".join(drivers),
                 remedy="Leave all but one of them out.",
             )
         if drivers and (self.gas.tape or not self.gas.can_be_driven):
-            raise broken_rule(
+            raise broken_rule_error(
                 key=key,
                 expected=f"none that changes the wind, as {drivers[0]} does, with gas that does not follow it",
                 found="gas.tape: true" if self.gas.tape else f"gas.model: {self.gas.model}",
@@ -526,12 +525,12 @@ class Scenario(Spec):
 
     @property
     def has_wind_that_changes(self) -> bool:
-        """Whether a service scales the wind during the run, or an event changes it."""
+        """True if a service scales the wind during the run, or an event changes it."""
         return self.has_driven_wind or any(event.drives_wind for event in self.events)
 
     @property
     def has_driven_wind(self) -> bool:
-        """Whether a service or participant scales the wind during the run."""
+        """True if a service or participant scales the wind during the run."""
         return any(each.drives_wind for each in (*self.services, *self.participants))
 
     @property

@@ -1,16 +1,15 @@
-"""What sensors have in common: the bases of their blocks of settings."""
+"""Base blocks of sensors' settings."""
 
 from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from gslcosim.quantities import Vec3
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec, shown
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error, format_point
 
 
 class SensorSpec(Spec):
-    """What every sensor has; the block of a model adds what only this model has.
+    """Base of all sensors; the block of a model adds what only this model has.
 
     `has_estimates` says that a second reading tells the mixing ratio that the first one suggests, under the sensor's
     name with `_ppm` behind.
@@ -70,10 +69,10 @@ class BeamSensorSpec(ReachingSensorSpec):
     @model_validator(mode="after")
     def _check_beam(self) -> Self:
         if not any(self.beam_body):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="beam_body",
                 expected="a direction that is not zero",
-                found=shown(self.beam_body),
+                found=format_point(self.beam_body),
                 remedy="For example [1, 0, 0], ahead.",
             )
         return self

@@ -1,19 +1,19 @@
-"""The sensors of a scenario: which models there are, and the block of settings of each."""
+"""Sensor models by name, and the block of settings of each."""
 
 from functools import cache
 from typing import Annotated, Any
 
 from pydantic import SerializeAsAny, TypeAdapter
 
-from gslcosim.offers import OfferError, Offers
+from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.scenario.models import gas_sensors as gas
-from gslcosim.scenario.models import onboard
+from gslcosim.scenario.models import onboard_sensors
+from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.models.one_of import OneOf
 from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
 from gslcosim.scenario.models.sensor_base import SensorSpec as SensorSpec
-from gslcosim.scenario.models.spec import Spec
 
-# The block of settings of each model; what the models do is in gslcosim.sensing.
+# The block of settings of each model; what the models do is in gslcosim_services.sensing.
 SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "tgs2600": gas.MoxSensorSpec,
     "tgs2602": gas.MoxSensorSpec,
@@ -30,28 +30,30 @@ SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "tdlas": gas.TdlasSensorSpec,
     "anemometer": gas.AnemometerSpec,
     "anemometer_3d": gas.Anemometer3dSpec,
-    "imu": onboard.ImuSensorSpec,
-    "gps": onboard.GpsSensorSpec,
-    "barometer": onboard.BarometerSensorSpec,
-    "magnetometer": onboard.MagnetometerSensorSpec,
-    "pose": onboard.PoseSensorSpec,
-    "range_finder": onboard.RangeFinderSpec,
-    "four_range_finders": onboard.FourRangeFindersSpec,
-    "lidar_2d": onboard.LidarSensorSpec,
-    "lidar_3d": onboard.Lidar3dSensorSpec,
-    "bump": onboard.BumpSensorSpec,
-    "camera": onboard.ColourCameraSpec,
-    "depth_camera": onboard.DepthCameraSpec,
+    "imu": onboard_sensors.ImuSensorSpec,
+    "gps": onboard_sensors.GpsSensorSpec,
+    "barometer": onboard_sensors.BarometerSensorSpec,
+    "magnetometer": onboard_sensors.MagnetometerSensorSpec,
+    "pose": onboard_sensors.PoseSensorSpec,
+    "range_finder": onboard_sensors.RangeFinderSpec,
+    "four_range_finders": onboard_sensors.FourRangeFindersSpec,
+    "lidar_2d": onboard_sensors.LidarSensorSpec,
+    "lidar_3d": onboard_sensors.Lidar3dSensorSpec,
+    "bump": onboard_sensors.BumpSensorSpec,
+    "camera": onboard_sensors.ColourCameraSpec,
+    "depth_camera": onboard_sensors.DepthCameraSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
 ON_BOARD_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec))
 # Cameras, which a core of their own renders.
-CAMERA_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, onboard.CameraSensorSpec))
-# Third parties add theirs under this name; each entry point is a `gslcosim.sensing.models.SensorKind`.
+CAMERA_SENSORS = tuple(
+    name for name, block in SENSOR_BLOCKS.items() if issubclass(block, onboard_sensors.CameraSensorSpec)
+)
+# Third parties add theirs under this name; each entry point is a `gslcosim_services.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
 
-SENSOR_OFFERS = Offers(group=SENSOR_ENTRY_POINTS, what="sensor")
+SENSOR_OFFERS = EntryPoints(group=SENSOR_ENTRY_POINTS, what="sensor")
 _ONE_OF = OneOf(tag_key="model", base=SensorSpec, own=SENSOR_BLOCKS, offers=SENSOR_OFFERS, part="settings")
 
 
@@ -70,7 +72,7 @@ def mox_sensor_names() -> tuple[str, ...]:
 def _block_of(model: str) -> type[Spec]:
     try:
         return _ONE_OF.block_of(model) or SensorSpec
-    except OfferError:
+    except PluginError:
         return SensorSpec
 
 
@@ -84,8 +86,8 @@ Sensor = Annotated[SerializeAsAny[SensorSpec], _ONE_OF]
 _SENSOR: TypeAdapter[SensorSpec] = TypeAdapter(Sensor)
 
 
-def sensor_of(**settings: Any) -> SensorSpec:
-    """Return the block of a sensor with the given settings: `sensor_of(model="pid", name="nose")`.
+def make_sensor_spec(**settings: Any) -> SensorSpec:
+    """Return the block of a sensor with the given settings: `make_sensor_spec(model="pid", name="nose")`.
 
     Raises:
         ValidationError: there is no such model, or it has no such setting.

@@ -1,4 +1,4 @@
-"""What counts as success: a block for each criterion, with what agents are told and what is recorded of it.
+"""Success criteria: a block for each, with what agents are told and what is recorded of it.
 
 The blocks hold settings and words. `gslcosim.referee.success` judges by them and finds the judge by the block's type.
 """
@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, SerializeAsAny
 
-from gslcosim.offers import Offers
+from gslcosim.base.plugins import EntryPoints
+from gslcosim.scenario.models.base import Positive, Spec
 from gslcosim.scenario.models.one_of import OneOf
-from gslcosim.scenario.models.spec import Positive, Spec
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
 SUCCESS_ENTRY_POINTS = "gslcosim.success"
@@ -18,7 +18,7 @@ DEFAULT_CRITERION = "source"
 
 
 class SuccessSpec(Spec):
-    """What all criteria have: `of` names the criterion, `within_m` is the success radius [m].
+    """Base of all criteria: `of` names the criterion, `within_m` is the success radius [m].
 
     Beliefs are scored with the same radius, whatever the criterion. One of a third party derives from this class,
     narrows `of` to its name, and says what its task is.
@@ -29,12 +29,12 @@ class SuccessSpec(Spec):
 
     @property
     def is_horizontal(self) -> bool:
-        """Whether heights do not count in distances to sources."""
+        """True if heights do not count in distances to sources."""
         return False
 
     @property
     def reach_m(self) -> float | None:
-        """How near to a source the shortest way that suffices has to lead [m].
+        """Distance to a source that the shortest sufficient path has to reach [m].
 
         0: to the source itself, where nothing has to be approached. None: the way to one source does not suffice, and
         no shortest way is told.
@@ -58,7 +58,7 @@ class SuccessSpec(Spec):
     @property
     @abstractmethod
     def summary_text(self) -> str:
-        """What has to be reached, in a few words for the recording."""
+        """Goal of the run, in a few words for the recording."""
 
 
 class _PlaceSpec(SuccessSpec):
@@ -92,7 +92,7 @@ class SourceSuccess(_PlaceSpec):
 
     @property
     def summary_text(self) -> str:
-        """What has to be reached."""
+        """Goal of the run."""
         return f"vehicle within {self.within_m:g} m of a source{self._in_the_plane}"
 
 
@@ -111,7 +111,7 @@ class DeclarationSuccess(_PlaceSpec):
 
     @property
     def summary_text(self) -> str:
-        """What has to be reached."""
+        """Goal of the run."""
         return f"declaration within {self.within_m:g} m of a source{self._in_the_plane}"
 
 
@@ -140,7 +140,7 @@ class AllSourcesSuccess(_PlaceSpec):
 
     @property
     def summary_text(self) -> str:
-        """What has to be reached."""
+        """Goal of the run."""
         return f"vehicle once within {self.within_m:g} m of each source{self._in_the_plane}"
 
 
@@ -167,7 +167,7 @@ class MapSuccess(SuccessSpec):
 
     @property
     def summary_text(self) -> str:
-        """What has to be reached."""
+        """Goal of the run."""
         return f"belief with at least {self.mass_at_least:g} within {self.within_m:g} m of a source"
 
 
@@ -185,7 +185,7 @@ Success = Annotated[
         tag_key="of",
         base=SuccessSpec,
         own=_OWN,
-        offers=Offers(group=SUCCESS_ENTRY_POINTS, what="criterion"),
+        offers=EntryPoints(group=SUCCESS_ENTRY_POINTS, what="criterion"),
         default=DEFAULT_CRITERION,
     ),
 ]

@@ -1,4 +1,4 @@
-"""The frozen models of a scenario's wind: where it comes from, and how it is solved.
+"""Wind of a scenario: where it comes from, and how it is solved.
 
 They hold what Tables 9.2, 9.3 and 9.5 of the GSL-Bench thesis have: `inlet_velocity_m_s` is inlet_vel, `cell_m` the
 cells of the mesh, `end_time_s` its end time, `save_every_s` writeInterval, `save_from_s` timeRange,
@@ -10,11 +10,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, SerializeAsAny, model_validator
 
-from gslcosim.offers import Offers
-from gslcosim.quantities import Vec3
+from gslcosim.base.plugins import EntryPoints
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import NonNegative, Positive, Spec, broken_rule_error
 from gslcosim.scenario.models.one_of import KindedSpec, OneOf
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import NonNegative, Positive, Spec
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SolverSpec`.
 WIND_ENTRY_POINTS = "gslcosim.wind_solvers"
@@ -26,7 +25,7 @@ _FRAMES = "frames, which save_every_s keeps"
 
 
 class InletScheduleSpec(Spec):
-    """How the wind at all inlets changes: its share at some times of the solve [s], straight lines in between.
+    """Schedule of the wind at all inlets: its share at some times of the solve [s], straight lines in between.
 
     With `repeats` it starts again after the last time, whose share should be that of the first; otherwise it stays.
     """
@@ -40,14 +39,14 @@ class InletScheduleSpec(Spec):
     @model_validator(mode="after")
     def _check_times(self) -> Self:
         if len(self.shares) != len(self.times_s):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="shares",
                 expected=f"as many shares as times, {len(self.times_s)}",
                 found=str(len(self.shares)),
                 remedy="Each time has its share of inlet_velocity_m_s.",
             )
         if self.times_s[0] != 0 or any(b <= a for a, b in zip(self.times_s, self.times_s[1:], strict=False)):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="times_s",
                 expected="times from 0 on, each later than the one before",
                 found=str(list(self.times_s)),
@@ -57,7 +56,7 @@ class InletScheduleSpec(Spec):
 
 
 class SolverSpec(KindedSpec):
-    """What every wind solver has; the block of a solver adds what only this solver has.
+    """Base of all wind solvers; the block of a solver adds what only this solver has.
 
     A package's block derives from this class, and narrows `solver` to its name.
     """
@@ -75,7 +74,7 @@ class SolverSpec(KindedSpec):
 
     @property
     def solves(self) -> bool:
-        """Whether a flow is computed that has to enter through the inlets and leave through the outlets."""
+        """True if a flow is computed that has to enter through the inlets and leave through the outlets."""
         return False
 
     @property
@@ -155,7 +154,7 @@ class WindSpec(SolverSpec):
 
     @property
     def solves(self) -> bool:
-        """Whether a flow is computed where the environment brings no wind of its own."""
+        """True if a flow is computed where the environment brings no wind of its own."""
         return self.solver in SOLVING
 
     @property
@@ -166,7 +165,7 @@ class WindSpec(SolverSpec):
     @model_validator(mode="after")
     def _check_solver(self) -> Self:
         if isinstance(self.solver, dict) and self.file is None:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="solver",
                 expected="auto, built_in, openfoam, uniform, stored or {file: PATH}",
                 found="an empty block",
@@ -177,7 +176,7 @@ class WindSpec(SolverSpec):
     @model_validator(mode="after")
     def _check_openfoam(self) -> Self:
         if self.solver == "openfoam" and (self.end_time_s is None or self.save_every_s is not None):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="end_time_s" if self.end_time_s is None else "save_every_s",
                 expected="a time with solver: openfoam" if self.end_time_s is None else "no frames of openfoam",
                 found="none" if self.end_time_s is None else f"{self.save_every_s:g}",
@@ -190,14 +189,14 @@ class WindSpec(SolverSpec):
         if self.average_from_s is None or not self.solves:
             return self
         if self.end_time_s is None:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="average_from_s",
                 expected="an end_time_s beside it",
                 found=f"{self.average_from_s:g} alone",
                 remedy="Without end_time_s the wind is the mean of the part that has settled.",
             )
         if self.average_from_s >= self.end_time_s:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="average_from_s",
                 expected=f"less than end_time_s, {self.end_time_s:g}",
                 found=f"{self.average_from_s:g}",
@@ -210,7 +209,7 @@ class WindSpec(SolverSpec):
         if self.save_every_s is None:
             return self
         if self.average_from_s is not None:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="save_every_s",
                 expected="no average_from_s beside it",
                 found="both",
@@ -218,7 +217,7 @@ class WindSpec(SolverSpec):
             )
         if self.end_time_s is None or self.save_from_s + self.save_every_s > self.end_time_s:
             end = "none" if self.end_time_s is None else f"{self.end_time_s:g}"
-            raise broken_rule(
+            raise broken_rule_error(
                 key="end_time_s",
                 expected=f"at least save_from_s and save_every_s together, {self.save_from_s + self.save_every_s:g}",
                 found=end,
@@ -227,7 +226,7 @@ class WindSpec(SolverSpec):
         return self
 
 
-_OFFERS = Offers(group=WIND_ENTRY_POINTS, what="wind solver")
+_OFFERS = EntryPoints(group=WIND_ENTRY_POINTS, what="wind solver")
 WIND_SOLVERS: dict[str, type[SolverSpec]] = dict.fromkeys((*get_args(Solver), "file"), WindSpec)
 """The block of gslcosim's own wind solvers; they share one, since `auto` is one or the other of them."""
 

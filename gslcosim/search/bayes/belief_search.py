@@ -1,28 +1,174 @@
-"""What searches with a belief over the floor share: findings, winds, the next leg, declaration and publication."""
+"""Search with a belief over the floor: findings, wind, goals, the next leg, declaration and publication."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.bayes.source_goals import GoalFlights, best_goal, coarser, expected_information_bits, mass_around
-from gslcosim.search.beliefs import BeliefPublisher
+from gslcosim.search.beliefs import BeliefPublisher, distances_m
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.moving.declaring import Declared, Estimate, by_variance
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.leash import Leash
-from gslcosim.search.moving.map_flights import MapFlights
-from gslcosim.search.reactive.surging import surge_place_m
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, by_variance
+from gslcosim.search.motion.grid_paths import Free, shortest_path
+from gslcosim.search.motion.leg_planner import step_towards_m
+from gslcosim.search.motion.map_navigation import MapNavigator
+from gslcosim.search.motion.stuck_detector import StuckDetector
+from gslcosim.search.reactive.cast_and_surge import surge_end_m
 from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
-from gslcosim.search.senses.instruments import Nose, noses_of, vane_of
-from gslcosim.search.senses.measuring import MeasuredWind, TrustedWind
+from gslcosim.search.senses.instruments import Nose, find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import MeasuredWind, TrustedWind
 from gslcosim.search.senses.wind_field import WindField, WindRecord
 
 Array = NDArray[np.float64]
+Point = tuple[float, float]
+# The last bits of a Fourier transform decide nothing: places that are equally good tie on every machine.
+_DIGITS = 9
+
+
+def mass_around(p: Array, reach_cells: int) -> Array:
+    """Return the probability within a square about each cell, `reach_cells` to each side; beyond the grid is none."""
+    for axis in range(2):
+        n = p.shape[axis]
+        running = np.concatenate([np.zeros_like(np.take(p, [0], axis)), np.cumsum(p, axis=axis)], axis=axis)
+        centre = np.arange(n)
+        last, first = np.minimum(centre + reach_cells + 1, n), np.maximum(centre - reach_cells, 0)
+        p = np.take(running, last, axis) - np.take(running, first, axis)
+    return p
+
+
+def expected_information_bits(p: Array, chance: Array) -> Array:
+    """Return how much the next finding, gas or none, is expected to tell of the source, for a sensor in each cell.
+
+    I(x) = h(sum over s of p(s) F(s - x)) - sum over s of p(s) h(F(s - x)),  h(q) = -q log2 q - (1 - q) log2(1 - q)
+    [bit]; F(o) chance that gas is detected of a source at the offset o from the sensor
+
+    The exact mutual information of source and finding, for all places at once: both sums are correlations.
+
+    Args:
+        p: (nx, ny) belief, sum 1.
+        chance: (2 nx - 1, 2 ny - 1) F by offset in cells; the middle is a source in the sensor's own cell.
+
+    Returns:
+        (nx, ny), none negative, to 1e-9 bit.
+
+    Source:
+        Shannon 1948; as a plan for a sensor: infotaxis (Vergassola et al. 2007) for a whole room and one finding.
+    Held by:
+        tests/unit/search/bayes/test_source_goals.py (against its definition, sum by sum)
+    """
+    shape = tuple(3 * n - 2 for n in p.shape)
+    spectrum = np.fft.rfft2(p, shape)
+    detected = np.clip(_correlated(spectrum, chance, shape, p.shape), 0.0, 1.0)
+    left = _correlated(spectrum, _binary_entropy_bits(chance), shape, p.shape)
+    gain: Array = np.maximum(_binary_entropy_bits(detected) - left, 0.0)
+    return np.round(gain, _DIGITS)
+
+
+def choose_goal(
+    worth: Array, grid: CellGrid, goals: Free, here_m: Sequence[float], *, near_m: float, least_m: float = 0.0
+) -> Point:
+    """Return the goal of the greatest worth for the way to it.
+
+    argmax over c of w(c) / (|c - x| + n)        n the way that every visit costs, however near [m]
+
+    Of equally good ones the first in the order of the grid is taken.
+
+    Args:
+        worth: w, of the grid's shape.
+        grid: The cells.
+        goals: Cells that may be a goal; at least one.
+        here_m: Where the vehicle is, x, world frame [m].
+        near_m: n [m]; infinite: the way does not count.
+        least_m: Goals nearer than this do not count, where there are others [m].
+
+    Source:
+        Probability per cost, as in search theory (Stone 1975, Theory of Optimal Search).
+    Held by:
+        tests/unit/search/bayes/test_source_goals.py
+    """
+    ways_m = distances_m(grid, here_m)
+    per_metre = worth if math.isinf(near_m) else worth / (ways_m + near_m)
+    far = goals & (ways_m >= least_m)
+    i, j = np.unravel_index(int(np.where(far if far.any() else goals, per_metre, -1.0).argmax()), grid.shape)
+    x_m, y_m = grid.centre_m((int(i), int(j)))
+    return x_m, y_m
+
+
+def coarsen_belief(p: Array, grid: CellGrid, *, least_cell_m: float) -> tuple[Array, CellGrid]:
+    """Return a belief on the finest coarser cells whose edge is at least that long [m], whole blocks of old ones."""
+    n = max(1, math.ceil(least_cell_m / grid.cell_m - 1e-9))
+    shape = tuple(math.ceil(size / n) for size in grid.shape)
+    padded = np.pad(p, [(0, n * blocks - size) for blocks, size in zip(shape, grid.shape, strict=True)])
+    summed = padded.reshape(shape[0], n, shape[1], n).sum(axis=(1, 3))
+    return summed, CellGrid(grid.origin_m, grid.cell_m * n, shape)
+
+
+class GoalNavigator:
+    """Flies towards goals in steps, round the obstacles of a granted map, and gives up goals that are refused.
+
+    State: the flights' pilot, and which cells were refused.
+
+    Held by:
+        tests/unit/search/bayes/test_source_goals.py
+    """
+
+    def __init__(self, flights: MapNavigator, *, step_m: float, radius_m: float = 0.5) -> None:
+        """Begin with every cell that can be flown to.
+
+        Args:
+            flights: Gives cells, ways and the pilot.
+            step_m: Longest leg [m].
+            radius_m: After a refusal no cell within so far of the goal is a goal again [m].
+        """
+        self.flights = flights
+        self.goals: Free = flights.flyable.copy()
+        self._step_m, self._radius_m = step_m, radius_m
+        # Ways are compiled, or loaded from the cache on disk, before the flight.
+        low_m, high_m = flights.pilot.room.min_m, flights.pilot.room.max_m
+        shortest_path(flights.flyable, flights.grid, low_m[:2], high_m[:2])
+        self._goal_m: Point | None = None
+
+    def leg(self, observation: Observation, goal_m: Point, *, hold_s: float | None = None) -> Command:
+        """Return the command for the next step towards a goal, world frame [m]."""
+        self._goal_m = goal_m
+        pilot, here_m = self.flights.pilot, observation.position_world_m[:2]
+        way_m = shortest_path(self.flights.flyable, self.flights.grid, here_m, goal_m)
+        bend_m = goal_m if way_m is None or len(way_m) < 2 else (float(way_m[1][0]), float(way_m[1][1]))
+        return pilot.leg(observation, step_towards_m(here_m, bend_m, self._step_m), hold_s=hold_s)
+
+    def is_goal(self, place_m: Sequence[float]) -> bool:
+        """Return whether a place lies in a cell that may be a goal."""
+        cell = self.flights.grid.cell_at(place_m)
+        return cell is not None and bool(self.goals[cell])
+
+    def note_refusal(self, observation: Observation) -> None:
+        """Give up the last goal if the vehicle tells that it could not go on; call it before the next is chosen."""
+        if self._goal_m is None or not self.flights.pilot.was_refused(observation):
+            return
+        left = self.goals & (distances_m(self.flights.grid, self._goal_m) > self._radius_m)
+        # When nothing is left the refusals are forgotten: a vehicle that moved may be let through now.
+        self.goals = left if left.any() else self.flights.flyable.copy()
+
+
+# sum over s of p(s) F(s - x): F's middle is the offset 0.
+def _correlated(
+    spectrum: NDArray[np.complex128], chance: Array, shape: tuple[int, ...], size: tuple[int, ...]
+) -> Array:
+    flipped = chance[::-1, ::-1]
+    full = np.fft.irfft2(np.fft.rfft2(flipped, shape) * spectrum, shape)
+    return full[size[0] - 1 : 2 * size[0] - 1, size[1] - 1 : 2 * size[1] - 1]
+
+
+def _binary_entropy_bits(chance: Array) -> Array:
+    safe = np.clip(chance, 1e-300, 1.0)
+    rest = np.clip(1.0 - chance, 1e-300, 1.0)
+    return -(safe * np.log2(safe) + rest * np.log2(rest))
+
+
 # Plans are made on cells no finer than this: finer ones cost time and change no leg.
 PLAN_CELL_M = 0.5
 # The wind of a surge is the mean of about this long.
@@ -89,7 +235,7 @@ class BeliefSearch:
     def __init__(self, briefing: Briefing, settings: BeliefSearchSettings, *, nose: Nose | None = None) -> None:
         """Begin without findings and wind; without a nose the briefing's first gas sensor is used."""
         self.settings = settings
-        self.flights = MapFlights(
+        self.flights = MapNavigator(
             briefing,
             Draws(briefing.seed),
             cell_m=settings.cell_m,
@@ -99,16 +245,16 @@ class BeliefSearch:
         )
         self.grid, self.free = self.flights.grid, self.flights.free
         self.height_m = briefing.search_height_m
-        self.goals = GoalFlights(self.flights, step_m=settings.step_m)
+        self.goals = GoalNavigator(self.flights, step_m=settings.step_m)
         self.evidence = GasEvidence(
-            nose or noses_of(briefing)[0], every_s=settings.finding_s, threshold_ppm=settings.gas_threshold_ppm
+            nose or find_noses(briefing)[0], every_s=settings.finding_s, threshold_ppm=settings.gas_threshold_ppm
         )
         n_steps = max(1, round(settings.window_s / settings.wind_step_s))
-        self.winds = WindRecord(vane_of(briefing), step_s=settings.wind_step_s, n_steps=n_steps)
+        self.winds = WindRecord(find_vane(briefing), step_s=settings.wind_step_s, n_steps=n_steps)
         self.field = WindField(self.grid, reach_m=settings.wind_reach_m) if settings.wind == "measured" else None
-        self._publisher, self._declared = BeliefPublisher(), Declared()
+        self._publisher, self._declared = BeliefPublisher(), DeclarationGuard()
         self._trusted = TrustedWind(threshold_m_s=settings.wind_threshold_m_s)
-        self._leash = Leash(n_legs=settings.leash_legs, radius_m=settings.leash_m)
+        self._leash = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
         self._rejected_m: tuple[float, float] | None = None
 
     def observe(self, observation: Observation) -> Finding | None:
@@ -138,7 +284,7 @@ class BeliefSearch:
             return self.flights.pilot.stay(observation)
         belief = self._publisher.message(observation, p, self.grid, height_m=self.height_m)
         self._leash.note(observation.position_world_m)
-        if self._leash.is_wound_up:
+        if self._leash.is_stuck:
             self._leash.release()
             self._rejected_m = (observation.position_world_m[0], observation.position_world_m[1])
         return self._answer(observation, found, next_leg).model_copy(update={"belief": belief})
@@ -196,23 +342,23 @@ class BeliefSearch:
         """Return where to go, by the planner of the settings, world frame [m]."""
         here_m = observation.position_world_m
         if self.settings.planner == "maximum" or chance is None:
-            return best_goal(p, self.grid, self.goals.goals, here_m, near_m=math.inf)
-        coarse, plan_grid = coarser(p, self.grid, least_cell_m=PLAN_CELL_M)
+            return choose_goal(p, self.grid, self.goals.goals, here_m, near_m=math.inf)
+        coarse, plan_grid = coarsen_belief(p, self.grid, least_cell_m=PLAN_CELL_M)
         likely = mass_around(coarse, round(self.settings.visit_m / plan_grid.cell_m))
         worth = expected_information_bits(coarse, chance) + likely
-        allowed, _ = coarser(self.goals.goals.astype(np.float64), self.grid, least_cell_m=PLAN_CELL_M)
+        allowed, _ = coarsen_belief(self.goals.goals.astype(np.float64), self.grid, least_cell_m=PLAN_CELL_M)
         least_m = 0.5 * self.settings.step_m
-        return best_goal(worth, plan_grid, allowed > 0.0, here_m, near_m=self.settings.near_m, least_m=least_m)
+        return choose_goal(worth, plan_grid, allowed > 0.0, here_m, near_m=self.settings.near_m, least_m=least_m)
 
     @property
     def plan_grid(self) -> CellGrid:
         """The cells on which plans are made."""
-        return coarser(np.zeros(self.grid.shape), self.grid, least_cell_m=PLAN_CELL_M)[1]
+        return coarsen_belief(np.zeros(self.grid.shape), self.grid, least_cell_m=PLAN_CELL_M)[1]
 
     def surge_m(self, observation: Observation) -> tuple[float, float] | None:
         """Return the place a step upwind, world frame [m]; None while no wind is known."""
         upwind_rad, here_m = self.upwind_rad(), observation.position_world_m
-        return None if upwind_rad is None else surge_place_m(here_m, None, upwind_rad, self.settings.step_m)
+        return None if upwind_rad is None else surge_end_m(here_m, None, upwind_rad, self.settings.step_m)
 
     def recent_wind_m_s(self) -> tuple[float, float]:
         """Return the mean wind of the last seconds, world frame [m/s]: where the air goes; 0 before it is known."""

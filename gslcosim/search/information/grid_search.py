@@ -1,4 +1,4 @@
-"""A searcher that keeps a belief on a grid and goes where its method hopes to gain most: all but the method itself."""
+"""Grid search: a belief on a grid, and steps to where the method's objective is best; all but the objective itself."""
 
 import math
 import re
@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Belief, Briefing, Command, Observation
 from gslcosim.search import beliefs
-from gslcosim.search.bayes.encounters import Dispersal, EncounterModel, dispersal_of_plume, likelihoods
+from gslcosim.search.bayes.encounter_model import EncounterModel, PlumeAssumption, likelihoods, nominal_dispersal
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.gains import (
-    Foresight,
+from gslcosim.search.information.objectives import (
+    Candidates,
     MoveTree,
-    Prospect,
+    Predictions,
     SurpriseMonitor,
-    best_of,
-    flattened,
-    foresee,
-    updated,
+    flatten_belief,
+    index_of_least_cost,
+    predict_stops,
+    update_belief,
 )
-from gslcosim.search.moving import flying
-from gslcosim.search.moving.declaring import Declared, Estimate, by_entropy, by_mass
-from gslcosim.search.moving.legs import Room, obstacles_of, to_millimetre
+from gslcosim.search.motion import commands
+from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, by_entropy, by_mass
+from gslcosim.search.motion.legs import LegSpace, build_obstacles, to_millimetre
 from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
-from gslcosim.search.senses.instruments import noses_of, vane_of
+from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.wind_field import WindRecord
 
 Array = NDArray[np.float64]
@@ -50,8 +50,8 @@ _ARRIVAL = re.compile(r"come within ([0-9.]+) m of it")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outlook:
-    """What a method weighs before a step: its belief, where it may go, and what stops there would tell.
+class PlanningContext:
+    """Planning context before a step: belief, reachable places, and what stops there would tell.
 
     Args:
         p: (c,) the belief, flat.
@@ -72,12 +72,12 @@ class Outlook:
     places_m: Array
     novelty: Array
     step_m: float
-    survey: Callable[[Sequence[Place]], Prospect]
+    survey: Callable[[Sequence[Place]], Candidates]
     neighbours: Callable[[Place], list[Place]]
 
     @property
     def cells_per_step(self) -> float:
-        """How many cells a square or cube of the size of a step has."""
+        """Number of cells in a square or cube of the size of a step."""
         return max(1.0, (self.step_m / self.cell_m) ** self.cells_m.shape[1])
 
     @property
@@ -85,9 +85,9 @@ class Outlook:
         """Mean of the belief [m]."""
         return tuple(float(x) for x in self.p @ self.cells_m)
 
-    def foresight(self, *, alpha: float = 0.0) -> Foresight:
+    def foresight(self, *, alpha: float = 0.0) -> Predictions:
         """Return what is expected of the next stop, hit or not; see `information.foresee`."""
-        return foresee(self.p, self.survey([tuple(place) for place in self.places_m]), alpha=alpha)
+        return predict_stops(self.p, self.survey([tuple(place) for place in self.places_m]), alpha=alpha)
 
     def tree(self, depth: int) -> MoveTree:
         """Return all places within so many steps, each surveyed once."""
@@ -138,7 +138,7 @@ class GridSearch:
         self,
         briefing: Briefing,
         settings: SimpleNamespace,
-        costs: Callable[[Outlook], Array],
+        costs: Callable[[PlanningContext], Array],
         *,
         dimensions: Literal[2, 3] = 2,
     ) -> None:
@@ -157,14 +157,14 @@ class GridSearch:
         self._room = _room_of(briefing, settings.wall_margin_m, dimensions)
         self._arrival_m = arrival_radius_m(briefing) if settings.arrival == "by_mission" else 0.0
         self._evidence = GasEvidence(
-            noses_of(briefing)[0], every_s=settings.stop_s, threshold_ppm=settings.threshold_ppm
+            find_noses(briefing)[0], every_s=settings.stop_s, threshold_ppm=settings.threshold_ppm
         )
         self._winds = WindRecord(
-            vane_of(briefing), step_s=_WIND_STEP_S, n_steps=max(1, round(settings.wind_memory_s / _WIND_STEP_S))
+            find_vane(briefing), step_s=_WIND_STEP_S, n_steps=max(1, round(settings.wind_memory_s / _WIND_STEP_S))
         )
-        self._dispersal = dispersal_of(briefing, settings, dimensions)
+        self._dispersal = assumed_dispersal(briefing, settings, dimensions)
         self._monitor = SurpriseMonitor(n_stops=settings.monitor_stops)
-        self._declared = Declared()
+        self._declared = DeclarationGuard()
         free = np.ones(self.grid.shape, np.bool_)
         if briefing.known_map is not None:
             free = self.grid.free_cells(briefing.known_map)
@@ -196,15 +196,15 @@ class GridSearch:
         estimate = self._declared.passes(self._estimate()) if self.settings.declares else None
         if estimate is not None:
             x_m, y_m, z_m = (*estimate.position_m, self._height_m)[:3]
-            return flying.declaration(observation, (x_m, y_m, z_m), estimate.confidence, belief=belief)
+            return commands.declaration(observation, (x_m, y_m, z_m), estimate.confidence, belief=belief)
         memory.aimed_m = self._next_place(self._point(observation))
         x_m, y_m, z_m = (*memory.aimed_m, self._height_m)[:3]
-        return flying.waypoint(observation, x_m, y_m, z_m, hold_s=self.settings.hold_s, belief=belief)
+        return commands.waypoint(observation, x_m, y_m, z_m, hold_s=self.settings.hold_s, belief=belief)
 
-    def outlook(self, here_m: Place) -> Outlook:
+    def outlook(self, here_m: Place) -> PlanningContext:
         """Return what a method weighs at a place."""
         places_m = np.array(self.neighbours(here_m))
-        return Outlook(
+        return PlanningContext(
             p=self._memory.p,
             cells_m=self._cells_m,
             cell_m=self.grid.cell_m,
@@ -233,7 +233,7 @@ class GridSearch:
                 ends.append(end)
         return ends or [self._room.nearest(here_m)]
 
-    def survey(self, places: Sequence[Place]) -> Prospect:
+    def survey(self, places: Sequence[Place]) -> Candidates:
         """Return what stops at places would tell; where arrival ends the run, cells within reach count as found."""
         places_m = np.array(places)
         likelihood, weight, log_weight = likelihoods(
@@ -246,7 +246,7 @@ class GridSearch:
                 found = self._near(place)
                 for table in (likelihood, weight, log_weight):
                     table[i][:, found] = 0.0
-        return Prospect(
+        return Candidates(
             places_m=places_m, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
         )
 
@@ -261,11 +261,11 @@ class GridSearch:
         for i, finding in enumerate(findings):
             outcome, novelty = int(finding.is_hit), float(self._novelty(places_m[i : i + 1])[0])
             predictive = likelihood[i] @ memory.p
-            memory.p = updated(memory.p, settings.power * novelty * log_likelihood[i, outcome])
+            memory.p = update_belief(memory.p, settings.power * novelty * log_likelihood[i, outcome])
             memory.smelled_m.append(tuple(places_m[i]))
             # What was found here before surprises nobody; the model of the plume could not know it.
             if novelty == 1.0 and self._monitor.add(predictive, outcome):
-                memory.p = flattened(memory.p)
+                memory.p = flatten_belief(memory.p)
 
     # Findings at one place are much alike: the second weighs half as much as the first, the third a third.
     def _novelty(self, places_m: Array) -> Array:
@@ -287,13 +287,13 @@ class GridSearch:
 
     def _next_place(self, here_m: Place) -> Place:
         outlook = self.outlook(here_m)
-        return tuple(float(x) for x in outlook.places_m[best_of(self._costs(outlook))])
+        return tuple(float(x) for x in outlook.places_m[index_of_least_cost(self._costs(outlook))])
 
     def _estimate(self) -> Estimate | None:
         settings, found = self.settings, None
         # Boxes are quicker than balls, and most beliefs fill not even one of them.
         reach = int(settings.radius_m / self.grid.cell_m + 1e-9)
-        if most_in_a_box(self.p, reach) > settings.mass:
+        if max_box_probability(self.p, reach) > settings.mass:
             found = by_mass(self.p, self.grid, radius_m=settings.radius_m, least=settings.mass)
         return found or by_entropy(self.p, self.grid, limit_bits=settings.entropy_bits, radius_m=settings.radius_m)
 
@@ -328,7 +328,7 @@ def arrival_radius_m(briefing: Briefing) -> float:
     return float(found.group(1)) if found else 0.0
 
 
-def most_in_a_box(p: Array, reach: int) -> float:
+def max_box_probability(p: Array, reach: int) -> float:
     """Return the most probability that any square or cube of 2 reach + 1 cells holds; no ball in one holds more.
 
     Args:
@@ -348,12 +348,12 @@ def most_in_a_box(p: Array, reach: int) -> float:
     return float(sums.max())
 
 
-def dispersal_of(briefing: Briefing, settings: SimpleNamespace, dimensions: Literal[2, 3]) -> Dispersal:
+def assumed_dispersal(briefing: Briefing, settings: SimpleNamespace, dimensions: Literal[2, 3]) -> PlumeAssumption:
     """Return what a searcher supposes of the plume: by nominal figures where granted (K1), else by settings (K0)."""
     bounds = briefing.bounds
     room_length_m = max(high - low for low, high in zip(bounds.min_m[:2], bounds.max_m[:2], strict=True))
     if briefing.plume is not None:
-        return dispersal_of_plume(
+        return nominal_dispersal(
             briefing.plume,
             dimensions=dimensions,
             threshold_ppm=settings.threshold_ppm,
@@ -362,7 +362,7 @@ def dispersal_of(briefing: Briefing, settings: SimpleNamespace, dimensions: Lite
             correlation_s=settings.correlation_s,
             stop_s=settings.stop_s,
         )
-    return Dispersal(
+    return PlumeAssumption(
         dimensions=dimensions,
         hits_at_1m=settings.hits_at_1m,
         diffusivity_m2_s=settings.diffusivity_m2_s,
@@ -394,12 +394,12 @@ def direction_spread_rad(winds_m_s: Array) -> float:
     return min(_WIDEST_SPREAD_RAD, math.sqrt(-2.0 * math.log(max(agreement, 1e-6))))
 
 
-def _room_of(briefing: Briefing, margin_m: float, dimensions: Literal[2, 3]) -> Room:
+def _room_of(briefing: Briefing, margin_m: float, dimensions: Literal[2, 3]) -> LegSpace:
     obstacles = None
     if briefing.known_map is not None:
         height_m = briefing.search_height_m if dimensions == 2 else None
-        obstacles = obstacles_of(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
-    return Room.within(briefing.bounds, margin_m, obstacles=obstacles)
+        obstacles = build_obstacles(briefing.known_map, height_m=height_m, clearance_m=_CLEARANCE_M)
+    return LegSpace.within(briefing.bounds, margin_m, obstacles=obstacles)
 
 
 def _key(place: Iterable[float]) -> Place:

@@ -39,7 +39,7 @@ class Pomdp:
         return self.successor.shape[1]
 
 
-def solved_by_value_iteration(problem: Pomdp, *, tolerance: float = 1e-9, max_sweeps: int = 100_000) -> Floats:
+def solve_by_value_iteration(problem: Pomdp, *, tolerance: float = 1e-9, max_sweeps: int = 100_000) -> Floats:
     """Return the value of each action in each state, for a searcher that sees its state.
 
     Q(a, s) = r(a, s) + g V(s'),   V(s) = max over a of Q(a, s),   V = 0 where the search is over
@@ -71,7 +71,7 @@ def solved_by_value_iteration(problem: Pomdp, *, tolerance: float = 1e-9, max_sw
     return q
 
 
-def moved(belief: Floats, problem: Pomdp, action: int) -> Floats:
+def predict_belief(belief: Floats, problem: Pomdp, action: int) -> Floats:
     """Return a belief after an action and before its observation: (n_states,), sum as before.
 
     p'(s') = sum over s with s' = successor(a, s) of p(s)
@@ -79,7 +79,7 @@ def moved(belief: Floats, problem: Pomdp, action: int) -> Floats:
     return np.bincount(problem.successor[action], weights=belief, minlength=problem.n_states).astype(np.float64)
 
 
-def updated(belief: Floats, problem: Pomdp, action: int, level: int) -> tuple[Floats, float]:
+def update_belief(belief: Floats, problem: Pomdp, action: int, level: int) -> tuple[Floats, float]:
     """Return the belief after an action and an observation, the search not being over, and how probable that was.
 
     p(s' | a, o) = P(o | s') p'(s') / sum,   p' moved, 0 where the search would be over
@@ -99,12 +99,12 @@ def updated(belief: Floats, problem: Pomdp, action: int, level: int) -> tuple[Fl
     Held by:
         tests/unit/search/information/test_pomdp.py
     """
-    joint = moved(belief, problem, action) * problem.observed[level] * ~problem.is_terminal
+    joint = predict_belief(belief, problem, action) * problem.observed[level] * ~problem.is_terminal
     probability = float(joint.sum())
     return (joint / probability if probability > 0.0 else joint), probability
 
 
-def backed_up(belief: Floats, problem: Pomdp, vectors: Floats) -> tuple[Floats, int]:
+def backup_at_belief(belief: Floats, problem: Pomdp, vectors: Floats) -> tuple[Floats, int]:
     """Return the best linear function of beliefs that one more step of planning gives at a belief, and its action.
 
     a_new(s) = r(a, s) + g sum over o of P(o | s') a_o(s'),   a_o = argmax over vectors of sum_s' a(s') P(o | s') p'(s')
@@ -128,7 +128,7 @@ def backed_up(belief: Floats, problem: Pomdp, vectors: Floats) -> tuple[Floats, 
     best: tuple[float, Floats, int] | None = None
     goes_on = ~problem.is_terminal
     for action in range(problem.n_actions):
-        reached = moved(belief, problem, action) * goes_on
+        reached = predict_belief(belief, problem, action) * goes_on
         chosen = [vectors[int(np.argmax(vectors @ (seen * reached)))] for seen in problem.observed]
         ahead = sum(seen * vector for seen, vector in zip(problem.observed, chosen, strict=True)) * goes_on
         vector = (problem.reward[action] + problem.discount * ahead[problem.successor[action]]) * goes_on
@@ -139,7 +139,7 @@ def backed_up(belief: Floats, problem: Pomdp, vectors: Floats) -> tuple[Floats, 
     return best[1], best[2]
 
 
-def improved_by_perseus(
+def improve_by_perseus(
     problem: Pomdp,
     beliefs: Floats,
     vectors: Floats,
@@ -172,7 +172,7 @@ def improved_by_perseus(
     kept: list[tuple[Floats, int]] = []
     while len(behind := np.flatnonzero(now < before - 1e-12)):
         i = int(rng.choice(behind))
-        vector, action = backed_up(beliefs[i], problem, vectors)
+        vector, action = backup_at_belief(beliefs[i], problem, vectors)
         if vector @ beliefs[i] < before[i]:
             vector, action = vectors[holder[i]], int(actions[holder[i]])
         kept.append((vector, action))
@@ -180,7 +180,7 @@ def improved_by_perseus(
     return np.array([vector for vector, _ in kept]), np.array([action for _, action in kept], np.int64)
 
 
-def beliefs_met(
+def sample_beliefs(
     problem: Pomdp,
     start_of: Callable[[np.random.Generator], Floats],
     q: Floats,
@@ -195,7 +195,7 @@ def beliefs_met(
     Args:
         problem: The problem.
         start_of: Draws the belief with which a search begins, sum 1.
-        q: (n_actions, n_states) of `solved_by_value_iteration`.
+        q: (n_actions, n_states) of `solve_by_value_iteration`.
         rng: Draws states, observations and random moves.
         n_beliefs: How many to return.
         n_steps: The longest search.
@@ -219,7 +219,7 @@ def beliefs_met(
             action = int(rng.integers(problem.n_actions)) if is_random else int(np.argmax(q @ belief))
             state = int(problem.successor[action, state])
             level = int(rng.choice(len(problem.observed), p=problem.observed[:, state]))
-            belief, probability = updated(belief, problem, action, level)
+            belief, probability = update_belief(belief, problem, action, level)
             if probability == 0.0:
                 break
     return np.array(found)

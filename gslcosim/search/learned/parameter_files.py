@@ -1,4 +1,4 @@
-"""Parameters that were learned for a method, as a JSON file with a card beside the program that flies them."""
+"""Parameter files: parameters learned for a method, as JSON with a card beside the program that uses them."""
 
 import json
 from collections.abc import Mapping
@@ -6,10 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from gslcosim.contract.knowledge import ParameterValue
-from gslcosim.errors import MethodError
-from gslcosim.foreign_json import ForeignFileError, JsonObject, read_json
-from gslcosim.safe_files import replace_file
+from gslcosim.base.errors import MethodError
+from gslcosim.base.files import replace_file
+from gslcosim.base.foreign_json import ForeignFileError, JsonObject, read_json
+from gslcosim.contract.messages import ParameterValue
 
 PARAMETERS_FILE = "parameters.json"
 SCHEMA = "gslcosim/parameters/1"

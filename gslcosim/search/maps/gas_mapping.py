@@ -1,4 +1,4 @@
-"""Mapping gas in flight: readings put where the gas was, and where to go to know the map, or its peak, better."""
+"""Gas mapping on the way: readings placed where the gas was, and the next place that tells most of the map."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Observation
-from gslcosim.quantities import Vec3
 from gslcosim.search.maps.kernel_dm import GasMaps
-from gslcosim.search.moving.grid_paths import Free
+from gslcosim.search.motion.grid_paths import Free
 from gslcosim.search.senses.instruments import Nose, Vane
 
 _ROUNDING_S = 1e-6
@@ -17,7 +17,7 @@ _ROUNDING_S = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedReading:
-    """What a nose showed, put where the vehicle was a lag before; the wind is that of the air there [m/s]."""
+    """Reading of a nose, placed where the vehicle was a lag before; the wind is that of the air there [m/s]."""
 
     place_m: Vec3
     value: float
@@ -25,7 +25,7 @@ class PlacedReading:
     wind_m_s: tuple[float, float]
 
 
-class ReadingsOnTheWay:
+class ReadingCollector:
     """Takes a reading every so often, at rest and on the way, and puts it where the gas was met.
 
     A sensor that lags shows what it met `lag_s` ago. A MOX sensor's reading is the mixing ratio that it suggests, or
@@ -70,7 +70,7 @@ class ReadingsOnTheWay:
         return x_m_s + observation.velocity_world_m_s[0], y_m_s + observation.velocity_world_m_s[1]
 
 
-def most_worth(
+def choose_next_cell(
     maps: GasMaps, flyable: Free, way_m: NDArray[np.float64], *, curiosity: float, travel_per_m: float
 ) -> tuple[int, int] | None:
     """Return the cell to go to next: much gas, or not known, and not far; None where nothing can be flown to.

@@ -1,4 +1,4 @@
-"""A map of the wind over the free cells of a room, from readings at a few places: smooth, without sources, along walls.
+"""Wind map over the free cells of a room, from readings at a few places: smooth, source-free, along walls.
 
 The wind is a Gaussian Markov random field: what is believed of it before any reading is a sparse matrix that depends on
 the room alone. It is factorised once. Each place where the wind was read then costs two back substitutions and the
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.maps.banded_kernels import add_rows_inplace, factorise_cholesky_inplace, solve_cholesky_inplace
-from gslcosim.search.moving.grid_paths import Free, nearest_free
+from gslcosim.search.maps.banded_solver import add_rows_inplace, factorise_cholesky_inplace, solve_cholesky_inplace
+from gslcosim.search.motion.grid_paths import Free, nearest_free
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -24,7 +24,7 @@ _ACROSS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
 
 @dataclass(frozen=True, kw_only=True)
 class WindWeights:
-    """How much each kind of equation counts, all winds in the same unit.
+    """Weights of each kind of equation, all winds in the same unit.
 
     `smoothness`: neighbours have equal wind. `divergence`: what flows into a cell flows out of it. `wall`: no wind into
     a wall. `reading`: the wind is as it was read. `calm`: the wind is zero; a trace of it decides where nothing else

@@ -1,4 +1,4 @@
-"""What a search does in the void: three ways to meet a plume again, as single steps along and across the wind."""
+"""Recovery in the void: three ways to meet a plume again, as single steps along and across the wind."""
 
 from typing import Protocol
 
@@ -18,7 +18,7 @@ _MOST_DOUBLINGS = 30
 STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
-def opposite_of(move: int) -> int:
+def opposite_move(move: int) -> int:
     """Return the move that undoes a move."""
     return _OPPOSITE[move]
 
@@ -47,7 +47,7 @@ class Backtrack:
 
     def next_move(self) -> int:
         """Return the next move; a random one costs a draw."""
-        return opposite_of(self._moves.pop()) if self._moves else self._draws.index(N_MOVES)
+        return opposite_move(self._moves.pop()) if self._moves else self._draws.index(N_MOVES)
 
 
 class Circling:
@@ -100,7 +100,7 @@ class CastSurge:
     def next_move(self) -> int:
         """Return the next move."""
         if self._left == 0:
-            self._side = opposite_of(self._side)
+            self._side = opposite_move(self._side)
             self._n_runs = min(self._n_runs + 1, _MOST_DOUBLINGS)
             self._left = 2**self._n_runs
             return UPWIND
@@ -108,7 +108,7 @@ class CastSurge:
         return self._side
 
 
-def recovery_named(name: str, draws: Draws, moves_since_gas: list[int]) -> Recovery:
+def make_recovery(name: str, draws: Draws, moves_since_gas: list[int]) -> Recovery:
     """Return a recovery that begins now: `backtrack`, `circling` or `cast_surge`."""
     if name == "backtrack":
         return Backtrack(draws, moves_since_gas)

@@ -1,4 +1,4 @@
-"""Around what is in the way of a vehicle that flies by velocity and knows no map: turn until the way is free."""
+"""Sidestep around obstacles for a vehicle that moves by velocity and knows no map: turn until the way is free."""
 
 import math
 

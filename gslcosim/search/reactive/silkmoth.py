@@ -1,4 +1,4 @@
-"""The programme that a silkmoth runs after each whiff: a surge, three turns, then a loop until the next one."""
+"""Silkmoth programme after each whiff: a surge, three turns, then a loop until the next one."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _TURNS = ((0.5, 1), (1.2, 1), (1.9, -1), (2.1, 1))
 
 @dataclass(frozen=True, kw_only=True)
 class Phase:
-    """What the moth does: `speed_frac` of its surge, `turn_rad_s` positive towards the side of the whiff [rad/s]."""
+    """Phase of the moth: `speed_frac` of its surge, `turn_rad_s` positive towards the side of the whiff [rad/s]."""
 
     name: str
     speed_frac: float

@@ -1,4 +1,4 @@
-"""Towards more gas: gradients fitted to readings, and wheels that two noses slow down."""
+"""Chemotaxis: gradients fitted to readings, and wheels that two noses slow down."""
 
 import math
 from collections import deque
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.senses.instruments import Nose
 
 # Two noses nearer to each other than this tell no side [m].
@@ -64,12 +64,12 @@ class GradientFit:
 
     @property
     def heading_rad(self) -> float:
-        """Where the gas grows, world frame [rad]."""
+        """Heading along which the gas grows, world frame [rad]."""
         return math.atan2(self.gradient_per_m[1], self.gradient_per_m[0])
 
     @property
     def is_significant(self) -> bool:
-        """Whether the gradient is longer than its standard error."""
+        """True if the gradient is longer than its standard error."""
         length_per_m = math.hypot(*self.gradient_per_m)
         return length_per_m > 0.0 and length_per_m > self.standard_error_per_m
 
@@ -124,7 +124,7 @@ def _error_along(gradient: NDArray[np.float64], covariance: NDArray[np.float64])
     return math.sqrt(max(0.0, float(unit @ covariance @ unit)))
 
 
-def place_of_mount_m(position_m: Sequence[float], yaw_rad: float, mount_body_m: Sequence[float]) -> tuple[float, float]:
+def mount_position_m(position_m: Sequence[float], yaw_rad: float, mount_body_m: Sequence[float]) -> tuple[float, float]:
     """Return where a level vehicle carries a mount, x and y, world frame [m].
 
     p + R(yaw) m        p position of the vehicle, m mount in the body frame (x forward, y left)

@@ -1,4 +1,4 @@
-"""What a plume has felt like of late, as one of a few states: how often there was gas, and how much."""
+"""Temporal memory of a plume as one of a few states: how often there was gas, and how much."""
 # The functions take arrays and plain numbers only, so that a trainer may compile them with numba as they are.
 
 import math
@@ -9,8 +9,8 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.foreign_json import read_json
-from gslcosim.search.reactive.casting import BlankMemory
+from gslcosim.base.foreign_json import read_json
+from gslcosim.search.reactive.cast_and_surge import BlankMemory
 
 Floats = NDArray[np.float64]
 

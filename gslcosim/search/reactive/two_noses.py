@@ -1,11 +1,11 @@
-"""Where gas comes from by two noses side by side: no wind is needed."""
+"""Bearing of gas by two noses side by side, without any wind."""
 
 import math
 from collections import deque
 
 from gslcosim.contract.messages import Briefing, Observation
-from gslcosim.search.senses.hits import BoutDetector
-from gslcosim.search.senses.instruments import Nose, noses_of
+from gslcosim.search.senses.hit_detection import BoutDetector
+from gslcosim.search.senses.instruments import Nose, find_noses
 
 
 def bearing_rad(left: float, right: float, gain: float) -> float:
@@ -57,7 +57,7 @@ class TwoNoses:
             window_s: Over how long amounts are averaged [s].
             threshold_ppm: Least amount that is gas.
         """
-        noses = sorted(noses_of(briefing), key=lambda nose: -nose.mount_body_m[1])
+        noses = sorted(find_noses(briefing), key=lambda nose: -nose.mount_body_m[1])
         self._noses: tuple[Nose, Nose] = (noses[0], noses[-1])
         self._bouts = tuple(BoutDetector(sample_s=sample_s) for _ in self._noses)
         self._window_s = window_s

@@ -4,9 +4,9 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Observation
-from gslcosim.quantities import Vec3
-from gslcosim.search.senses.hits import GasHits, OnsetDetector
+from gslcosim.search.senses.hit_detection import GasHits, OnsetDetector
 from gslcosim.search.senses.instruments import Nose
 
 # A MOX sensor's onset is smoothed over about this long: the gas was met where the vehicle was then.
@@ -61,7 +61,7 @@ class GasEvidence:
 
     @property
     def is_hit(self) -> bool:
-        """Whether there is a hit at the last observation."""
+        """True if there is a hit at the last observation."""
         return self._hits.is_hit
 
     def since_hit_s(self, time_s: float) -> float:

@@ -1,8 +1,9 @@
-"""The instruments of a vehicle as a search method sees them: noses, vanes and range finders."""
+"""Instruments of a vehicle as a search method sees them: noses, vanes and range finders."""
 
 import math
 from dataclasses import dataclass
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Observation, SensorDescription
 from gslcosim.methods.instrument_kinds import (
     CAMERA_QUANTITY,
@@ -11,7 +12,6 @@ from gslcosim.methods.instrument_kinds import (
     RANGE_QUANTITY,
     WIND_QUANTITY,
 )
-from gslcosim.quantities import Vec3
 
 # The ending of the name under which the estimate of a MOX sensor comes.
 ESTIMATE_ENDING = "_ppm"
@@ -96,7 +96,7 @@ class Ranges:
         return observation.reading(self.name).values
 
 
-def noses_of(briefing: Briefing) -> tuple[Nose, ...]:
+def find_noses(briefing: Briefing) -> tuple[Nose, ...]:
     """Return the gas sensors at points, in the briefing's order; estimates belong to their sensors."""
     estimates = {sensor.name for sensor in briefing.sensors if sensor.quantity == ESTIMATE_QUANTITY}
     return tuple(
@@ -111,7 +111,7 @@ def noses_of(briefing: Briefing) -> tuple[Nose, ...]:
     )
 
 
-def vanes_of(briefing: Briefing) -> tuple[Vane, ...]:
+def find_vanes(briefing: Briefing) -> tuple[Vane, ...]:
     """Return the anemometers, in the briefing's order."""
     return tuple(
         Vane(name=sensor.name, is_3d=sensor.unit == "m/s")
@@ -120,16 +120,16 @@ def vanes_of(briefing: Briefing) -> tuple[Vane, ...]:
     )
 
 
-def vane_of(briefing: Briefing) -> Vane:
+def find_vane(briefing: Briefing) -> Vane:
     """Return the first anemometer.
 
     Raises:
         IndexError: there is none; `settings_of` says so in a sentence where the method's card needs one.
     """
-    return vanes_of(briefing)[0]
+    return find_vanes(briefing)[0]
 
 
-def ranges_of(briefing: Briefing) -> tuple[Ranges, ...]:
+def find_ranges(briefing: Briefing) -> tuple[Ranges, ...]:
     """Return the range finders, in the briefing's order."""
     return tuple(
         Ranges(name=sensor.name, directions_body=_directions(sensor))
@@ -140,7 +140,7 @@ def ranges_of(briefing: Briefing) -> tuple[Ranges, ...]:
     )
 
 
-def cameras_of(briefing: Briefing) -> tuple[str, ...]:
+def find_cameras(briefing: Briefing) -> tuple[str, ...]:
     """Return the names of the cameras that see colours, in the briefing's order."""
     return tuple(sensor.name for sensor in briefing.sensors if sensor.quantity == CAMERA_QUANTITY)
 

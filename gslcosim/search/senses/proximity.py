@@ -1,4 +1,4 @@
-"""How near a source seems to be by the gas of one stop: its mean, and its peaks."""
+"""Proximity index of a source by the gas of one stop: its mean, and its peaks."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What a camera sees as a prior for the source: coloured things, where they stand, and how likely such things leak."""
+"""Vision prior of the source: coloured things in camera pictures, their positions, and how likely such things leak."""
 
 import io
 import math
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import CameraImage
-from gslcosim.quantities import Vec3
 from gslcosim.search.beliefs import normalised
 from gslcosim.search.grids import CellGrid
 
@@ -38,13 +38,13 @@ class SeenObject:
 
 @dataclass(frozen=True, kw_only=True)
 class Viewpoint:
-    """Where the vehicle was when a picture was taken, and where it looked; it is taken for level."""
+    """Pose of the vehicle when a picture was taken; it is taken for level."""
 
     position_m: Vec3
     yaw_rad: float
 
 
-def pixels_of(image: CameraImage) -> Pixels:
+def decode_pixels(image: CameraImage) -> Pixels:
     """Return the (height, width, 3) colours of a picture.
 
     Raises:
@@ -55,7 +55,7 @@ def pixels_of(image: CameraImage) -> Pixels:
     return np.asarray(Image.open(io.BytesIO(image.data)).convert("RGB"), dtype=np.uint8)
 
 
-def colour_of(pixels: Pixels, *, least_saturation: float = 0.3, least_value: float = 0.1) -> NDArray[np.int64]:
+def classify_colours(pixels: Pixels, *, least_saturation: float = 0.3, least_value: float = 0.1) -> NDArray[np.int64]:
     """Return the number of the colour of each pixel: its place in `labels`, -1 for grey, white and black.
 
     value V = max(R, G, B);  saturation S = (V - min(R, G, B)) / V;  hue by the usual hexagon, 0 red, 120 green [deg]
@@ -95,11 +95,11 @@ def labels() -> tuple[str, ...]:
     return (*(name for name, _ in COLOURS), LAST_COLOUR)
 
 
-def patches_of(colour: NDArray[np.int64], *, least_pixels: int = 8) -> list[tuple[str, NDArray[np.bool_]]]:
+def find_patches(colour: NDArray[np.int64], *, least_pixels: int = 8) -> list[tuple[str, NDArray[np.bool_]]]:
     """Return the connected patches of one colour, four neighbours each, in the order of their first pixel.
 
     Args:
-        colour: (height, width) numbers as `colour_of` gives them.
+        colour: (height, width) numbers as `classify_colours` gives them.
         least_pixels: Smaller patches are left out.
 
     Returns:
@@ -145,7 +145,7 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
     return optical @ (_yaw_rotation(view.yaw_rad) @ _rotation(image.quaternion_body_wxyz)).T
 
 
-def places_on_floor(image: CameraImage, view: Viewpoint, points_px: Array, *, floor_m: float = 0.0) -> Array:
+def floor_positions(image: CameraImage, view: Viewpoint, points_px: Array, *, floor_m: float = 0.0) -> Array:
     """Return where the lines of sight through points of a picture meet a level at a known height.
 
     p = e + t d_W,  t = (z_floor - e_z) / d_z > 0        e the camera's eye
@@ -190,15 +190,15 @@ def seen_objects(
         tests/unit/search/senses/test_vision.py
     """
     found = []
-    colour = colour_of(pixels_of(image))
+    colour = classify_colours(decode_pixels(image))
     # A row below the picture hides what reaches it.
     is_coloured = np.concatenate([colour >= 0, np.ones((1, colour.shape[1]), np.bool_)])
-    for label, mask in patches_of(colour, least_pixels=least_pixels):
+    for label, mask in find_patches(colour, least_pixels=least_pixels):
         columns = np.flatnonzero(mask.any(axis=0))
         bottoms = image.height_px - np.argmax(mask[::-1], axis=0)[columns]
         whole = ~is_coloured[bottoms, columns]
         points_px = np.column_stack([columns[whole] + 0.5, bottoms[whole]]).astype(np.float64)
-        feet_m = places_on_floor(image, view, points_px, floor_m=floor_m)
+        feet_m = floor_positions(image, view, points_px, floor_m=floor_m)
         ranges_m = np.hypot(feet_m[:, 0] - view.position_m[0], feet_m[:, 1] - view.position_m[1])
         near = ranges_m <= farthest_m
         if near.any():
@@ -206,7 +206,7 @@ def seen_objects(
     return found
 
 
-class SeenThings:
+class SeenObjects:
     """The things seen so far, each once: of those with one label and centres close together the nearest view counts.
 
     State: the things.

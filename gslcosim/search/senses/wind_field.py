@@ -1,4 +1,4 @@
-"""The wind as a vehicle has met it: step by step on its way, and spread over the room."""
+"""Wind field as a vehicle has met it: step by step on its way, and spread over the room."""
 
 import math
 from collections import deque

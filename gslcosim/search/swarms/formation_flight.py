@@ -1,4 +1,4 @@
-"""What agents in formation share: rounds, the team's wind and best place, where to search, when the source is found."""
+"""Formation flight: rounds, the team's wind and best place, where to search, and when the source is found."""
 
 import math
 from collections.abc import Sequence
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
 from gslcosim.search.draws import Draws
-from gslcosim.search.moving.declaring import Declared, Estimate, SwarmRule
-from gslcosim.search.moving.flying import declaration
-from gslcosim.search.moving.piloting import Pilot
-from gslcosim.search.senses.instruments import noses_of, vanes_of
-from gslcosim.search.senses.measuring import MeasuredWind, TrustedWind
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, SwarmRule
+from gslcosim.search.motion.leg_planner import LegPlanner
+from gslcosim.search.senses.instruments import find_noses, find_vanes
+from gslcosim.search.senses.stop_and_measure import MeasuredWind, TrustedWind
 from gslcosim.search.swarms.formations import centre_m
 from gslcosim.search.swarms.particle_swarm import Sighting
-from gslcosim.search.swarms.plume_finding import PlumeMemory, crosswind_course
-from gslcosim.search.swarms.radio import Best, Report
+from gslcosim.search.swarms.plume_search import PlumeMemory, crosswind_course
+from gslcosim.search.swarms.radio_reports import Best, Report
 from gslcosim.search.swarms.rounds import Round, Rounds
-from gslcosim.search.swarms.swarming import Smell
+from gslcosim.search.swarms.swarm_robot import GasScale
 
 Floats = NDArray[np.float64]
 
@@ -52,10 +52,10 @@ class FormationFlight:
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
         """Join the team of a briefing."""
         s = self.settings = settings
-        nose, vane = noses_of(briefing)[0], next(iter(vanes_of(briefing)), None)
-        smell = Smell(nose, floor=s.gas_floor, band_frac=s.mox_band_frac)
+        nose, vane = find_noses(briefing)[0], next(iter(find_vanes(briefing)), None)
+        smell = GasScale(nose, floor=s.gas_floor, band_frac=s.mox_band_frac)
         self.rounds = Rounds(briefing, nose, vane, amount=smell.amount, timeout_s=s.timeout_s, window_s=s.hold_s)
-        self.pilot = Pilot(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
+        self.pilot = LegPlanner(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
         self.room, self.height_m = self.pilot.room, self.pilot.height_m
         self.wind = TrustedWind(threshold_m_s=s.calm_m_s)
         self.best: Sighting | None = None
@@ -64,7 +64,7 @@ class FormationFlight:
         # What was refused while it waits: the answer to a wait says nothing of the leg any more.
         self._notice: str | None = None
         self._rule: SwarmRule | None = None
-        self._declared = Declared()
+        self._declared = DeclarationGuard()
 
     @property
     def index(self) -> int:
@@ -73,12 +73,12 @@ class FormationFlight:
 
     @property
     def n_members(self) -> int:
-        """How many robots the team had at the start."""
+        """Number of robots of the team at the start."""
         return self.rounds.n_members
 
     @property
     def upwind_rad(self) -> float:
-        """Where the team's wind came from when it had a direction last; 0 as long as it never had one [rad]."""
+        """Direction from which the team's wind last came; 0 as long as it never had one [rad]."""
         return self.wind.upwind_rad or 0.0
 
     def observe(self, observation: Observation) -> None:

@@ -1,4 +1,4 @@
-"""Formations of a team: where each robot belongs, how the shape is kept, and what a plane through its readings says.
+"""Formations of a team: positions of the robots, keeping the shape, and a plane fitted to their readings.
 
 Slots are given in the frame of the formation: x upwind, y to the left of upwind, the mean of all slots at the origin.
 """

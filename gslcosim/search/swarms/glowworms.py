@@ -1,4 +1,4 @@
-"""Glowworm swarm optimisation: who glows more attracts those who see it; with rules for gas and several sources.
+"""Glowworm swarm optimisation: brighter robots attract those who see them; rules for gas and several sources.
 
 Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame [m].
 """
@@ -6,14 +6,17 @@ Functions are pure; places are (d,) or (n, d) float64 arrays in the world frame 
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.contract.messages import Briefing
 from gslcosim.search.draws import Draws
-from gslcosim.search.moving.legs import Room
+from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
-from gslcosim.search.swarms.particle_swarm import limited
+from gslcosim.search.swarms.particle_swarm import limit_length, scale_to_length
+from gslcosim.search.swarms.swarm_robot import LOST_AFTER_S, SwarmRobot
 
 Vector = NDArray[np.float64]
 N_DRAWS = 10
@@ -72,7 +75,7 @@ def attraction(luciferin: float, brighter_luciferin: Vector) -> Vector:
     return scaled / scaled.sum()
 
 
-def chosen(probabilities: Vector, draw: float) -> int:
+def choose_by_probability(probabilities: Vector, draw: float) -> int:
     """Return the index that a random number in [0, 1) falls on, each with its probability."""
     return min(int(np.searchsorted(np.cumsum(probabilities), draw, side="right")), len(probabilities) - 1)
 
@@ -108,7 +111,7 @@ def next_radius_m(radius_m: float, n_neighbours: int, *, wanted: int, gain_m: fl
 
 
 class OdourGlow:
-    """What a glowworm in a plume glows: the most gas of the last seconds, without decay; below a threshold nothing.
+    """Glow of a glowworm in a plume: the most gas of the last seconds, without decay; below a threshold nothing.
 
     l(t) = max of c over (t - T, t] where that exceeds the threshold, else 0        [ppm]
 
@@ -136,7 +139,7 @@ class OdourGlow:
 
     @property
     def luciferin(self) -> float:
-        """How much it glows."""
+        """Luciferin: the brightness of the glow."""
         most = self._peaks[0][1] if self._peaks else 0.0
         return most if most > self._threshold else 0.0
 
@@ -178,7 +181,7 @@ def in_forbidden(place_m: Sequence[float], declared_m: Sequence[Sequence[float]]
 
 
 class SpiralSearch:
-    """Where a glowworm looks for gas: along a spiral about where it is, and when that has left the room, elsewhere.
+    """Search of a glowworm for gas: along a spiral about its position, and when that has left the room, elsewhere.
 
     Places of the spiral outside the room are left out, and those that are not worth to be searched. Draws where the
     next spiral is, its direction and side.
@@ -193,7 +196,7 @@ class SpiralSearch:
 
     def __init__(
         self,
-        room: Room,
+        room: LegSpace,
         draws: Draws,
         *,
         gap_m: float,
@@ -233,7 +236,7 @@ class SpiralSearch:
             self._begin(place_m)
         if math.dist(place_m, self._target_m) < 0.5 * self._leg_m:
             self._target_m = self._next_place_m()
-        return limited(self._target_m - place_m, self._leg_m)
+        return limit_length(self._target_m - place_m, self._leg_m)
 
     def _begin(self, centre_m: Vector) -> ArchimedeanSpiral:
         self._spiral = ArchimedeanSpiral(
@@ -264,3 +267,84 @@ class SpiralSearch:
     def _is_good(self, place_m: Vector) -> bool:
         place = (float(place_m[0]), float(place_m[1]))
         return self._room.contains(place) and not self._is_left_out(place)
+
+
+class Glowworm(SwarmRobot):
+    """A robot of a swarm whose reports begin their numbers with how much it glows.
+
+    Its settings: those of a robot, `sight_m`, `wanted`, `radius_gain_m`, `memory_s`, `avoid_m`, `circle_m`,
+    `spiral_gap_m` and `wind_floor_m_s`.
+
+    State: that of a robot, its luciferin, how far it sees, its spiral, and the side to which it circles.
+
+    Held by:
+        tests/unit/agents/test_gso.py, test_modified_gso.py
+    """
+
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
+        """Begin dark."""
+        super().__init__(briefing, settings)
+        self.luciferin = 0.0
+        self.glow = OdourGlow(memory_s=settings.memory_s, threshold=settings.gas_floor)
+        self.radius_m = settings.sight_m
+        self.spiral = SpiralSearch(
+            self.pilot.room, self.draws, gap_m=settings.spiral_gap_m, leg_m=settings.leg_m,
+            is_left_out=lambda place_m: self.is_ignored(place_m),
+        )  # fmt: skip
+        self.side = 1 if self.team.index % 2 else -1
+
+    def give_up(self) -> None:
+        """Begin anew from rest, and with another spiral."""
+        super().give_up()
+        self.spiral.forget()
+
+    def glow_by_odour(self) -> None:
+        """Glow by the most gas of the last seconds."""
+        self.luciferin = self.glow.add(self.now_s, self.amount)
+
+    def glow_by_decay(self, *, decay: float, gain: float) -> None:
+        """Glow by the basic rule."""
+        self.luciferin = next_luciferin(self.luciferin, self.amount, decay=decay, gain=gain)
+
+    def others_glow(self) -> Vector:
+        """Return how much each of those glows whose places `others_m` has."""
+        reports = self.team.recent(self.now_s, LOST_AFTER_S).values()
+        glows = [report.numbers[0] if report.numbers else report.amount for report in reports]
+        return np.array(glows, dtype=np.float64)
+
+    def social_step(self) -> Vector | None:
+        """Return the step about one who is too near, or to one who glows more; None where there is neither."""
+        brighter = self.brighter()
+        near_m = self._too_near_m()
+        if near_m is not None:
+            circle_m, leg_m = self.settings.circle_m, self.settings.leg_m
+            goal_m = circling_m(self.place_m, near_m, radius_m=circle_m, step_m=leg_m, side=self.side)
+            return limit_length(goal_m - self.place_m, leg_m)
+        if not len(brighter):
+            return None
+        probabilities = attraction(self.luciferin, self.others_glow()[brighter])
+        goal_m = self.others_m()[brighter[choose_by_probability(probabilities, self.draws.fraction())]]
+        # Never past the other one, as a step of fixed length would be.
+        return limit_length(goal_m - self.place_m, self.settings.leg_m)
+
+    def brighter(self) -> NDArray[np.int64]:
+        """Return the indices of those that are seen to glow more, and adapt how far it sees."""
+        settings = self.settings
+        found = brighter_neighbours(self.place_m, self.luciferin, self.others_m(), self.others_glow(), self.radius_m)
+        self.radius_m = next_radius_m(
+            self.radius_m, len(found), wanted=settings.wanted, gain_m=settings.radius_gain_m, sight_m=settings.sight_m
+        )
+        return found
+
+    def upwind_step(self) -> Vector | None:
+        """Return a leg straight up the wind; None in calm air."""
+        if math.hypot(*self.wind_m_s) <= self.settings.wind_floor_m_s:
+            return None
+        return scale_to_length(-self.wind_m_s, self.settings.leg_m)
+
+    def _too_near_m(self) -> Vector | None:
+        places_m = self.others_m()
+        distances_m = np.linalg.norm(places_m - self.place_m, axis=1)
+        if not len(distances_m) or distances_m.min() >= self.settings.avoid_m:
+            return None
+        return places_m[int(distances_m.argmin())]

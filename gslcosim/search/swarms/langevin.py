@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 LEAST_P = 1e-9
 
 
-def potential_of(p: Floats) -> Floats:
+def belief_potential(p: Floats) -> Floats:
     """Return the potential of a belief, of the same shape: Phi = -ln max(p, 1e-9).
 
     Source:
@@ -121,7 +121,7 @@ def temperature_ladder(n: int, coldest: float, hottest: float) -> tuple[float, .
     return tuple(coldest * (hottest / coldest) ** (k / (n - 1)) for k in range(n))
 
 
-def settled_roles(told: Mapping[str, int], n_roles: int) -> dict[str, int]:
+def settle_roles(told: Mapping[str, int], n_roles: int) -> dict[str, int]:
     """Return a role for each robot, no two the same: what it told where that is free, else the lowest that is left.
 
     Args:
@@ -136,7 +136,7 @@ def settled_roles(told: Mapping[str, int], n_roles: int) -> dict[str, int]:
     return {name: roles[name] if name in roles else next(left) for name in sorted(told)}
 
 
-def swapped_roles(
+def swap_roles(
     roles: Mapping[str, int],
     potentials: Mapping[str, float],
     fractions: Mapping[str, float],

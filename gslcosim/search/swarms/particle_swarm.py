@@ -1,4 +1,4 @@
-"""Particle swarm optimisation as robots fly it: velocities from bests, limits, repulsion, wind rules, fading bests.
+"""Particle swarm optimisation for robots: velocities from bests, limits, repulsion, wind rules, fading bests.
 
 All are pure functions of given random numbers; a velocity is a step [m per iteration], vectors are (d,) float64 arrays.
 """
@@ -14,8 +14,8 @@ _LEAST_M = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weights:
-    """How much a particle keeps of its velocity (`inertia`), and how it is drawn to its own best and the swarm's."""
+class SwarmWeights:
+    """Weights of a particle: of its velocity (`inertia`), and of the pull to its own best and the swarm's."""
 
     inertia: float
     own: float
@@ -23,7 +23,13 @@ class Weights:
 
 
 def pso_velocity(
-    velocity_m: Vector, place_m: Vector, own_best_m: Vector, swarm_best_m: Vector, *, weights: Weights, draws: Vector
+    velocity_m: Vector,
+    place_m: Vector,
+    own_best_m: Vector,
+    swarm_best_m: Vector,
+    *,
+    weights: SwarmWeights,
+    draws: Vector,
 ) -> Vector:
     """Return the next velocity of a particle.
 
@@ -51,13 +57,13 @@ def pso_velocity(
     return weights.inertia * velocity_m + weights.own * own_draws * to_own + weights.swarm * swarm_draws * to_swarm
 
 
-def limited(velocity_m: Vector, longest_m: float) -> Vector:
+def limit_length(velocity_m: Vector, longest_m: float) -> Vector:
     """Return a step of the same direction that is no longer than a robot's leg [m]; a new array."""
     length_m = float(np.linalg.norm(velocity_m))
     return velocity_m * (longest_m / length_m) if length_m > longest_m else velocity_m.copy()
 
 
-def of_length(velocity_m: Vector, length_m: float) -> Vector:
+def scale_to_length(velocity_m: Vector, length_m: float) -> Vector:
     """Return a step of the same direction and a given length [m]; one of no length stays so."""
     now_m = float(np.linalg.norm(velocity_m))
     return velocity_m * (length_m / now_m) if now_m > _LEAST_M else np.zeros_like(velocity_m)
@@ -86,12 +92,12 @@ def repelled_velocity(
     """
     away_m = place_m - others_m.reshape(-1, len(place_m))
     near = np.linalg.norm(away_m, axis=1) < within_m
-    return of_length(velocity_m + away_m[near].sum(axis=0), leg_m) if near.any() else None
+    return scale_to_length(velocity_m + away_m[near].sum(axis=0), leg_m) if near.any() else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Charge:
-    """How charged particles repel each other: Q^2 [m^3 per iteration], the core and the reach [m]."""
+    """Repulsion of charged particles: Q^2 [m^3 per iteration], the core and the reach [m]."""
 
     squared_m3: float
     core_m: float
@@ -139,7 +145,7 @@ def angle_to_downwind_rad(velocity_m: Vector, wind_m_s: Vector) -> float:
     return math.atan2(cross, float(wind_m_s @ velocity_m))
 
 
-def turned_out_of_downwind(velocity_m: Vector, wind_m_s: Vector, forbidden_rad: float) -> Vector:
+def rotate_out_of_downwind(velocity_m: Vector, wind_m_s: Vector, forbidden_rad: float) -> Vector:
     """Return a step that is not in the forbidden cone about downwind: turned to the edge of the cone if it was.
 
     v' = R(sign(alpha) max(theta - |alpha|, 0)) v        alpha from downwind to v, theta the cone's half angle [rad]
@@ -160,10 +166,10 @@ def turned_out_of_downwind(velocity_m: Vector, wind_m_s: Vector, forbidden_rad: 
         return velocity_m.copy()
     angle_rad = angle_to_downwind_rad(velocity_m, wind_m_s)
     missing_rad = max(0.0, forbidden_rad - abs(angle_rad))
-    return turned(velocity_m, missing_rad if angle_rad >= 0.0 else -missing_rad)
+    return rotate(velocity_m, missing_rad if angle_rad >= 0.0 else -missing_rad)
 
 
-def slowed_downwind(velocity_m: Vector, wind_m_s: Vector) -> Vector:
+def shorten_downwind(velocity_m: Vector, wind_m_s: Vector) -> Vector:
     """Return a step that is the shorter the more it goes down the wind.
 
     v' = chi v,  chi = (1 - cos alpha) / 2        alpha the angle between v and downwind; 0 downwind, 1 upwind
@@ -184,13 +190,13 @@ def slowed_downwind(velocity_m: Vector, wind_m_s: Vector) -> Vector:
     return velocity_m * (1.0 - math.cos(angle_to_downwind_rad(velocity_m, wind_m_s))) / 2.0
 
 
-def turned(vector: Vector, angle_rad: float) -> Vector:
+def rotate(vector: Vector, angle_rad: float) -> Vector:
     """Return a (2,) vector turned counter-clockwise."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]])
 
 
-def faded(amount: float, age_s: float, fades_s: float) -> float:
+def fade_amount(amount: float, age_s: float, fades_s: float) -> float:
     """Return what a best counts after a while, so that one of gas that has gone is not followed for ever.
 
     f' = f exp(-dt / tau)        tau 0 or less: it does not fade
@@ -205,7 +211,7 @@ def faded(amount: float, age_s: float, fades_s: float) -> float:
 
 @dataclass(frozen=True)
 class Sighting:
-    """How much gas there was at a place (x, y) and a time. Fixed: a best does not move with the robot that found it."""
+    """Amount of gas at a position (x, y) and a time. Fixed: a best does not move with the robot that found it."""
 
     place_m: tuple[float, float]
     amount: float
@@ -213,7 +219,7 @@ class Sighting:
 
     def faded(self, now_s: float, fades_s: float) -> "Sighting":
         """Return what it counts now."""
-        return Sighting(self.place_m, faded(self.amount, now_s - self.time_s, fades_s), now_s)
+        return Sighting(self.place_m, fade_amount(self.amount, now_s - self.time_s, fades_s), now_s)
 
 
 def better(old: Sighting | None, new: Sighting | None, *, fades_s: float = 0.0) -> Sighting | None:

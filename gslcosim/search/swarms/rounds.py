@@ -1,4 +1,4 @@
-"""Synchronous rounds of a team over radio: all hold, read and tell, then all step."""
+"""Synchronous rounds of a team over radio: all hold, read and report, then all step."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
 from gslcosim.search.senses.instruments import Nose, Vane
-from gslcosim.search.senses.measuring import Measurement, StopAndMeasure
-from gslcosim.search.swarms.radio import Best, Report, Team, encode, parse
+from gslcosim.search.senses.stop_and_measure import Measurement, StopAndMeasure
+from gslcosim.search.swarms.radio_reports import Best, Report, Team, encode, parse
 
 # The round's number is the first of a report's own numbers.
 _NUMBER = 0
@@ -22,14 +22,14 @@ def _ppm_of(measurement: Measurement) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Round:
-    """What the team has read in one round: a report of each robot that told, the own among them, by sorted names."""
+    """Readings of the team in one round: a report of each robot that sent one, the own among them, by sorted names."""
 
     number: int
     reports: dict[str, Report]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Who told, sorted."""
+        """Names of the robots that reported, sorted."""
         return tuple(self.reports)
 
     @property
@@ -44,7 +44,7 @@ class Round:
 
     @property
     def has_gas(self) -> bool:
-        """Whether any robot has gas."""
+        """True if any robot has gas."""
         return any(report.amount > 0.0 for report in self.reports.values())
 
     @property
@@ -134,7 +134,7 @@ class Rounds:
 
     @property
     def n_members(self) -> int:
-        """How many robots the team had at the start."""
+        """Number of robots of the team at the start."""
         return len(self.team.members)
 
     def observe(self, observation: Observation) -> None:
@@ -197,7 +197,7 @@ class Rounds:
             best=best,
             numbers=(float(self.number), *numbers),
         )
-        self._last = as_heard(report, self.team)
+        self._last = round_as_sent(report, self.team)
         return self._last
 
     def _close(self) -> Round:
@@ -217,7 +217,7 @@ class Rounds:
         return closed
 
 
-def as_heard(report: Report, team: Team) -> Report:
+def round_as_sent(report: Report, team: Team) -> Report:
     """Return a report with the digits in which the others hear it; as it is where it cannot be told.
 
     Where not everything fits, the best place goes before the wind: the others know of best places themselves.

@@ -1,4 +1,4 @@
-"""A belief that several robots hold alike: findings with all that weighs them, in an order that all agree on."""
+"""Belief shared by several robots: findings with all that weighs them, in an order that all agree on."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.bayes.encounters import Dispersal, likelihoods
+from gslcosim.search.bayes.encounter_model import PlumeAssumption, likelihoods
 from gslcosim.search.beliefs import normalised_from_log
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.gains import Prospect, foresee, infotaxis_cost
+from gslcosim.search.information.objectives import Candidates, infotaxis_cost, predict_stops
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SharedFinding:
-    """What one robot found at a place: gas or clean air, and the wind there as it knew it then.
+    """Finding of one robot at a place: gas or clean air, and the wind there as it knew it then.
 
     `number` counts the findings of its `finder`; `wind_m_s` is where the air goes, `spread_rad` how far its direction
     spreads.
@@ -46,7 +46,7 @@ class _Entry:
 
 
 class SharedBelief:
-    """Where the source is, by the findings of all robots: equal to the bit for all who know the same findings.
+    """Belief about the source by the findings of all robots: equal to the bit for all who know the same findings.
 
     ln p = ln p0 + sum_i w_i ln P(finding i given s) + constant        w_i = power / (1 + n_i)
     n_i is how many findings before i were made within `near_m` of it: findings at one place are much alike.
@@ -69,7 +69,7 @@ class SharedBelief:
         self,
         grid: CellGrid,
         free: NDArray[np.bool_],
-        dispersal: Dispersal,
+        dispersal: PlumeAssumption,
         *,
         floor: float,
         power: float,
@@ -94,12 +94,12 @@ class SharedBelief:
         self._numbers: set[tuple[str, int]] = set()
 
     def __len__(self) -> int:
-        """How many findings it rests on."""
+        """Return the number of findings it rests on."""
         return len(self._known)
 
     @property
     def findings(self) -> tuple[SharedFinding, ...]:
-        """What it rests on, in the order of the keys."""
+        """Findings it rests on, in the order of the keys."""
         return tuple(entry.finding for entry in self._known)
 
     @property
@@ -124,7 +124,7 @@ class SharedBelief:
 
     def prospect(
         self, places_m: Sequence[tuple[float, float]], wind_m_s: tuple[float, float], spread_rad: float
-    ) -> Prospect:
+    ) -> Candidates:
         """Return what stops at places would tell in a wind; cells within reach would be searched through."""
         places = np.array(places_m, dtype=np.float64).reshape(-1, 2)
         log_mean = self.dispersal.model(wind_m_s, spread_rad).log_mean_hits(places, self._cells_m)
@@ -134,7 +134,7 @@ class SharedBelief:
             within = self._within(place_m)
             for table in (likelihood, weight, log_weight):
                 table[i][:, within] = 0.0
-        return Prospect(
+        return Candidates(
             places_m=places, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
         )
 
@@ -159,7 +159,7 @@ class SharedBelief:
         return ((self._cells_m - place_m) ** 2).sum(axis=1) < self.reach_m**2
 
 
-def assigned_costs(p: Array, own: Prospect, planned: Sequence[Prospect]) -> Array:
+def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> Array:
     """Return the expected entropy after each of the own stops (m,), when others make theirs first [bit].
 
     J = sum_h1 rho_h1 ... sum_hk rho_hk J_infotaxis(p given h1 ... hk)        h outcomes at the stops of the k others
@@ -182,7 +182,7 @@ def assigned_costs(p: Array, own: Prospect, planned: Sequence[Prospect]) -> Arra
         tests/unit/search/swarms/test_shared_belief.py (equals the joint entropy by brute force)
     """
     if not planned:
-        return infotaxis_cost(foresee(p, own))
+        return infotaxis_cost(predict_stops(p, own))
     costs = np.zeros(len(own.places_m))
     first, rest = planned[0], planned[1:]
     for likelihood, weight in zip(first.likelihood[0], first.weight[0]):

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Briefing
-from gslcosim.errors import MethodError
-from gslcosim.search.senses.instruments import Ranges, ranges_of
+from gslcosim.search.senses.instruments import Ranges, find_ranges
 
 Vector = NDArray[np.float64]
 RIGHT_ANGLE_RAD = 1.5707963267948966
@@ -22,7 +22,7 @@ _LEAST_M = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class BugParameters:
     """One set of parameters.
 
     Before there is gas, `search_inertia` w' and `search_draw` r_r make waypoints; afterwards `inertia` w, `own` phi_p
@@ -51,24 +51,24 @@ class Table:
 
 TABLES = {
     # Evolved in training rooms drawn so that hard ones came more often; read in the authors' code.
-    "evolved_with_doping": Table(
+    "evolved_with_doping": BugParameters(
         inertia=0.271, own=-0.333, swarm=1.856, search_inertia=1.571, search_draw=2.034, waypoint_s=51.979,
         reached_m=2.690, wall_m=1.407, robot_m=0.782, line_m=0.469, wall_push=16.167, robot_push=10.032,
         wall_push_m=0.594,
     ),
     # Evolved in rooms drawn alike; the name of a file in the authors' code says so.
-    "evolved": Table(
+    "evolved": BugParameters(
         inertia=0.020, own=0.938, swarm=3.439, search_inertia=2.948, search_draw=1.200, waypoint_s=12.141,
         reached_m=4.125, wall_m=1.623, robot_m=1.269, line_m=0.461, wall_push=1.968, robot_push=2.814,
         wall_push_m=1.032,
     ),
     # Set by hand; remembered, unverified.
-    "manual": Table(
+    "manual": BugParameters(
         inertia=0.5, own=0.8, swarm=2.0, search_inertia=0.3, search_draw=0.7, waypoint_s=10.0, reached_m=0.5,
         wall_m=1.5, robot_m=0.8, line_m=0.2, wall_push=5.0, robot_push=15.0, wall_push_m=1.5,
     ),
     # The port in GSL-Bench, read in its code: legs of 0.5 m. What it has not (walls, forces) is as set by hand.
-    "gsl_bench": Table(
+    "gsl_bench": BugParameters(
         inertia=0.5, own=-0.333, swarm=1.856, search_inertia=0.1, search_draw=0.7, waypoint_s=10.0, reached_m=0.1,
         wall_m=1.5, robot_m=1.5, line_m=0.2, wall_push=5.0, robot_push=15.0, wall_push_m=1.5, leg_m=0.5, square_m=2.0,
     ),
@@ -96,7 +96,7 @@ def searching_waypoint(place_m: Vector, last_m: Vector, drawn_m: Vector, *, iner
 
 
 def tracking_waypoint(
-    place_m: Vector, last_m: Vector, own_best_m: Vector, swarm_best_m: Vector, table: Table
+    place_m: Vector, last_m: Vector, own_best_m: Vector, swarm_best_m: Vector, table: BugParameters
 ) -> Vector:
     """Return the next waypoint when somebody has met gas.
 
@@ -142,13 +142,13 @@ def off_line_m(place_m: Vector, start_m: Vector, goal_m: Vector) -> float:
     return float(along_m[0] * from_start_m[1] - along_m[1] * from_start_m[0]) / length_m
 
 
-def force(
+def avoidance_direction(
     place_m: Vector,
     goal_m: Vector,
     ranges_m: Sequence[float],
     yaw_rad: float,
     others_m: Sequence[Vector],
-    table: Table,
+    table: BugParameters,
 ) -> Vector:
     """Return the direction in which a robot avoids others that are near: a unit vector, or zero where all balances.
 
@@ -183,7 +183,7 @@ def force(
     return total / size if size > _LEAST_M else np.zeros(2)
 
 
-def kept_off(direction: Vector, ranges_m: Sequence[float], yaw_rad: float, least_m: float) -> Vector:
+def remove_blocked_parts(direction: Vector, ranges_m: Sequence[float], yaw_rad: float, least_m: float) -> Vector:
     """Return a direction without the part that leads along beams which see something nearer than a least distance.
 
     Deviation:
@@ -214,7 +214,7 @@ class Bug:
         tests/unit/search/swarms/test_sniffy_bug.py
     """
 
-    def __init__(self, table: Table, *, past_m: float = 0.5) -> None:
+    def __init__(self, table: BugParameters, *, past_m: float = 0.5) -> None:
         """Begin without a line."""
         self._table = table
         self._past_m = past_m
@@ -243,7 +243,7 @@ class Bug:
         """
         if any(math.dist(place_m, other_m) < self._table.robot_m for other_m in others_m):
             self.aim(place_m, self._goal_m)
-            return force(place_m, self._goal_m, ranges_m, yaw_rad, others_m, self._table)
+            return avoidance_direction(place_m, self._goal_m, ranges_m, yaw_rad, others_m, self._table)
         is_free = [range_m >= self._table.wall_m for range_m in ranges_m]
         wanted = self._wanted_beams(place_m, yaw_rad)
         if self.wall_side and self._is_back_on_line(place_m) and any(is_free[beam] for beam in wanted):
@@ -313,13 +313,13 @@ def _along_wall(blocked: int, bearing_rad: float, is_free: list[bool]) -> tuple[
     return (blocked + 2) % N_BEAMS, -ways[0]
 
 
-def four_ranges_of(briefing: Briefing) -> Ranges:
+def find_four_ranges(briefing: Briefing) -> Ranges:
     """Return the first range finder that looks front, left, back and right.
 
     Raises:
         MethodError: there is none.
     """
-    for ranges in ranges_of(briefing):
+    for ranges in find_ranges(briefing):
         if len(ranges.directions_body) == N_BEAMS and all(
             math.dist(direction[:2], beam_direction(beam, 0.0)) < 1e-3
             for beam, direction in enumerate(ranges.directions_body)

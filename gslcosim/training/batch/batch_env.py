@@ -1,4 +1,4 @@
-"""Many searches at a time as a vector environment of Gymnasium."""
+"""Batch environment: many searches at a time as a vector environment of Gymnasium."""
 
 import math
 import os
@@ -10,24 +10,58 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.fields.gas_setup import gas_seed
-from gslcosim.frames import world_from_body_rotation, yaw_from_quaternion
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.base.errors import UsageError
+from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
+from gslcosim.base.ticks import NS_PER_S
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.gas import FormulaGasSpec
-from gslcosim.search.learned.acting import action_kind
-from gslcosim.ticks import NS_PER_S
+from gslcosim.search.learned.actions import action_kind
 from gslcosim.training.batch import batch_records
-from gslcosim.training.batch.batch_actions import BATCHED_ACTIONS, BatchActions
-from gslcosim.training.batch.batch_arrays import Searches, Work, new_touch, new_work, record_of
-from gslcosim.training.batch.case_shares import case_of, shares_of_cases
-from gslcosim.training.batch.drawing_kernels import scrambled
-from gslcosim.training.batch.preparing import EXACT, FLYING, prepare
-from gslcosim.training.batch.stepping_kernels import fly
+from gslcosim.training.batch.actions import BATCHED_ACTIONS, BatchActions
+from gslcosim.training.batch.batch_records import Searches, Work, build_cases_record, new_touch, new_work
+from gslcosim.training.batch.case_builder import EXACT, FLYING, prepare
+from gslcosim.training.batch.pcg64 import scrambled
+from gslcosim.training.batch.step import fly
 from gslcosim.training.registration import REMEDY
 from gslcosim.training.rewards import REWARDS, SUCCESS
-from gslcosim.training.search_env import space_of_actions
-from gslcosim.world.physics import records
+from gslcosim.training.search_env import build_action_space
+from gslcosim_services.fields.gas_setup import gas_seed
+from gslcosim_services.world.physics import vehicle_records
+
+_N_DRAWN = 2**32
+
+
+def shares_of_cases(weights: Any, n_cases: int) -> NDArray[np.float64] | None:
+    """Return the shares of cases, summed up, (n_cases,); nothing where all come equally often.
+
+    Args:
+        weights: One for each case, not negative, not all 0; or None.
+        n_cases: How many cases.
+
+    Raises:
+        UsageError: the weights are not such numbers.
+    """
+    if weights is None:
+        return None
+    given = np.asarray(weights, np.float64)
+    if given.shape != (n_cases,) or not np.isfinite(given).all() or given.min() < 0 or not given.sum() > 0:
+        raise UsageError(
+            f"reset: options: weights: expected {n_cases} numbers from 0, one for each case, not all 0, was "
+            f"{weights!r}."
+        )
+    sums = np.cumsum(given)
+    shares = sums / sums[-1]
+    # Rounding must not let the last case that comes end below 1.
+    shares[np.flatnonzero(given)[-1] :] = 1.0
+    return shares
+
+
+def case_of(drawn: int, n_cases: int, shares: NDArray[np.float64] | None) -> int:
+    """Return the case that a random whole number below 2^32 stands for; see `shares_of_cases`."""
+    if shares is None:
+        return drawn % n_cases
+    return int(np.searchsorted(shares, drawn / _N_DRAWN, side="right"))
+
 
 try:
     from gymnasium import spaces
@@ -113,13 +147,13 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         n_numbers = len(self.observation_names)
         kind = action_kind(action, self._prepared.briefing, step_m=step_m, speed_m_s=speed_m_s, hold_s=hold_s)
         self.single_observation_space = spaces.Box(-1.0, 1.0, (n_numbers,), np.float32)
-        self.single_action_space = space_of_actions(kind)
+        self.single_action_space = build_action_space(kind)
         self.observation_space = batch_space(self.single_observation_space, n_envs)
         self.action_space = batch_space(self.single_action_space, n_envs)
         self._n_sensors = self._prepared.cases.instruments.shape[1]
         self._searches = Searches(
             searches=np.zeros(n_envs, batch_records.SEARCH),
-            paths=np.zeros(n_envs, records.STATE),
+            paths=np.zeros(n_envs, vehicle_records.STATE),
             gauges=np.zeros((n_envs, self._n_sensors), batch_records.GAUGE),
             memory=np.zeros((n_envs, self._prepared.n_memory)),
             wanders=np.zeros((n_envs, self._prepared.n_wanders), batch_records.WANDER),
@@ -134,8 +168,10 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self.n_ticks = 0
         n_threads = n_threads or len(os.sched_getaffinity(0))
         n_places = self._prepared.cases.places_m.shape[1]
-        self._touch, self._cases = new_touch(n_places), record_of(self._prepared.cases)
-        self._work = [new_work(n_places, self._prepared.most_filaments, records.STATE) for _ in range(n_threads)]
+        self._touch, self._cases = new_touch(n_places), build_cases_record(self._prepared.cases)
+        self._work = [
+            new_work(n_places, self._prepared.most_filaments, vehicle_records.STATE) for _ in range(n_threads)
+        ]
         self._threads = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
 
     def reset(
@@ -223,7 +259,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
 
     @property
     def bytes_per_env(self) -> int:
-        """How many bytes each search takes, beside the cases that all share."""
+        """Bytes that each search takes, beside the cases that all share."""
         arrays = (
             *self._searches, self._observations, self._actions.tasks, self._actions.vectors, self._is_over,
             self._next_cases, self._next_seeds,

@@ -1,4 +1,4 @@
-"""Checkpoints: all that a training needs to go on, in one file that is never seen half written."""
+"""Checkpoints: all that a training needs to continue, in one file that is never half written."""
 
 import io
 import json
@@ -12,9 +12,9 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.foreign_json import ForeignFileError, parse_json
-from gslcosim.safe_files import replace_file
+from gslcosim.base.errors import UsageError
+from gslcosim.base.files import replace_file
+from gslcosim.base.foreign_json import ForeignFileError, parse_json
 
 CHECKPOINT = "checkpoint.npz"
 SCHEMA = "gslcosim/checkpoint/1"

@@ -1,4 +1,4 @@
-"""Train files: which trainer learns what in which family, from which seed."""
+"""Train files: the trainer, the family and the seed of a training."""
 
 import hashlib
 from dataclasses import dataclass
@@ -7,15 +7,14 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from gslcosim.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.bundled import bundled_folder
-from gslcosim.scenario.models.rules import broken_rule
-from gslcosim.scenario.models.spec import Name, NonNegative, Positive, Spec
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error
 from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.families import Family, load_family
-from gslcosim.training.trainers.trainer_settings import CtrnnSettings, MethodSettings, TableSettings
+from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, TableSettings
 
 _Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
@@ -43,7 +42,7 @@ TrainerSettings = Annotated[
 
 
 class ActionSpec(Spec):
-    """What actions mean; see docs/train.md."""
+    """Meaning of actions; see docs/train.md."""
 
     kind: Literal["velocity", "velocity_3d", "waypoint", "waypoint_3d", "heading"] = "velocity"
     step_m: Positive = 1.0
@@ -52,12 +51,12 @@ class ActionSpec(Spec):
 
     @property
     def settings(self) -> ActionSettings:
-        """What policies and environments take."""
+        """Settings that policies and environments take."""
         return ActionSettings(**self.model_dump())
 
 
 class CasesSpec(Spec):
-    """How many cases of the family are trained in, and how many the policy is validated in."""
+    """Numbers of cases of the family for training and for validation."""
 
     training: _Count = 256
     validation: _Count = 64
@@ -86,7 +85,7 @@ class TrainSpec(Spec):
     @model_validator(mode="after")
     def _check_flying(self) -> Self:
         if self.flying != "exact" and isinstance(self.trainer, MethodSettings):
-            raise broken_rule(
+            raise broken_rule_error(
                 key="flying",
                 expected="none with a trainer of a method, which flies in full",
                 found=self.flying,
@@ -97,7 +96,7 @@ class TrainSpec(Spec):
     @model_validator(mode="after")
     def _check_action(self) -> Self:
         if isinstance(self.trainer, MethodSettings) and "action" in self.model_fields_set:
-            raise broken_rule(
+            raise broken_rule_error(
                 key="action",
                 expected="none for trainer.kind: method, whose methods command what they like",
                 found="one",

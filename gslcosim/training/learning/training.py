@@ -1,4 +1,4 @@
-"""A training: rounds, validations, checkpoints, and what is left at the end."""
+"""Training: rounds, validations, checkpoints, and the files it leaves."""
 
 import json
 import platform
@@ -13,24 +13,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.safe_files import replace_file
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.base.errors import UsageError
+from gslcosim.base.files import replace_file
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.search.learned.parameter_files import save_parameters
 from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policies.policy_files import KINDS, save_policy
-from gslcosim.training.batch.preparing import refusal_of
-from gslcosim.training.families.family_models import Split
+from gslcosim.training.batch.case_builder import refusal_of
+from gslcosim.training.families.family import Split
 from gslcosim.training.learning.checkpoints import CHECKPOINT, Checkpoint, load_checkpoint, save_checkpoint
 from gslcosim.training.learning.train_file import PpoFileSettings, TrainFile
-from gslcosim.training.learning.validating import PolicyValidation
+from gslcosim.training.learning.validation import PolicyValidation
 from gslcosim.training.trainers.evolved_ctrnn import EvolvedCtrnn
-from gslcosim.training.trainers.method_parameters import EvolvedMethod, MethodParameters
+from gslcosim.training.trainers.evolved_method import EvolvedMethod, EvolvedParameters
 from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.tabular_q import TabularQ
-from gslcosim.training.trainers.trainer import Trainer
-from gslcosim.training.trainers.trainer_settings import CtrnnSettings, MethodSettings, TableSettings
+from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, TableSettings, Trainer
 
 CURVES = "curves.json"
 _PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
@@ -40,8 +39,8 @@ Told = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trained:
-    """What a training has come to: figures of each round, and the best policy of those that were validated."""
+class TrainingResult:
+    """Result of a training: figures of each round, and the best policy of those that were validated."""
 
     name: str
     folder: Path
@@ -110,7 +109,7 @@ class Training:
 
     @property
     def n_rounds(self) -> int:
-        """How many rounds the whole training has."""
+        """Number of rounds of the whole training."""
         trainer = self._file.spec.trainer
         return int(trainer.settings.get("rounds", 100)) if isinstance(trainer, PpoFileSettings) else trainer.rounds
 
@@ -120,10 +119,10 @@ class Training:
 
     @property
     def n_done(self) -> int:
-        """How many rounds are done."""
+        """Number of rounds done."""
         return len(self._curves)
 
-    def train(self, *, rounds: int | None = None) -> Trained:
+    def train(self, *, rounds: int | None = None) -> TrainingResult:
         """Learn to the end, or for some rounds, and leave checkpoint, policy and curves.
 
         Args:
@@ -155,9 +154,9 @@ class Training:
                 pool.close()
         return self.trained()
 
-    def trained(self) -> Trained:
+    def trained(self) -> TrainingResult:
         """Return what it has come to."""
-        return Trained(
+        return TrainingResult(
             name=self._file.spec.name, folder=self.folder, is_over=self.n_done >= self.n_rounds,
             curves=list(self._curves), best_round=self._best_round, best=self._best, took_s=self._took_s,
         )  # fmt: skip
@@ -222,7 +221,7 @@ class Training:
                 "kind": best.kind, "observation_names": best.observation_names, "settings": best.settings,
             }  # fmt: skip
             save_policy(self.folder / POLICY_FILE, best, self._card())
-        elif isinstance(best, MethodParameters):
+        elif isinstance(best, EvolvedParameters):
             about["best"] = {"parameters": best.parameters}
             save_parameters(self.folder, best.entry.name, best.parameters, self._card())
         replace_file(self.folder, CURVES, (json.dumps(self._curves, indent=1) + "\n").encode())
@@ -240,7 +239,7 @@ class Training:
         best = about.get("best")
         if best is not None and "parameters" in best:
             policy = self.trainer.policy()
-            self._best = MethodParameters(entry=policy.entry.model_copy(update={"parameters": best["parameters"]}))
+            self._best = EvolvedParameters(entry=policy.entry.model_copy(update={"parameters": best["parameters"]}))
         elif best is not None:
             self._best = KINDS[best["kind"]].of_arrays(
                 tuple(best["observation_names"]), self._file.spec.action.settings, checkpoint.best, best["settings"]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.rng import stream
-from gslcosim.training.trainers.trainer import taken_from
+from gslcosim.base.errors import UsageError
+from gslcosim.base.rng import stream
+from gslcosim.training.trainers.trainer import check_state
 
 
 class Evolution:
@@ -39,7 +39,7 @@ class Evolution:
 
     @property
     def n_generations(self) -> int:
-        """How many generations have been told their costs."""
+        """Number of generations whose costs are known."""
         return len(self._told)
 
     @property
@@ -74,7 +74,7 @@ class Evolution:
         Raises:
             UsageError: it is that of another population.
         """
-        taken_from(state, {"told": (None, self._population)})
+        check_state(state, {"told": (None, self._population)})
         self._told, self._strategy = [], self._begun()
         for costs in state["told"]:
             self.ask()

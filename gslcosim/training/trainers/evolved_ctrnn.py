@@ -1,4 +1,4 @@
-"""Evolution of continuous-time recurrent networks: all networks of a generation search in the same cases at once."""
+"""Evolution of continuous-time recurrent networks: all of a generation search in the same cases at once."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,15 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.rng import stream
+from gslcosim.base.rng import stream
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings
-from gslcosim.training.trainers.case_costs import Weights
+from gslcosim.training.trainers.curriculum import Weights
 from gslcosim.training.trainers.evolution import Evolution
-from gslcosim.training.trainers.policy_searches import search
+from gslcosim.training.trainers.policy_costs import run_searches
 from gslcosim.training.trainers.search_pool import SearchPool
-from gslcosim.training.trainers.trainer import taken_from
-from gslcosim.training.trainers.trainer_settings import CtrnnSettings
+from gslcosim.training.trainers.trainer import CtrnnSettings, check_state
 
 # What a number of 1 in the genome makes of weights, biases, and powers of e in time constants.
 _WEIGHT, _INPUT, _BIAS = 2.0, 4.0, 1.0
@@ -70,7 +69,7 @@ class EvolvedCtrnn:
         cases = rng.choice(self.pool.n_cases, size=k, p=self.weights(self._costs))
         seeds = rng.integers(2**31, size=k)
         genomes = self._evolution.ask()
-        flown = search(self.pool.envs, [self._network(each) for each in genomes], cases, seeds, self._places)
+        flown = run_searches(self.pool.envs, [self._network(each) for each in genomes], cases, seeds, self._places)
         limits_s, diagonals_m = self.pool.scales(np.tile(cases, len(genomes)))
         costs = flown.costs(limits_s, diagonals_m).reshape(len(genomes), k)
         self._evolution.tell(costs.mean(axis=1))
@@ -91,7 +90,7 @@ class EvolvedCtrnn:
 
     def resume(self, state: Mapping[str, NDArray[Any]]) -> None:
         """See `Trainer`."""
-        taken_from(state, {"case_costs": self._costs.shape, "n_steps": ()})
+        check_state(state, {"case_costs": self._costs.shape, "n_steps": ()})
         self._evolution.resume(state)
         self._costs, self._n_steps = np.array(state["case_costs"], np.float64), int(state["n_steps"])
 

@@ -1,15 +1,15 @@
-"""Cases of a family with the searches that fly them."""
+"""Pool of searches over the cases of a family."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.scenario.loading import LoadedScenario
+from gslcosim.base.errors import UsageError
+from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.trainers.case_costs import CaseCosts, Weights
+from gslcosim.training.trainers.curriculum import Curriculum, Weights
 
 
 class SearchPool:
@@ -65,9 +65,9 @@ class SearchPool:
         """Return the time limits [s] and the rooms' diagonals [m] of cases."""
         return self._limits_s[cases], self._diagonals_m[cases]
 
-    def costs(self, weights: Weights) -> CaseCosts:
+    def costs(self, weights: Weights) -> Curriculum:
         """Return where the costs of the cases are kept, from which `weights` says how often each comes."""
-        return CaseCosts(weights, time_limits_s=self._limits_s, diagonals_m=self._diagonals_m)
+        return Curriculum(weights, time_limits_s=self._limits_s, diagonals_m=self._diagonals_m)
 
     def close(self) -> None:
         """End the searches."""

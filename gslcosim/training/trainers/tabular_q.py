@@ -6,14 +6,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.rng import stream
-from gslcosim.search.learned.policies.action_values import Change, Digit, Level, Since, ValueTable, WindPlace, best_but
+from gslcosim.base.errors import UsageError
+from gslcosim.base.rng import stream
 from gslcosim.search.learned.policies.policy import ActionSettings
-from gslcosim.training.trainers.case_costs import Weights
+from gslcosim.search.learned.policies.value_table import (
+    ChangeFeature,
+    LevelFeature,
+    SinceFeature,
+    StateFeature,
+    ValueTable,
+    WindPositionFeature,
+    nth_best_choices,
+)
+from gslcosim.training.trainers.curriculum import Weights
 from gslcosim.training.trainers.search_pool import SearchPool
-from gslcosim.training.trainers.trainer import taken_from
-from gslcosim.training.trainers.trainer_settings import TableSettings
+from gslcosim.training.trainers.trainer import TableSettings, check_state
 
 
 class TabularQ:
@@ -88,7 +95,7 @@ class TabularQ:
         begins = np.zeros(n, np.bool_)
         rewarded, successes = 0.0, 0.0
         for _ in range(s.steps_per_round):
-            choices = best_but(self._values[states], memory[:, -1])
+            choices = nth_best_choices(self._values[states], memory[:, -1])
             drawn = rng.random(n) < explore
             choices = np.where(drawn, rng.integers(self.action.n_choices, size=n), choices)
             observed, rewards, terminated, truncated, infos = envs.step(table.turned(choices, seen))
@@ -131,7 +138,7 @@ class TabularQ:
 
     def resume(self, state: Mapping[str, NDArray[Any]]) -> None:
         """See `Trainer`."""
-        taken_from(
+        check_state(
             state,
             {"values": self._values.shape, "failures": self._failures.shape, "n_rounds": (), "n_steps": ()},
         )
@@ -154,14 +161,14 @@ class TabularQ:
             self._failures[case] = failure if np.isnan(before) else 0.5 * (before + failure)
 
 
-def _digits_of(settings: TableSettings) -> tuple[Digit, ...]:
+def _digits_of(settings: TableSettings) -> tuple[StateFeature, ...]:
     gas, least = settings.gas, settings.gas_cuts[0] if settings.gas_cuts else 0.0
     of_gas = (
-        Level(observation=gas, cuts=settings.gas_cuts),
-        Change(observation=gas, cuts=settings.change_cuts),
-        Since(observation=gas, cuts=settings.since_cuts, above=least),
+        LevelFeature(observation=gas, cuts=settings.gas_cuts),
+        ChangeFeature(observation=gas, cuts=settings.change_cuts),
+        SinceFeature(observation=gas, cuts=settings.since_cuts, above=least),
     )
     if not settings.place_cuts:
         return of_gas
     sin, cos = settings.wind
-    return (*of_gas, WindPlace(x="x", y="y", sin=sin, cos=cos, cuts=settings.place_cuts))
+    return (*of_gas, WindPositionFeature(x="x", y="y", sin=sin, cos=cos, cuts=settings.place_cuts))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import MovingWall, SlipWall
-from gslcosim.flow.pressure_kernels import LOW
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.pressure import LOW
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar
-from gslcosim.flow.walls.domain import build_domain
 
 HEIGHTS = (0.9766, 0.9688, 0.9609, 0.9531, 0.8516, 0.7344, 0.6172, 0.5, 0.4531, 0.2813, 0.1719, 0.1016, 0.0703, 0.0547)
 ALONG_LID = {

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import SlipWall
-from gslcosim.flow.pressure_kernels import LOW
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.pressure import LOW
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar, still_velocity
-from gslcosim.flow.walls.domain import build_domain
 
 PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 

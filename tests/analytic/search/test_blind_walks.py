@@ -15,8 +15,8 @@ from briefings import briefing, observation
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Bounds
 from gslcosim.search.draws import Draws
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.reactive.walks import RunAndTumble
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.reactive.random_walks import RunAndTumble
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.e_coli_3d.agent import EColi3d
 from gslcosim_agents.persistent_walk.agent import PersistentWalk
@@ -26,7 +26,7 @@ SIZE_M = (15.0, 15.0, 8.0)
 MARGIN_M, FIRST_S, LEG_S, LIMIT_S, RADIUS_M = 0.3, 7.0, 3.0, 300.0, 1.0
 STARTS_M = [(x_m, y_m) for y_m in (3.0, 7.5, 12.0) for x_m in (3.0, 7.5, 12.0)]
 ODD_M, EVEN_M = (5.0, 1.0), (1.0, 10.0)
-ROOM = Room.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=SIZE_M), MARGIN_M)
+ROOM = LegSpace.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=SIZE_M), MARGIN_M)
 # Percent of runs that succeed, source (5, 1): holds of 2 s by start, and in all by (persistence, hold).
 BY_START = (51.5, 39.6, 11.6, 13.6, 10.6, 4.4, 2.6, 1.8, 0.8)
 SUCCESS = {(0.0, 2.0): 15.2, (0.0, 0.1): 21.3, (0.5, 2.0): 23.2, (0.5, 0.1): 33.8, (0.9, 2.0): 34.4, (0.9, 0.1): 49.9}

@@ -14,15 +14,15 @@ from functools import cached_property
 import numpy as np
 import pytest
 
-from gslcosim.search.bayes.encounters import likelihoods, outcomes_of, windless_mean_hits
-from gslcosim.search.information.gains import (
-    Prospect,
-    best_of,
-    foresee,
+from gslcosim.search.bayes.encounter_model import count_outcomes, likelihoods, windless_mean_hits
+from gslcosim.search.information.objectives import (
+    Candidates,
     greedy_cost,
+    index_of_least_cost,
     infotaxis_cost,
     mean_distance_cost,
     most_likely_state_cost,
+    predict_stops,
     space_aware_cost,
     voting_cost,
 )
@@ -41,7 +41,7 @@ class GridWorld:
     n_outcomes: int = field(init=False)
 
     def __post_init__(self):
-        object.__setattr__(self, "n_outcomes", outcomes_of(float(self.mean_hits(np.ones(1))[0])))
+        object.__setattr__(self, "n_outcomes", count_outcomes(float(self.mean_hits(np.ones(1))[0])))
 
     def mean_hits(self, distance):
         return windless_mean_hits(distance, dimensions=2, length_cells=self.length, intensity=self.intensity)
@@ -102,7 +102,7 @@ class GridWorld:
         tables = [self.seen_from(place) for place in places]
         likelihood = np.stack([table[0] for table in tables])
         log_weight = np.stack([table[1] for table in tables])
-        return Prospect(
+        return Candidates(
             places_m=np.array(places, float), cells_m=self.cells, likelihood=likelihood, weight=likelihood,
             log_weight=log_weight,
         )  # fmt: skip
@@ -158,7 +158,7 @@ class Episode:
 
 def by_foresight(cost):
     def policy(world, p, here, places):
-        return best_of(cost(foresee(p, world.prospect(places))))
+        return index_of_least_cost(cost(predict_stops(p, world.prospect(places))))
 
     return policy
 
@@ -168,8 +168,10 @@ POLICIES = {
     "space_aware": by_foresight(lambda foresight: space_aware_cost(foresight, step_m=1.0)),
     "greedy": by_foresight(greedy_cost),
     "mean_distance": by_foresight(mean_distance_cost),
-    "voting": lambda world, p, here, places: best_of(voting_cost(p, world.cells, here, np.array(places, float))),
-    "most_likely": lambda world, p, here, places: best_of(
+    "voting": lambda world, p, here, places: index_of_least_cost(
+        voting_cost(p, world.cells, here, np.array(places, float))
+    ),
+    "most_likely": lambda world, p, here, places: index_of_least_cost(
         most_likely_state_cost(p, world.cells, np.array(places, float))
     ),
 }

@@ -17,17 +17,17 @@ from pathlib import Path
 
 from ring import NAMES, SHAPES, Participant, Place, places, ticks_per_s
 
-from gslcosim.bus.port import Bus, Join
-from gslcosim.command_lines import exit_text
+from gslcosim.base.command_lines import describe_exit
+from gslcosim.bus.interface import Bus, JoinData
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
 from gslcosim.runtime.dataflow import Dataflow
-from gslcosim.runtime.joining import JOIN_LIMIT_S, Network
-from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.router import RunRouter
-from gslcosim.runtime.over_bus.service import take_part
-from gslcosim.runtime.over_bus.watchdog import Watchdog
-from gslcosim.runtime.processes import EXIT_LIMIT_S, Children
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.router import RunRouter
+from gslcosim.runtime.distributed.service_main import host_cores
+from gslcosim.runtime.distributed.watchdog import Watchdog
+from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
+from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.run_dir import RunDir
 
 LOOK_EVERY_S = 0.1
@@ -82,17 +82,22 @@ class Watch:
 
     def listen(self) -> None:
         """Hear participants from now on."""
-        for key in (control.progress("*"), control.waiting("*"), control.bye("*"), control.FAULT):
+        for key in (
+            protocol.build_progress_key("*"),
+            protocol.build_waiting_key("*"),
+            protocol.build_final_report_key("*"),
+            protocol.FAULT_KEY,
+        ):
             self._bus.subscribe(key, lambda at, payload: self._notes.put((at, payload)))
-        self._bus.watch_alive(control.alive("*"), lambda at, _: self._notes.put((at, b"")))
+        self._bus.watch_alive(protocol.build_liveliness_key("*"), lambda at, _: self._notes.put((at, b"")))
 
     def exited(self, name: str, exit_code: int) -> None:
         """Be told, on any thread, that a process has ended."""
-        self._notes.put((f"{ENDED}/{name}", exit_text(exit_code).encode()))
+        self._notes.put((f"{ENDED}/{name}", describe_exit(exit_code).encode()))
 
     def await_all(self) -> None:
         """Wait until all are there."""
-        deadline_s = time.monotonic() + JOIN_LIMIT_S
+        deadline_s = time.monotonic() + JOIN_TIMEOUT_S
         while len(self._alive) < len(NAMES):
             self._handle_next()
             if time.monotonic() > deadline_s:
@@ -101,13 +106,13 @@ class Watch:
     def fly(self, n_ticks: int) -> None:
         """Let time begin, and wait until all have finished the last tick."""
         self._watchdog.moved(time.monotonic())
-        self._bus.publish(control.STOP, control.TickNote(tick=n_ticks - 1).to_bytes(), urgent=True)
-        self._bus.publish(control.START, b"", urgent=True)
-        while not self._watchdog.are_done:
+        self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=n_ticks - 1).to_bytes(), urgent=True)
+        self._bus.publish(protocol.START_KEY, b"", urgent=True)
+        while not self._watchdog.is_finished:
             self._handle_next()
             if fault := self._watchdog.check(time.monotonic(), is_judged=False):
                 sys.exit(f"{fault.participant}: {fault.text}")
-        self._bus.publish(control.CLOSE, b"", urgent=True)
+        self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def _handle_next(self) -> None:
         try:
@@ -115,16 +120,16 @@ class Watch:
         except queue.Empty:
             return
         name, now_s = key.rsplit("/", 1)[-1], time.monotonic()
-        if key == control.progress(name):
-            self._watchdog.progressed(name, control.TickNote.from_bytes(payload), now_s)
-        elif key == control.waiting(name):
-            self._watchdog.waits(name, control.WaitingNote.from_bytes(payload))
-        elif key == control.bye(name):
-            self._watchdog.said_goodbye(control.Bye.from_bytes(payload), now_s)
-        elif key == control.alive(name):
+        if key == protocol.build_progress_key(name):
+            self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), now_s)
+        elif key == protocol.build_waiting_key(name):
+            self._watchdog.record_waiting(name, protocol.WaitingReport.from_bytes(payload))
+        elif key == protocol.build_final_report_key(name):
+            self._watchdog.record_final_report(protocol.FinalReport.from_bytes(payload), now_s)
+        elif key == protocol.build_liveliness_key(name):
             self._alive.add(name)
-        elif key == control.FAULT:
-            note = control.FaultNote.from_bytes(payload)
+        elif key == protocol.FAULT_KEY:
+            note = protocol.FaultReport.from_bytes(payload)
             sys.exit(f"{note.participant}: {note.text}")
         else:
             sys.exit(f"{name} {payload.decode()} before the end.")
@@ -137,7 +142,7 @@ def measure(shape: str, n_ticks: int) -> dict[str, float]:
         folder = Path(tempfile.mkdtemp(prefix="peers-"))
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         run_dir = RunDir.create(folder, name="ring", seed=0)
-        children = stack.enter_context(Children(lambda name, exit_code, _: watch.exited(name, exit_code)))
+        children = stack.enter_context(ChildProcesses(lambda name, exit_code, _: watch.exited(name, exit_code)))
         router = RunRouter(run_dir, Network(), folder, {}, mesh=NAMES)
         bus = stack.enter_context(router.open())
         watch = Watch(bus, run_dir)
@@ -147,15 +152,15 @@ def measure(shape: str, n_ticks: int) -> dict[str, float]:
             children.start(name, command, join=router.join_of_service(name, is_watched=True), log=run_dir.log(name))
         watch.await_all()
         watch.fly(n_ticks)
-        children.wait(EXIT_LIMIT_S)
+        children.wait(EXIT_TIMEOUT_S)
         return {"ticks_per_s": ticks_per_s(run_dir.path, n_ticks)}
 
 
 def participate(shape: str, n_ticks: int, name: str) -> None:
     """Take part as one service."""
-    join = Join.from_environment()
+    join = JoinData.from_environment()
     place = places(shape)[NAMES.index(name)]
-    take_part(join, [TrivialCore(place, n_ticks, Path(str(join.run_dir)))], dataflow_of(shape), Episode(seed=0))
+    host_cores(join, [TrivialCore(place, n_ticks, Path(str(join.run_dir)))], dataflow_of(shape), Episode(seed=0))
 
 
 def main() -> None:

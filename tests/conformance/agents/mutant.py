@@ -54,10 +54,10 @@ class Session:
     """Messages over Zenoh."""
 
     def __init__(self):
-        from gslcosim.bus.port import Join
+        from gslcosim.bus.interface import JoinData
         from gslcosim.bus.zenoh_bus import ZenohBus
 
-        self.join = Join.from_environment()
+        self.join = JoinData.from_environment()
         self.events: queue.SimpleQueue = queue.SimpleQueue()
         self.bus = ZenohBus.open_member(self.adapted(self.join))
         self.bus.on_disconnect(lambda: self.events.put(("lost", b"")))

@@ -143,12 +143,11 @@ def connect_to_unix_socket_of_others():
 
 
 def join_as_a_service():
-    from gslcosim.bus.access import SERVICE_USER
-    from gslcosim.bus.zenoh_bus import ZenohBus
-    from gslcosim.errors import GslCosimError
+    from gslcosim.base.errors import GslCosimError
+    from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, ZenohBus
 
     with contextlib.suppress(GslCosimError):
-        bus = ZenohBus.open_member(agent.join.model_copy(update={"user": SERVICE_USER}))
+        bus = ZenohBus.open_member(agent.join.model_copy(update={"user": SERVICE_ACCOUNT}))
         bus.close()
         return "joined"
     return ""

@@ -6,7 +6,7 @@ import sys
 
 import msgpack
 
-from gslcosim.bus.port import Join
+from gslcosim.bus.interface import JoinData
 from gslcosim.bus.zenoh_bus import ZenohBus
 
 
@@ -14,7 +14,7 @@ class RawAgent:
     """Joins a run and hands over observations that await an answer; sends whatever bytes it is told."""
 
     def __init__(self) -> None:
-        self.join = Join.from_environment()
+        self.join = JoinData.from_environment()
         self.bus = ZenohBus.open_member(self.join)
         self.events: queue.SimpleQueue = queue.SimpleQueue()
         for kind in ("observation", "ending"):

@@ -159,8 +159,8 @@ def pretend_to_be_a_run():
 
 
 def _joined(endpoint, **changed):
+    from gslcosim.base.errors import GslCosimError
     from gslcosim.bus.zenoh_bus import ZenohBus
-    from gslcosim.errors import GslCosimError
 
     with contextlib.suppress(GslCosimError):
         bus = ZenohBus.open_member(agent.join.model_copy(update={"endpoint": endpoint, **changed}))

@@ -20,9 +20,9 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
-from gslcosim.contract.schema import contract_hash
-from gslcosim.runtime.participants import ServiceKind, service_of
-from gslcosim.runtime.setup import Setup
+from gslcosim.contract.schema import get_contract_hash
+from gslcosim.runtime.services import ServiceKind, get_block_service
+from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.services import ServiceSpec
 
@@ -34,7 +34,7 @@ Vec3 = tuple[float, float, float]
 class RailWorld:
     """Moves each vehicle a step towards its waypoint in each tick. State: positions and waypoints."""
 
-    def __init__(self, spec: ParticipantSpec, setup: Setup) -> None:
+    def __init__(self, spec: ParticipantSpec, setup: RunSetup) -> None:
         self.spec = spec
         self._starts = {agent.name: agent.vehicle.start_m for agent in setup.scenario.agents}
         self._positions: dict[str, Vec3] = {}
@@ -76,7 +76,7 @@ class RailWorld:
 class StillFields:
     """Clean air that does not move. State: none."""
 
-    def __init__(self, spec: ParticipantSpec, setup: Setup) -> None:
+    def __init__(self, spec: ParticipantSpec, setup: RunSetup) -> None:
         self.spec = spec
 
     def reset(self, episode: Episode) -> Outbox:
@@ -91,7 +91,7 @@ class StillFields:
 class PoseSensing:
     """Tells agents their poses and nothing else. State: none."""
 
-    def __init__(self, spec: ParticipantSpec, setup: Setup) -> None:
+    def __init__(self, spec: ParticipantSpec, setup: RunSetup) -> None:
         self.spec, self._setup = spec, setup
 
     def reset(self, episode: Episode) -> Outbox:
@@ -120,7 +120,7 @@ class PoseSensing:
 class TimeReferee:
     """Ends the run after some ticks. State: none."""
 
-    def __init__(self, spec: ParticipantSpec, setup: Setup) -> None:
+    def __init__(self, spec: ParticipantSpec, setup: RunSetup) -> None:
         self.spec = spec
 
     def reset(self, episode: Episode) -> Outbox:
@@ -157,7 +157,7 @@ class TimeReferee:
         )
 
 
-def build_briefings(setup: Setup) -> Mapping[str, Briefing]:
+def build_briefings(setup: RunSetup) -> Mapping[str, Briefing]:
     """Return the briefing of each agent."""
     scenario, grid = setup.scenario, setup.environment.grid
     return {
@@ -176,7 +176,7 @@ def build_briefings(setup: Setup) -> Mapping[str, Briefing]:
             hold_s=0.0,
             time_limit_s=6.0,
             sensors=(),
-            contract_hash=contract_hash(),
+            contract_hash=get_contract_hash(),
         )
         for agent in scenario.agents
     }
@@ -242,9 +242,9 @@ class RefereeBlock(ServiceSpec):
 def _registered(block, spec_of, core, **more):
     def kind(settings: ServiceSpec) -> ServiceKind:
         build = lambda setup: _noted(core, spec_of(setup.scenario), setup)  # noqa: E731
-        return ServiceKind(name=settings.name, spec_of=spec_of, build=build, **more)
+        return ServiceKind(name=settings.name, build_spec=spec_of, build=build, **more)
 
-    service_of.register(block, kind)
+    get_block_service.register(block, kind)
 
 
 # What of gslcosim's own services this process has loaded, for the test that none has.
@@ -254,7 +254,12 @@ def _noted(core, spec, setup):
     return core(spec, setup)
 
 
-OWN_CORES = ("gslcosim.world.core", "gslcosim.fields.core", "gslcosim.sensing.core", "gslcosim.referee.core")
+OWN_CORES = (
+    "gslcosim_services.world.core",
+    "gslcosim_services.fields.core",
+    "gslcosim_services.sensing.core",
+    "gslcosim_services.referee.core",
+)
 _registered(WorldBlock, world_spec, RailWorld)
 _registered(FieldsBlock, fields_spec, StillFields)
 _registered(SensingBlock, sensing_spec, PoseSensing, build_briefings=build_briefings)

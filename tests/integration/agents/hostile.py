@@ -3,7 +3,7 @@
 import random
 
 from gslcosim.agent_kit import Agent, AttitudeSetpoint, Briefing, Command, Observation, Waypoint
-from gslcosim.contract.record import unchecked
+from gslcosim.contract.record import build_unchecked_constructor
 
 NAN = float("nan")
 
@@ -37,7 +37,7 @@ ANSWERS = {
 }
 
 
-NEW_COMMAND = unchecked(Command)
+NEW_COMMAND = build_unchecked_constructor(Command)
 FIRST_TICK, TICKS_EACH, TICKS_TO_FALL = 40, 4, 50
 
 

@@ -9,17 +9,17 @@ from types import SimpleNamespace
 import pyarrow.parquet as pq
 import pytest
 
-from gslcosim.benchmark import run
-from gslcosim.benchmark.execution import sandboxing
-from gslcosim.benchmark.merging import merge
-from gslcosim.benchmark.store.folder import ResultsFolder
-from gslcosim.benchmark.store.verification_marks import find_mark, results_hash
+from gslcosim.base.errors import UsageError
+from gslcosim.base.user_state import user_state_folder
+from gslcosim.bench import run
+from gslcosim.bench.execution import sandbox_requirement
+from gslcosim.bench.merge import merge
+from gslcosim.bench.store.folder import ResultsFolder
+from gslcosim.bench.store.verification_marks import find_mark, results_hash
 from gslcosim.cli.main import main
-from gslcosim.errors import UsageError
-from gslcosim.runtime.sandbox.choosing import strongest_sandbox
+from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.dumping import dump_values, plain_values
-from gslcosim.user_state import user_state_folder
+from gslcosim.scenario.serialization import dump_values, plain_values
 
 # Whatever of it runs says so outside, as far as it gets there.
 AGENT = """
@@ -70,7 +70,7 @@ entries:
 pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.slow,
-    pytest.mark.skipif(strongest_sandbox() == "none", reason="this machine has no sandbox"),
+    pytest.mark.skipif(find_strongest_sandbox() == "none", reason="this machine has no sandbox"),
 ]
 
 
@@ -127,7 +127,7 @@ def test_programs_of_results_reach_nothing_while_they_are_verified(here, capsys)
     assert verify(folder, "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["same"], told["sample"], told["missing"]) == (4, 4, 0)
-    assert all(kind.startswith(strongest_sandbox()) for kind in told["sandboxes"])
+    assert all(kind.startswith(find_strongest_sandbox()) for kind in told["sandboxes"])
     assert reached(outside) == set()
     assert sorted((user_state_folder() / "verified").iterdir()) == [
         user_state_folder() / "verified" / f"{results_hash(folder)}.json"
@@ -151,7 +151,7 @@ def test_who_trusts_them_runs_them_as_they_are(here):
 
 def test_without_a_sandbox_nothing_is_started(here, monkeypatch, capsys):
     folder, outside = here
-    monkeypatch.setattr(sandboxing, "strongest_sandbox", lambda: "none")
+    monkeypatch.setattr(sandbox_requirement, "find_strongest_sandbox", lambda: "none")
     assert verify(folder) == 2
     assert "expected a machine that has a sandbox for the programs of these results" in capsys.readouterr().err
     assert main(["bench", "show", str(folder), "--trial", "", "--no-view"]) == 2
@@ -166,7 +166,7 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     start = f"agents[0].start={json.dumps({'python': str(program)})}"
     scenario = load_scenario("tiny_room", overrides=[start]).scenario
     with pytest.raises(UsageError, match=r"expected a Python agent that is also a program, .*: run\(MyAgent\)"):
-        sandboxing.check_confinable([SimpleNamespace(entry="e", directory=folder, resolved=scenario)], folder)
+        sandbox_requirement.check_confinable([SimpleNamespace(entry="e", directory=folder, resolved=scenario)], folder)
     assert reached(outside) == set()
 
 

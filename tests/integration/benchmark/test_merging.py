@@ -7,9 +7,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from gslcosim.benchmark import Results, compare, run
-from gslcosim.benchmark.merging import merge
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
+from gslcosim.bench import Results, compare, run
+from gslcosim.bench.merge import merge
 
 MINE = """
 schema: gslcosim/suite/1

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 import pytest
 from deadlines import PROCESS_S
 
-from gslcosim import _kernel_cache
+from gslcosim.base import kernel_cache
 from gslcosim.scenario.bundled import bundled_agents
 
 pytestmark = [
@@ -53,12 +53,12 @@ TOKEN = secrets.token_hex(32)
 FLY = """
 import json, sys
 from pathlib import Path
-from gslcosim.benchmark.execution.pool import LocalPool
-from gslcosim.benchmark.execution.ray_pool import RayPool
-from gslcosim.benchmark.execution.running import Run
-from gslcosim.benchmark.execution.selection import Selection
-from gslcosim.benchmark.store.folder import ResultsFolder
-from gslcosim.benchmark.suite import load_suite, plan_of
+from gslcosim.bench.execution.pool import LocalPool
+from gslcosim.bench.execution.ray_pool import RayPool
+from gslcosim.bench.execution.runner import Run
+from gslcosim.bench.execution.selection import Selection
+from gslcosim.bench.store.folder import ResultsFolder
+from gslcosim.bench.cases import load_suite, plan_of
 
 def start():
     return LocalPool(2, limits) if sys.argv[3] == "here" else RayPool(sys.argv[3], limits)
@@ -287,7 +287,7 @@ def test_a_node_with_other_software_is_refused(nodes: tuple[Node, Node], suite: 
     """The sentence names the node, what is expected, what was found, and what to do."""
     here, there = nodes
     changed = folder / "changed.py"
-    original = Path(_kernel_cache.__file__)
+    original = Path(kernel_cache.__file__)
     changed.write_text(original.read_text() + "\n# A change.\n")
     other = replace(there, hides=f"{there.hides} && mount --bind {changed} {original}")
     other.start_ray(f"--address={ADDRESS}", ray="other")

@@ -9,14 +9,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from gslcosim.benchmark import run
-from gslcosim.benchmark.execution import sandboxing
-from gslcosim.benchmark.merging import merge
-from gslcosim.benchmark.store.columns import is_of_the_machine
-from gslcosim.benchmark.suite import load_suite, plan_of
+from gslcosim.base.errors import UsageError
+from gslcosim.bench import run
+from gslcosim.bench.cases import build_plan, load_suite
+from gslcosim.bench.execution import sandbox_requirement
+from gslcosim.bench.merge import merge
+from gslcosim.bench.store.columns import is_machine_dependent
 from gslcosim.cli.main import main
-from gslcosim.errors import UsageError
-from gslcosim.runtime.sandbox.choosing import strongest_sandbox
+from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
 
 HOSTILE = Path(__file__).parent / "hostile"
 # Three entries of which one is honest, one a team in one process, and one a thief.
@@ -33,7 +33,7 @@ entries:
 """
 REQUIRED = "schema: gslcosim/suite/1\nname: required\ninclude: [cases]\nsandbox: required\n"
 
-pytestmark = pytest.mark.skipif(strongest_sandbox() == "none", reason="this machine has no sandbox")
+pytestmark = pytest.mark.skipif(find_strongest_sandbox() == "none", reason="this machine has no sandbox")
 
 
 def suites(folder: Path) -> tuple[Path, Path]:
@@ -67,9 +67,9 @@ def test_honest_agents_fly_the_same_and_a_thief_finds_nothing(flown: tuple[Path,
     assert {row["status"] for row in (*trusting.values(), *sealed.values())} == {"flown"}
     for entry in ("dung_beetle", "calling_beetle"):
         differing = {name for name in trusting[entry] if trusting[entry][name] != sealed[entry][name]}
-        assert {name for name in differing if not is_of_the_machine(name)} == {"trial"}
+        assert {name for name in differing if not is_machine_dependent(name)} == {"trial"}
     assert {row["sandbox"] for row in trusting.values()} == {"none: in this process"}
-    assert all(row["sandbox"].startswith(strongest_sandbox()) for row in sealed.values())
+    assert all(row["sandbox"].startswith(find_strongest_sandbox()) for row in sealed.values())
     assert trusting["thief"]["success"]
     assert not sealed["thief"]["success"]
     assert sealed["thief"]["path_length_m"] < 2.5
@@ -84,7 +84,7 @@ def test_verify_says_what_agents_were_in_and_refuses_rows_without_the_sandbox_th
 ) -> None:
     trusting, sealed = flown
     assert main(["bench", "verify", str(sealed), "--sample", "1", "--jobs", "1", "--seed", "1"]) == 0
-    assert f"Sandbox of agents: 1 {strongest_sandbox()}" in capsys.readouterr().out
+    assert f"Sandbox of agents: 1 {find_strongest_sandbox()}" in capsys.readouterr().out
     assert main(["bench", "verify", str(trusting), "--sample", "3", "--jobs", "1", "--trusted"]) == 0
     assert "3 none: in this process. Agents without one could read the truth" in capsys.readouterr().out
     changed = tmp_path / "changed"
@@ -130,19 +130,21 @@ def test_a_suite_passes_its_demand_on_to_what_it_includes(tmp_path: Path) -> Non
     outer = tmp_path / "outer" / "suite.yaml"
     outer.write_text(REQUIRED.replace("[cases]", "[../required]").replace("sandbox: required\n", ""))
     for path in (required, outer):
-        plan = plan_of(load_suite(path))
+        plan = build_plan(load_suite(path))
         agents = [agent for trial in plan.trials for agent in trial.resolved.agents]
         assert [agent.sandbox for agent in agents] == ["required"] * 4
         assert [agent.start.door for agent in agents if not agent.start.process_of] == ["stdio", "stdio", "tcp"]
         assert plan.loaded.demands_sandbox
-    assert {agent.sandbox for trial in plan_of(load_suite(cases)).trials for agent in trial.resolved.agents} == {"none"}
+    assert {agent.sandbox for trial in build_plan(load_suite(cases)).trials for agent in trial.resolved.agents} == {
+        "none"
+    }
 
 
 def test_a_machine_without_a_sandbox_is_told_before_anything_flies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, required = suites(tmp_path)
-    monkeypatch.setattr(sandboxing, "strongest_sandbox", lambda: "none")
+    monkeypatch.setattr(sandbox_requirement, "find_strongest_sandbox", lambda: "none")
     with pytest.raises(UsageError, match="sandbox: expected a machine that has a sandbox for agents"):
         run(required, tmp_path / "results", jobs=1)
     assert not (tmp_path / "results").exists()

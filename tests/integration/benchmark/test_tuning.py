@@ -12,14 +12,13 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from gslcosim.benchmark.store.folder import ResultsFolder
-from gslcosim.benchmark.tuning.budget import budget_of
-from gslcosim.benchmark.tuning.optimising import Stage, Tuner
-from gslcosim.benchmark.tuning.subject import find_subject
-from gslcosim.benchmark.tuning.values import parse_ranges
+from gslcosim.bench.store.folder import ResultsFolder
+from gslcosim.bench.studies.parameter_values import parse_ranges
+from gslcosim.bench.studies.target import find_target
+from gslcosim.bench.studies.tuning import Tuner, TuningProgress, split_budget
+from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import COMMANDS, main
-from gslcosim.cli.parsing import build_parser, parse
-from gslcosim.cli.tuning_text import start_pool
+from gslcosim.cli.study_output import start_pool
 
 PAGE = (Path(__file__).parents[3] / "docs" / "benchmark" / "sweeps.md").read_text()
 CALLS = [line for line in PAGE.splitlines() if line.startswith("gslcosim ")]
@@ -114,16 +113,16 @@ def test_an_interrupted_tuning_goes_on_and_ends_the_same(
     tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With another number of workers, too."""
-    subject = find_subject("tiny_room", "dung_beetle")
+    subject = find_target("tiny_room", "dung_beetle")
     ranges = parse_ranges(["leg_m=0.2:2.0"], subject)
 
-    def stop(stage: Stage) -> None:
+    def stop(stage: TuningProgress) -> None:
         if stage.n_settings > 5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         Tuner(
-            subject, ranges, budget_of(12, 1), seed=0, folder=tmp_path, tell=stop,
+            subject, ranges, split_budget(12, 1), seed=0, folder=tmp_path, tell=stop,
             start_pool=lambda: start_pool(2, subject.loaded.suite.limits),
         ).tune()  # fmt: skip
     n_kept = len(ResultsFolder(tmp_path / "training").rows())

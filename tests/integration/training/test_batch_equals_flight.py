@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from gslcosim.errors import UsageError
-from gslcosim.search.learned.observing import ObservationVector
+from gslcosim.base.errors import UsageError
+from gslcosim.search.learned.observations import ObservationVector
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.hand_flight import HandFlight
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
+from gslcosim.training.stepped_run import SteppedRun
 
 # The first one may have to compile the kernels, on a busy machine.
 
@@ -132,7 +132,7 @@ def test_a_search_is_flown_again_alone_from_the_scenario_that_it_tells():
         batch.step(np.zeros((5, 2), np.float32))
     observations, _ = batch.reset()
     for i in range(5):
-        flight = HandFlight(batch.loaded(i))
+        flight = SteppedRun(batch.loaded(i))
         vector = ObservationVector(flight.briefing_of("beetle"))
         assert np.array_equal(vector.of(flight.seen_by("beetle")), observations[i])
         flight.close()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.training.parallel_env import parallel_env
 
 SHORT = ("referee.stop.time_limit_s=5",)

@@ -10,9 +10,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gslcosim.training
+from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
 from gslcosim.contract import codec
-from gslcosim.errors import ScenarioError, UsageError
 from gslcosim.training.registration import SEARCH
 from gslcosim.training.search_env import SearchEnv
 
@@ -59,13 +59,13 @@ def test_gymnasiums_checker_passes_and_the_digest_is_that_of_up(tmp_path, monkey
     env = gymnasium.make(SEARCH, scenario="tiny_room").unwrapped
     check_env(env)
     said = {}
-    answered = gslcosim.training.hand_flight.HandFlight.answer
+    answered = gslcosim.training.stepped_run.SteppedRun.answer
 
     def noted(flight, agent, command):
         said[command.tick] = codec.encode_json(command).decode()
         answered(flight, agent, command)
 
-    monkeypatch.setattr(gslcosim.training.hand_flight.HandFlight, "answer", noted)
+    monkeypatch.setattr(gslcosim.training.stepped_run.SteppedRun, "answer", noted)
     _, info = flown_at_random(env, seed=5)
     env.close()
     (tmp_path / "said.json").write_text(json.dumps(said))

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.errors import ScenarioError, UsageError
-from gslcosim.generation import prepare_environment
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.search.learned.parameter_files import PARAMETERS_FILE, load_parameters
 from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policies.policy_files import load_policy

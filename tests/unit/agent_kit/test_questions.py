@@ -7,9 +7,9 @@ import pytest
 from deadlines import EVENT_S
 
 from gslcosim.agent_kit import Agent, Command
-from gslcosim.agent_kit.connection import fly
+from gslcosim.agent_kit.connection import answer_observations
 from gslcosim.bus.in_memory import InMemoryHub
-from gslcosim.conformance.scripted_world import AGENT, ScriptedWorld, briefing_for
+from gslcosim.conformance.scripted_world import AGENT, ScriptedWorld, build_briefing
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Ending
 
@@ -39,11 +39,11 @@ def test_an_agent_without_observe_reads_questions_only(agent_type, seen):
     ours, answers, is_there = hub.open(), queue.SimpleQueue(), threading.Event()
     ours.subscribe(keys.raw_command(AGENT), lambda _, payload: answers.put(codec.decode(Command, payload)))
     ours.watch_alive("agents/*/alive", lambda _, is_alive: is_alive and is_there.set())
-    thread = threading.Thread(target=fly, args=(agent_type, hub.open(), [AGENT]), daemon=True)
+    thread = threading.Thread(target=answer_observations, args=(agent_type, hub.open(), [AGENT]), daemon=True)
     thread.start()
     assert is_there.wait(EVENT_S)
     world = ScriptedWorld(7)
-    ours.publish(keys.briefing(AGENT), codec.encode(briefing_for(7)))
+    ours.publish(keys.briefing(AGENT), codec.encode(build_briefing(7)))
     for tick in range(4):
         payload = codec.encode(world.observe(tick, is_asked=tick % 3 == 0))
         ours.publish(keys.observation(AGENT), payload)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
     Bounds,
@@ -18,6 +17,7 @@ from gslcosim.contract.messages import (
     Reading,
     SensorDescription,
 )
+from gslcosim.contract.record import NumericArray
 
 DIRECTIONS = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], np.float32)
 # Per model: quantity and unit as gslcosim's sensors have them.

@@ -11,10 +11,10 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.contract.messages import Bounds
-from gslcosim.runtime.agents.starting import load_python_agent
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim.search.beliefs import entropy_bits
-from gslcosim.search.information.offsets import OffsetGrid, PlumeTable, offsets_m
-from gslcosim.search.moving.legs import Room
+from gslcosim.search.information.offset_grid import OffsetGrid, PlumeTable, offsets_m
+from gslcosim.search.motion.legs import LegSpace
 
 ADAPTERS = Path(__file__).parents[3] / "docs" / "examples" / "adapters"
 OttoPolicy = load_python_agent(ADAPTERS / "otto" / "agent.py")
@@ -22,7 +22,7 @@ Fly = load_python_agent(ADAPTERS / "olfactory_navigation" / "agent.py")
 otto, flies = (sys.modules[agent.__module__] for agent in (OttoPolicy, Fly))
 TABLE = PlumeTable.load(Path(str(resources.files("gslcosim_agents"))) / "qmdp" / "plumes.npz")
 PID = (("pid", "nose"), ("anemometer", "vane"))
-ROOM = Room.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 6.0, 4.0)), 0.5)
+ROOM = LegSpace.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 6.0, 4.0)), 0.5)
 # Written to OTTO's interface, with nothing of OTTO: towards the most probable cell, and the least mean entropy.
 POLICIES = """
 import numpy as np

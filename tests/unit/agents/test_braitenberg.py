@@ -3,7 +3,7 @@ import math
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.braitenberg.agent import Braitenberg
 
 SENSORS = [("pid", "left", (0.0, 0.2, 0.0)), ("pid", "right", (0.0, -0.2, 0.0))]

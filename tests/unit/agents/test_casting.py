@@ -4,7 +4,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.casting.agent import Casting
 
 WEST_RAD = math.pi  # the wind comes from -x

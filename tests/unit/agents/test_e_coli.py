@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.e_coli.agent import EColi
 
 HERE_M = (7.0, 5.0, 2.0)

@@ -3,8 +3,8 @@ import math
 import numpy as np
 from briefings import briefing, observation
 
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import KnownMap
+from gslcosim.contract.record import NumericArray
 from gslcosim_agents.e_coli_3d.agent import EColi3d
 
 HERE_M = (7.0, 5.0, 4.0)

@@ -8,9 +8,9 @@ import pytest
 from briefings import MODELS, PLUME, briefing, observation, open_map
 
 from gslcosim.agent_kit import Agent, Observation
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.methods.card import card_beside
-from gslcosim.runtime.agents.starting import load_python_agent
+from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim.scenario.bundled import bundled_agents
 
 SIZE_M = (12.0, 9.0, 4.0)

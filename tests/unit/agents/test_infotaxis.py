@@ -6,7 +6,7 @@ from briefings import PLUME, briefing, observation
 from ribbon_world import Ribbon, fly
 from scipy.special import kve
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.infotaxis.agent import Infotaxis
 
 PID = (("pid", "nose"), ("anemometer", "vane"))

@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.infotaxis_3d.agent import Infotaxis3d
 
 PID = (("pid", "nose"), ("anemometer", "vane"))

@@ -8,7 +8,7 @@ from gslcosim.methods.card import card_beside
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.search.learned.parameter_files import PARAMETERS_FILE, load_parameters
 from gslcosim.search.learned.policies.policy_agent import bundled_policies
-from gslcosim.search.learned.policies.policy_files import card_of_policy, load_policy
+from gslcosim.search.learned.policies.policy_files import load_policy, read_policy_card
 
 AGENTS = bundled_agents()["learned"].parents[1]
 # The policy of `learned` was made by hand.
@@ -18,7 +18,7 @@ SWARMS = ("evolved_pso", "evolved_pso_doped")
 
 def card_of(name):
     if name in POLICIES:
-        return card_of_policy(POLICIES[name])
+        return read_policy_card(POLICIES[name])
     return json.loads(bundled_agents()[name].with_name(PARAMETERS_FILE).read_text())
 
 

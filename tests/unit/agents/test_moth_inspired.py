@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.moth_inspired.agent import MothInspired
 
 WEST_RAD = math.pi  # the wind comes from -x

@@ -5,8 +5,8 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.errors import MethodError
-from gslcosim.search.information.gains import n_step_costs
+from gslcosim.base.errors import MethodError
+from gslcosim.search.information.objectives import n_step_costs
 from gslcosim_agents.infotaxis.agent import Infotaxis
 from gslcosim_agents.n_step_infotaxis.agent import NStepInfotaxis
 

@@ -3,7 +3,7 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.beliefs import mass_within
 from gslcosim_agents.pmfs.agent import PmfsAgent
 

@@ -8,7 +8,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, N_STATES, load_policies
 from gslcosim_agents.q_memory import agent as program
 from gslcosim_agents.q_memory.agent import QMemory

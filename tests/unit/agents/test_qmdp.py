@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.errors import MethodError
-from gslcosim.search.information.offsets import MOVES, offsets_m
+from gslcosim.base.errors import MethodError
+from gslcosim.search.information.offset_grid import MOVES, offsets_m
 from gslcosim_agents.qmdp.agent import TABLE, Qmdp
 from gslcosim_agents.qmdp.agent import PlumeTable as Table
 

@@ -4,8 +4,8 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.errors import MethodError
-from gslcosim.search.moving.legs import obstacles_of
+from gslcosim.base.errors import MethodError
+from gslcosim.search.motion.legs import build_obstacles
 from gslcosim_agents.random_walker.agent import RandomWalker
 
 HERE_M = (7.0, 5.0, 2.0)
@@ -33,7 +33,7 @@ def test_it_needs_no_sensors_and_equal_seeds_give_equal_walks():
 
 def test_a_known_wall_is_not_flown_through():
     known = open_map(walls=[(7.5, 0.0, 8.0, 10.0)])
-    solid, here_m = obstacles_of(known), HERE_M
+    solid, here_m = build_obstacles(known), HERE_M
     for place_m in places_m(RandomWalker(briefing(known_map=known))):
         assert solid.is_free_line(here_m[:2], place_m[:2])
         here_m = place_m

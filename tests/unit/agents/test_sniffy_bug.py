@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.swarms.sniffy_bug import TABLES
 from gslcosim_agents.sniffy_bug.agent import SniffyBug
 

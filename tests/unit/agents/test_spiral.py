@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Cloud, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.spiral.agent import Spiral
 
 START_M = (7.0, 5.0, 2.0)

@@ -4,7 +4,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.surge_cast.agent import SurgeCast
 from gslcosim_agents.surge_cast_3d.agent import SurgeCast3d
 

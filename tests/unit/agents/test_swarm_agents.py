@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.errors import MethodError
-from gslcosim.search.swarms.radio import Report, Team, encode, parse
+from gslcosim.base.errors import MethodError
+from gslcosim.search.swarms.radio_reports import Report, Team, encode, parse
 from gslcosim_agents.c_pso.agent import CPso
 from gslcosim_agents.dr_pso.agent import DrPso
 from gslcosim_agents.gso.agent import Gso

@@ -4,7 +4,7 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Cloud, fly
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim_agents.two_noses.agent import TwoNosesAgent
 
 MOUNTS_M = ((0.0, 0.075, 0.0), (0.0, -0.075, 0.0))

@@ -10,8 +10,8 @@ import yaml
 
 from gslcosim.cli.commands import export
 from gslcosim.cli.main import main
-from gslcosim.environment.exchange.exporting import FORMATS, GADEN_WINDS
-from gslcosim.environment.exchange.gaden_grid import occupancy_text
+from gslcosim.environment.formats.export import FORMATS, GADEN_WINDS
+from gslcosim.environment.formats.gaden_grid import format_occupancy
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, load_environment
 
@@ -30,7 +30,7 @@ def scenario(tmp_path):
     codes = np.zeros((4, 3, 2), np.uint8)
     codes[1, 1], codes[3, 0] = 1, 2
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(4, 3, 2))
-    (folder / "OccupancyGrid3D.csv").write_text(occupancy_text(grid, codes))
+    (folder / "OccupancyGrid3D.csv").write_text(format_occupancy(grid, codes))
     np.save(tmp_path / "wind.npy", np.ones((2, 24, 3)) * [[[1.0]], [[2.0]]])
     return folder
 

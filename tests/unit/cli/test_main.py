@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim import __version__, errors
+from gslcosim import __version__
+from gslcosim.base import errors
+from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, parse
 from gslcosim.cli.main import COMMANDS, main
-from gslcosim.cli.parsing import all_actions_of, build_parser, choices_of, parse
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "commands.md"
@@ -21,7 +22,7 @@ ALL = ", ".join(NAMES)
 
 def options_of(name):
     """Return the long options of a command with their help."""
-    actions = all_actions_of(choices_of(build_parser(COMMANDS, version="0"))[name])
+    actions = collect_actions(command_parsers(build_parser(COMMANDS, version="0"))[name])
     return {text: action.help for action in actions for text in action.option_strings if text.startswith("--")}
 
 

@@ -17,15 +17,14 @@ import pytest
 from rich.console import Console
 
 import gslcosim
-from gslcosim.cli.bench_text import watched_count
+from gslcosim.cli.bench_output import show_count_progress
 from gslcosim.cli.commands import generate
-from gslcosim.cli.flight_report import LiveLine, agents_table, summary
 from gslcosim.cli.main import main
+from gslcosim.cli.run_output import LiveLine, format_agents_table, format_summary
 from gslcosim.cli.terminal import draw_status_line, table, write, write_json, write_note, write_screen
-from gslcosim.cockpit.keyboard import Keyboard
-from gslcosim.recording import viewer
-from gslcosim.runtime.status import FlightResult, FlightStatus
-from gslcosim.runtime.watching.window import windows_folder
+from gslcosim.data.recording import viewer
+from gslcosim.runtime.status import RunResult, RunStatus, get_status_folder
+from gslcosim.teleop.terminal import Terminal
 
 PACKAGE = Path(gslcosim.__file__).parent
 TITLE = "\x1b]0;owned\x07"
@@ -37,11 +36,11 @@ WRITERS = {
     "__main__.py",  # that a signal has ended it
     "cli/terminal.py",
     "cli/rendering_probe.py",  # JSON for the process that has started it
-    "cockpit/keyboard.py",  # escapes each line itself
+    "teleop/terminal.py",  # escapes each line itself
     "contract/publish/messages_page.py",
     "scenario/keys_page.py",
-    "methods/blocks_page.py",
-    "runtime/over_bus/service.py",  # usage of a service's process, into its log
+    "methods/search_page.py",
+    "runtime/distributed/service_main.py",  # usage of a service's process, into its log
 }
 
 
@@ -72,7 +71,7 @@ def test_a_cell_can_neither_break_its_row_nor_its_column():
 
 def test_the_live_line_takes_neither_markup_nor_escape_sequences():
     line = LiveLine(EVIL)
-    line(FlightStatus(state="preparing", text=EVIL, fraction=0.5))
+    line(RunStatus(state="preparing", text=EVIL, fraction=0.5))
     console = Console(file=io.StringIO(), width=240, force_terminal=True, color_system=None)
     console.print(line.render())
     drawn = console.file.getvalue()
@@ -103,7 +102,7 @@ def test_the_progress_bar_takes_neither_markup_nor_escape_sequences(monkeypatch)
 
 def test_the_status_line_of_suites_is_one_harmless_line(monkeypatch):
     def draw():
-        with watched_count(EVIL, is_quiet=False) as report:
+        with show_count_progress(EVIL, is_quiet=False) as report:
             report(1, 2)
 
     assert on_a_terminal(monkeypatch, draw) == f"\r\x1b[2K{SHOWN}: 1 of 2\r\x1b[2K"
@@ -114,7 +113,7 @@ def test_the_cockpit_shows_what_agents_say(monkeypatch):
     with os.fdopen(terminal, "r+b", buffering=0) as stream:
         monkeypatch.setattr(sys, "stdin", stream)
         monkeypatch.setattr(sys, "stdout", stream)
-        with Keyboard() as keyboard:
+        with Terminal() as keyboard:
             keyboard.show([f"radio  {EVIL}"])
             drawn = ""
             while not drawn.endswith("\x1b[J"):
@@ -143,11 +142,11 @@ def test_a_summary_shows_errors_of_agents(tmp_path, capsys):
         "sandboxes": {EVIL: EVIL},
         "faults": [{"participant": EVIL, "tick": 1, "text": EVIL}],
     }
-    write(summary(FlightResult(exit_code=1, run_dir=tmp_path / EVIL, result=result)))
+    write(format_summary(RunResult(exit_code=1, run_dir=tmp_path / EVIL, result=result)))
     text = capsys.readouterr().out
     assert not obeyed(text)
     assert text.count(SHOWN) >= 7
-    assert not obeyed(agents_table([AGENT], {}))
+    assert not obeyed(format_agents_table([AGENT], {}))
 
 
 def make_run(folder, **result):
@@ -180,7 +179,7 @@ def test_flights_of_others_are_listed(monkeypatch, tmp_path, capsys):
     """Whoever of the user listens in that folder is asked how its flight goes."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
-    folder = windows_folder()
+    folder = get_status_folder()
     folder.mkdir()
     texts = dict.fromkeys(("run_id", "run_dir", "processes", "began_at", "state", "text"), EVIL)
     numbers = dict.fromkeys(("wall_s", "sim_time_s", "time_limit_s", "real_time_factor"), 1.0)
@@ -262,4 +261,4 @@ def test_rich_gets_no_foreign_text_as_markup():
         for path in PACKAGE.rglob("*.py")
         if re.search(r"^\s*(from|import) rich\b", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
-    assert users == {"cli/terminal.py", "cli/flight_report.py", "cli/commands/generate.py"}
+    assert users == {"cli/terminal.py", "cli/run_output.py", "cli/commands/generate.py"}

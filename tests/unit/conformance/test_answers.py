@@ -7,10 +7,10 @@ import struct
 import msgpack
 import pytest
 
-from gslcosim.conformance.answers import read_answer, refused_answer
+from gslcosim.base.errors import ContractError
+from gslcosim.conformance.answers import build_refused_answer, read_answer
 from gslcosim.contract.messages import CONTRACT_VERSION
-from gslcosim.errors import ContractError
-from gslcosim.gateway import framing
+from gslcosim.gateway import frame_codec
 
 RIGHT = {"tick": 5, "kind": "waypoint", "position_world_m": [1.0, 2.0, 3.0]}
 
@@ -92,7 +92,7 @@ def test_a_tiny_number_among_sane_ones_is_no_question_of_byte_order():
     ],
 )
 def test_what_the_gateway_refuses_has_its_rule(rule, text):
-    problem = refused_answer(text).problem
+    problem = build_refused_answer(text).problem
     assert problem is not None
     assert problem.rule == rule
     assert problem.got == text
@@ -132,12 +132,12 @@ def test_the_remedy_names_the_line_to_change(payload, words):
 
 def refused_line(line):
     with pytest.raises(ContractError) as refusal:
-        framing.payload_of_frame("json", line)
+        frame_codec.decode_payload("json", line)
     return str(refusal.value)
 
 
 def refused_frame(data):
-    (item,) = framing.MsgpackSplitter().feed(data)
+    (item,) = frame_codec.MsgpackSplitter().feed(data)
     return item.text
 
 
@@ -163,6 +163,6 @@ def refused_frame(data):
     ],
 )
 def test_what_the_gateway_refuses_has_the_line_to_change(text, words):
-    problem = refused_answer(text).problem
+    problem = build_refused_answer(text).problem
     assert problem is not None
     assert words in problem.remedy

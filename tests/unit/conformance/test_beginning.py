@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.conformance.participants.beginning import create_participant
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
+from gslcosim.conformance.scaffold import create_participant
 
 
 @pytest.mark.parametrize(("language", "program"), [("c", "my_fan.c"), ("python", "my_fan.py"), ("rust", "my_fan.rs")])

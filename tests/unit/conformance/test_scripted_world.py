@@ -6,9 +6,9 @@ from gslcosim.conformance.scripted_world import (
     REFUSED_QUESTION,
     ROOM_M,
     ScriptedWorld,
-    briefing_for,
-    ticks,
-    with_unknown_fields,
+    add_unknown_fields,
+    build_briefing,
+    iter_ticks,
 )
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Command, Observation
@@ -17,7 +17,7 @@ from gslcosim.contract.messages import Briefing, Command, Observation
 def fly(seed):
     world = ScriptedWorld(seed)
     seen = []
-    for n, (tick, is_asked) in enumerate(ticks()):
+    for n, (tick, is_asked) in enumerate(iter_ticks()):
         seen.append(world.observe(tick, is_asked=is_asked))
         if is_asked:
             world.obey(Command(tick=tick, kind="waypoint", position_world_m=(5.0 + 0.1 * (n % 7), 4.0, 1.5)))
@@ -30,7 +30,7 @@ def test_the_same_seed_and_commands_give_the_same_observations():
 
 
 def test_ticks_grow_and_questions_lie_on_both_sides_of_where_integers_get_longer():
-    played = list(ticks())
+    played = list(iter_ticks())
     assert [tick for tick, _ in played] == sorted({tick for tick, _ in played})
     asked = {tick for tick, is_asked in played if is_asked}
     assert {2**7 - 1, 2**7, 2**8 - 1, 2**8, 2**16 - 1, 2**16} <= asked
@@ -60,10 +60,10 @@ def test_a_velocity_moves_the_vehicle_for_as_long_as_it_holds():
 
 def test_fields_of_a_later_version_change_nothing_for_who_reads_by_name():
     observation = fly(1)[5]
-    later = with_unknown_fields(observation.model_dump())
+    later = add_unknown_fields(observation.model_dump())
     assert codec.decode(Observation, msgpack.packb(later)) == observation
     assert later["readings"][0].keys() > observation.model_dump()["readings"][0].keys()
-    briefing = codec.decode(Briefing, msgpack.packb(with_unknown_fields(briefing_for(1).model_dump())))
+    briefing = codec.decode(Briefing, msgpack.packb(add_unknown_fields(build_briefing(1).model_dump())))
     assert briefing.contract_version.endswith(".99")
 
 

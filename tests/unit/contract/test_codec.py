@@ -3,12 +3,12 @@
 import msgpack
 import pytest
 
+from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Command, Ending, KnownMap, Observation, Score
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.errors import ContractError
-from gslcosim.runtime.agents.door import Door
+from gslcosim.contract.record import NumericArray
+from gslcosim.runtime.agents.validator import CommandValidator
 
 
 def packed(**fields) -> bytes:
@@ -83,7 +83,7 @@ FOREIGN_MUST_REJECT = {
         + twice(("a", 1), ("a", 2)),
         "expected each key once, was 'a' 2 times",
     ),
-    "too_deep": (nested(codec.MAX_LEVELS), "expected lists and maps at most 32 deep, were deeper"),
+    "too_deep": (nested(codec.MAX_NESTING), "expected lists and maps at most 32 deep, were deeper"),
 }
 
 
@@ -92,20 +92,20 @@ def test_a_foreign_message_has_each_key_once_and_is_not_deep(name):
     payload, expected_text = FOREIGN_MUST_REJECT[name]
     assert codec.decode(Command, payload).kind == "noop"  # of our own services nobody asks
     with pytest.raises(ContractError) as caught:
-        codec.decode_foreign(Command, payload)
+        codec.decode_untrusted(Command, payload)
     assert str(caught.value) == f"Command: {expected_text}."
     (hold,) = _asked_door().received(payload)
     assert (hold.kind, hold.reason) == ("hold", f"refused: Command: {expected_text}.")
 
 
-def _asked_door() -> Door:
-    door = Door("agent")
+def _asked_door() -> CommandValidator:
+    door = CommandValidator("agent")
     door.observed(codec.ObservationHead(tick=3, awaiting_command=True))
     return door
 
 
 def test_the_deepest_that_is_allowed_is_taken():
-    assert codec.decode_foreign(Command, nested(codec.MAX_LEVELS - 1)).tick == 3
+    assert codec.decode_untrusted(Command, nested(codec.MAX_NESTING - 1)).tick == 3
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_reals_travel_as_float64():
 
 
 def test_the_door_sees_the_tick_of_anything_and_keeps_what_comes_early():
-    door = Door("agent")
+    door = CommandValidator("agent")
     assert door.received(packed(tick=41, nonsense=[])) == []
     (hold,) = door.observed(codec.ObservationHead(tick=41, awaiting_command=True))
     assert hold.reason == "refused: Command: kind: field required."
@@ -184,11 +184,11 @@ def test_what_has_no_whole_tick_answers_the_question_and_is_refused(payload):
 @pytest.mark.parametrize("payload", [b"", packed(tick=1), packed(tick=1.5, awaiting_command=True), msgpack.packb(7)])
 def test_an_observation_without_its_head_is_refused(payload):
     with pytest.raises(ContractError, match="Observation: expected a tick and awaiting_command, was "):
-        codec.peek_observation(payload)
+        codec.decode_observation_head(payload)
 
 
 def test_the_encoding_names_message_and_major_version():
-    assert codec.encoding_of(Observation) == "application/msgpack;gslcosim.Observation/1"
+    assert codec.get_encoding(Observation) == "application/msgpack;gslcosim.Observation/1"
 
 
 @pytest.mark.parametrize("name", sorted(BEYOND_LIMITS))

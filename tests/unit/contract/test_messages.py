@@ -2,9 +2,9 @@ import pytest
 from pydantic import ValidationError
 
 from gslcosim.contract import keys, messages
-from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, Message, Observation, Reading, Score
-from gslcosim.contract.schema import contract_hash, message_types
+from gslcosim.contract.record import get_pydantic_model
+from gslcosim.contract.schema import get_contract_hash, list_message_types
 
 
 def body(agent: str, *, awaiting_command: bool) -> BodyState:
@@ -41,9 +41,9 @@ def test_messages_are_frozen():
         command.tick = 2
 
 
-@pytest.mark.parametrize("message_type", message_types())
+@pytest.mark.parametrize("message_type", list_message_types())
 def test_every_message_is_frozen_strict_and_open_for_later_keys(message_type):
-    config = description_of(message_type).model_config
+    config = get_pydantic_model(message_type).model_config
     assert (config["frozen"], config["strict"], config["extra"], config["allow_inf_nan"]) == (
         True,
         True,
@@ -80,10 +80,10 @@ def test_the_contract_hash_changes_with_any_message(monkeypatch):
     class Extra(Message):
         value: float
 
-    before = contract_hash.__wrapped__()
-    assert contract_hash() == before
+    before = get_contract_hash.__wrapped__()
+    assert get_contract_hash() == before
     monkeypatch.setattr(messages, "Extra", Extra, raising=False)
-    assert contract_hash.__wrapped__() != before
+    assert get_contract_hash.__wrapped__() != before
 
 
 def test_what_agents_may_see_is_never_under_truth():

@@ -3,11 +3,11 @@
 import msgpack
 import pytest
 
+from gslcosim.base.errors import ContractError
 from gslcosim.conformance.answers import read_answer
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim.errors import ContractError
-from gslcosim.runtime.agents.door import Door
+from gslcosim.runtime.agents.validator import CommandValidator
 
 DEPTHS = (10, 100, 300, 500, 700, 900, 1000, 1020, 1100, 5000, 200_000)
 
@@ -26,5 +26,5 @@ def test_a_nested_value_is_refused_with_a_reason(depth):
 
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_the_door_and_the_kit_outlive_it(depth):
-    assert Door("agent").received(nested(depth)) == []
+    assert CommandValidator("agent").received(nested(depth)) == []
     assert read_answer(nested(depth)).problem is not None

@@ -3,11 +3,11 @@
 import mujoco
 import pytest
 
-from gslcosim.environment.exchange.mjcf import mjcf_of
-from gslcosim.environment.layouts.building import build_room
-from gslcosim.environment.layouts.kinds import plan_room, problems_of_layout
+from gslcosim.environment.formats.mjcf import build_mjcf
+from gslcosim.environment.generation.wind import build_patches
+from gslcosim.environment.layouts.builder import build_layout
+from gslcosim.environment.layouts.layouts import find_layout_problems, plan_layout
 from gslcosim.environment.model import Cell
-from gslcosim.generation.winds import patches_of
 from gslcosim.scenario.models.layouts import FurtherOpeningSpec, LayoutSpec, PlantSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
@@ -25,7 +25,7 @@ VENT = {"name": "vent", "kind": "inlet", "min_m": (4.0, 2.0, 3.0), "max_m": (5.0
 
 def test_further_openings_are_there_with_their_own_wind_or_the_scenario_s():
     fan = {**VENT, "name": "fan", "velocity_m_s": (0.0, 0.0, 0.4), "min_m": (1.0, 2.0, 3.0), "max_m": (2.0, 3.0, 3.0)}
-    openings = {o.name: o for o in plan_room(layout(DOOR, VENT, fan), WIND).openings}
+    openings = {o.name: o for o in plan_layout(layout(DOOR, VENT, fan), WIND).openings}
     assert list(openings) == ["inlet", "outlet", "door", "vent", "fan"]
     assert openings["vent"].velocity_m_s == WIND.inlet_velocity_m_s
     assert openings["fan"].velocity_m_s == (0.0, 0.0, 0.4)
@@ -33,14 +33,15 @@ def test_further_openings_are_there_with_their_own_wind_or_the_scenario_s():
 
 
 def test_cells_at_an_outlet_in_another_wall_end_filaments_and_those_at_an_inlet_do_not():
-    room = build_room(layout(DOOR, VENT), WIND)
+    room = build_layout(layout(DOOR, VENT), WIND)
     assert (room.occupancy[4:6, -1, :4] == Cell.OUTLET).all()
     assert (room.occupancy[8:10, 4:6, -1] == Cell.FREE).all()
 
 
 def test_solvers_get_a_patch_for_each_opening():
     kinds = [
-        type(patch).__name__ for patch in patches_of(build_room(layout(DOOR, {**VENT, "kind": "open"}), WIND), WIND)
+        type(patch).__name__
+        for patch in build_patches(build_layout(layout(DOOR, {**VENT, "kind": "open"}), WIND), WIND)
     ]
     assert kinds == ["Inlet", "Outlet", "Outlet", "Open"]
 
@@ -54,7 +55,7 @@ def test_solvers_get_a_patch_for_each_opening():
     ],
 )
 def test_openings_that_cannot_be_are_refused(opening, path, found):
-    (problem,) = problems_of_layout(layout(opening), WIND)
+    (problem,) = find_layout_problems(layout(opening), WIND)
     assert problem.path == f"environment.layout.{path}"
     assert found in problem.found
 
@@ -65,15 +66,15 @@ def test_only_inlets_have_a_velocity():
 
 
 def test_lamps_hang_in_rows_below_the_ceiling_and_are_named_in_the_scene():
-    room = build_room(layout(lights=(2, 1)), WIND)
+    room = build_layout(layout(lights=(2, 1)), WIND)
     assert [(light.name, light.position_m) for light in room.lights] == [
         ("light_0_0", (1.5, 2.5, 2.94)),
         ("light_1_0", (4.5, 2.5, 2.94)),
     ]
-    model = mujoco.MjModel.from_xml_string(mjcf_of(room))
+    model = mujoco.MjModel.from_xml_string(build_mjcf(room))
     assert [model.light(i).name for i in range(model.nlight)] == ["light_0_0", "light_1_0"]
 
 
 def test_outdoors_there_is_daylight_only():
-    assert plan_room(PlantSpec(), WIND).lights == ()
-    assert len(plan_room(LayoutSpec(), WIND).lights) == 4
+    assert plan_layout(PlantSpec(), WIND).lights == ()
+    assert len(plan_layout(LayoutSpec(), WIND).lights) == 4

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from gslcosim.environment.boxes import voxelize
+from gslcosim.environment.flood_fill import reachable_cells
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.layouts.kinds import plan_room
+from gslcosim.environment.layouts.layouts import plan_layout
 from gslcosim.environment.model import Box, Cell
-from gslcosim.environment.occupancy import occupancy_of, problems_of_occupancy
-from gslcosim.environment.occupancy_kernels import reachable_cells
-from gslcosim.environment.voxels import voxelize
+from gslcosim.environment.occupancy import build_occupancy, find_occupancy_problems
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 GRID = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(8, 6, 4))
@@ -21,7 +21,7 @@ def solid_cells(min_m, max_m):
 
 def room(*obstacles, size_m=(4.0, 3.0, 2.0), cell_m=0.2):
     specs = tuple(BoxSpec(name=f"box_{i}", min_m=low, max_m=high) for i, (low, high) in enumerate(obstacles))
-    return plan_room(LayoutSpec(size_m=size_m, obstacles=specs), WindSpec(cell_m=cell_m))
+    return plan_layout(LayoutSpec(size_m=size_m, obstacles=specs), WindSpec(cell_m=cell_m))
 
 
 def test_a_cell_is_solid_when_its_centre_lies_in_a_box():
@@ -53,7 +53,7 @@ def test_boxes_that_only_touch_the_grid_from_outside_take_no_cell(axis):
 
 
 def test_an_empty_room_is_all_air():
-    occupancy = occupancy_of(room())
+    occupancy = build_occupancy(room())
     assert occupancy.dtype == np.uint8
     assert occupancy.shape == (20, 15, 10)
     assert not (occupancy == Cell.SOLID).any()
@@ -66,12 +66,12 @@ def test_the_cells_that_touch_the_outlet_are_marked_one_layer_deep():
     assert outlet.min_m == pytest.approx((4.0, 1.8, 0.0))
     expected = np.zeros(plan.grid.shape, dtype=bool)
     expected[-1, 9:, :6] = True
-    assert ((occupancy_of(plan) == Cell.OUTLET) == expected).all()
+    assert ((build_occupancy(plan) == Cell.OUTLET) == expected).all()
 
 
 def test_solid_cells_in_front_of_an_outlet_stay_solid():
     plan = room(((3.0, 2.6, 0.0), (4.0, 3.0, 1.0)))
-    layer = occupancy_of(plan)[-1]
+    layer = build_occupancy(plan)[-1]
     assert (layer[13:, :5] == Cell.SOLID).all()
     assert (layer[9:13, :6] == Cell.OUTLET).all()
 
@@ -82,7 +82,7 @@ def test_air_that_no_opening_reaches_becomes_solid():
         ((1.0, 1.2, 0.0), (1.2, 1.8, 1.2)), ((1.8, 1.2, 0.0), (2.0, 1.8, 1.2)),
     ]  # fmt: skip
     lid = ((1.0, 1.0, 1.0), (2.0, 2.0, 1.2))
-    open_box, closed_box = occupancy_of(room(*plates)), occupancy_of(room(*plates, lid))
+    open_box, closed_box = build_occupancy(room(*plates)), build_occupancy(room(*plates, lid))
     assert (open_box[6:9, 6:9, :6] == Cell.FREE).all()
     assert (closed_box[5:10, 5:10, :6] == Cell.SOLID).all()
     assert (closed_box == Cell.SOLID).sum() == 5 * 5 * 6
@@ -100,16 +100,16 @@ def test_flood_fill_from_a_solid_seed_reaches_nothing():
 
 
 def test_an_opening_behind_an_obstacle_is_refused():
-    (problem,) = problems_of_occupancy(room(((0.0, 0.0, 0.0), (0.2, 2.0, 2.0))))
+    (problem,) = find_occupancy_problems(room(((0.0, 0.0, 0.0), (0.2, 2.0, 2.0))))
     assert problem.path == "environment.layout.obstacles"
     assert "inlet" in problem.expected
 
 
 def test_a_room_divided_between_inlet_and_outlet_is_refused_with_the_count_of_cells():
-    (problem,) = problems_of_occupancy(room(((2.0, 0.0, 0.0), (2.05, 3.0, 2.0))))
+    (problem,) = find_occupancy_problems(room(((2.0, 0.0, 0.0), (2.05, 3.0, 2.0))))
     assert problem.path == "environment.layout.obstacles"
     assert "the inlet's part has 1500 of 2850 free cells" in problem.found
 
 
 def test_a_gap_of_one_cell_lets_the_air_through():
-    assert problems_of_occupancy(room(((2.0, 0.0, 0.0), (2.05, 2.8, 2.0)))) == []
+    assert find_occupancy_problems(room(((2.0, 0.0, 0.0), (2.05, 2.8, 2.0)))) == []

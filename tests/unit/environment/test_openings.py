@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Opening
-from gslcosim.environment.openings import FACES, are_overlapping, border_m, cells_at, face_of, snapped_range
+from gslcosim.environment.openings import FACES, are_overlapping, border_m, cells_at, find_face, snap_range
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=(8, 6, 4))
 
@@ -18,7 +18,7 @@ def test_a_whole_face_touches_the_layer_of_cells_at_it(face):
     low, high = list(GRID.origin_m), list(GRID.max_m)
     low[face.axis] = high[face.axis] = face.coordinate_m(GRID)
     whole = opening(tuple(low), tuple(high))
-    assert face_of(whole, GRID) == face
+    assert find_face(whole, GRID) == face
     layer = [range(n) for n in GRID.shape]
     layer[face.axis] = range(GRID.shape[face.axis])[-1:] if face.is_upper else range(1)
     assert [range(n)[cells] for n, cells in zip(GRID.shape, cells_at(whole, GRID), strict=True)] == layer
@@ -26,20 +26,20 @@ def test_a_whole_face_touches_the_layer_of_cells_at_it(face):
 
 def test_an_opening_inside_the_room_touches_no_cells_of_a_face():
     inside = opening((0.0, 2.0, 0.5), (0.0, 3.0, 1.0))
-    assert face_of(inside, GRID) is None
+    assert find_face(inside, GRID) is None
     with pytest.raises(ValueError, match="no face"):
         cells_at(inside, GRID)
 
 
 def test_ends_half_way_between_borders_go_outward_or_up():
     # -0.625 and 0.125 m are one and a half and four and a half cells from the grid's corner.
-    assert snapped_range(-0.625, 0.125, GRID, 0, is_outward=True) == (1, 5)
-    assert snapped_range(-0.625, 0.125, GRID, 0, is_outward=False) == (1, 4)
+    assert snap_range(-0.625, 0.125, GRID, 0, is_outward=True) == (1, 5)
+    assert snap_range(-0.625, 0.125, GRID, 0, is_outward=False) == (1, 4)
 
 
 def test_a_span_outside_the_grid_has_no_cells():
     for low_m, high_m in ((-3.0, -1.0), (1.0, 3.0)):
-        assert snapped_range(low_m, high_m, GRID, 0, is_outward=True) == (0, 0)
+        assert snap_range(low_m, high_m, GRID, 0, is_outward=True) == (0, 0)
 
 
 def test_borders_of_cells_carry_no_rounding_noise():

@@ -3,11 +3,11 @@
 import pytest
 import yaml
 
+from gslcosim.environment.build.geometry_source import build_geometry
+from gslcosim.environment.build.position_checks import find_position_problems
+from gslcosim.environment.build.random_positions import draw_positions
 from gslcosim.environment.model import Cell
-from gslcosim.environment.of_scenario.places import problems_of_places
-from gslcosim.environment.of_scenario.random_places import draw_places
-from gslcosim.environment.of_scenario.room_origin import room_of
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 
 SCENARIO = {
@@ -35,7 +35,7 @@ def load(tmp_path):
         path = tmp_path / "lot.yaml"
         seed = changes.pop("seed", None)
         path.write_text(yaml.safe_dump({**SCENARIO, **changes}))
-        return load_scenario(path, seed=seed, placer=draw_places).scenario
+        return load_scenario(path, seed=seed, placer=draw_positions).scenario
 
     return load
 
@@ -43,12 +43,12 @@ def load(tmp_path):
 def test_random_places_are_air_and_starts(load):
     for seed in range(5):
         scenario = load(seed=seed)
-        room = room_of(scenario.environment, scenario.wind)
+        room = build_geometry(scenario.environment, scenario.wind)
         source_m = scenario.gas.sources[0].position_m
         cell = tuple(room.grid.cell_of(source_m))
         assert room.occupancy[cell] != Cell.SOLID
         assert 0.5 <= source_m[2] <= 3.0
-        assert problems_of_places(scenario) == []
+        assert find_position_problems(scenario) == []
 
 
 def test_places_follow_the_seed_and_nothing_else(load):
@@ -73,7 +73,7 @@ def test_places_follow_the_seed_and_nothing_else(load):
     ids=lambda wind: "_".join(wind),
 )
 def test_settings_of_the_wind_do_not_keep_places_from_being_drawn(load, wind):
-    assert problems_of_places(load(wind=wind)) == []
+    assert find_position_problems(load(wind=wind)) == []
 
 
 def test_a_room_with_problems_is_told_and_its_random_places_with_it(load):

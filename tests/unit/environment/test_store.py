@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import yaml
 
-from gslcosim.environment.layouts.building import build_room
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.geometry_model import with_wind
+from gslcosim.environment.layouts.builder import build_layout
 from gslcosim.environment.model import WindFrames
-from gslcosim.environment.room import with_wind
 from gslcosim.environment.store import FORMAT, load_environment, save_environment
-from gslcosim.errors import EnvironmentDataError
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 
 def make_environment(seed=0, n_frames=2):
     shelf = BoxSpec(name="shelf", min_m=(1.0, 1.0, 0.0), max_m=(2.0, 1.3, 1.1))
     layout = LayoutSpec(size_m=(4.0, 3.0, 2.0), obstacles=(shelf,))
-    room = build_room(layout, WindSpec(cell_m=0.5))
+    room = build_layout(layout, WindSpec(cell_m=0.5))
     velocity_m_s = np.random.default_rng(seed).normal(size=(n_frames, *room.grid.shape, 3)).astype(np.float32)
     return with_wind(room, WindFrames(velocity_m_s=velocity_m_s, period_s=0.1, is_looping=False))
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from gslcosim.environment.exchange.stl import stl_of
-from gslcosim.environment.layouts.building import build_room
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.formats.stl import build_stl
+from gslcosim.environment.geometry_model import with_wind
+from gslcosim.environment.layouts.builder import build_layout
 from gslcosim.environment.model import VisualMesh, WindFrames
-from gslcosim.environment.room import with_wind
-from gslcosim.environment.store import load_environment, save_environment
-from gslcosim.environment.visual_meshes import glb_of, load_visual_meshes
-from gslcosim.errors import EnvironmentDataError
+from gslcosim.environment.store import encode_glb, load_environment, load_visual_meshes, save_environment
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 
@@ -30,7 +29,7 @@ PANE = mesh("pane of glass", trimesh.creation.box(bounds=[(2.0, 1.0, 0.2), (2.1,
 def environment():
     """A room with a shelf of two meshes."""
     shelf = BoxSpec(name="shelf", min_m=(1.0, 1.0, 0.0), max_m=(2.0, 1.3, 1.1))
-    room = build_room(LayoutSpec(size_m=(4.0, 3.0, 2.0), obstacles=(shelf,)), WindSpec(cell_m=0.5))
+    room = build_layout(LayoutSpec(size_m=(4.0, 3.0, 2.0), obstacles=(shelf,)), WindSpec(cell_m=0.5))
     room = dataclasses.replace(room, meshes=(TANK, PANE))
     return with_wind(room, WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32)))
 
@@ -45,7 +44,7 @@ def check_same(found, expected):
 
 def test_a_folder_gives_back_the_meshes_it_was_saved_with(environment, tmp_path):
     save_environment(environment, tmp_path / "room")
-    assert (tmp_path / "room" / "visual.glb").read_bytes() == glb_of(environment.meshes)
+    assert (tmp_path / "room" / "visual.glb").read_bytes() == encode_glb(environment.meshes)
     check_same(load_environment(tmp_path / "room", with_meshes=True).meshes, environment.meshes)
     assert load_environment(tmp_path / "room").meshes == ()
 
@@ -58,7 +57,7 @@ def test_a_folder_without_meshes_has_no_file_of_them(environment, tmp_path):
 
 def test_other_programs_find_the_file_upright_and_in_its_colours(environment):
     """Height is y in glTF."""
-    scene = trimesh.load_scene(io.BytesIO(glb_of(environment.meshes)), file_type="glb")
+    scene = trimesh.load_scene(io.BytesIO(encode_glb(environment.meshes)), file_type="glb")
     pane = scene.geometry["pane of glass"]
     np.testing.assert_allclose(pane.bounds, [(2.0, 0.2, -1.5), (2.1, 1.9, -1.0)], atol=1e-6)
     assert pane.visual.material.baseColorFactor.tolist() == [51, 102, 153, 102]
@@ -67,7 +66,7 @@ def test_other_programs_find_the_file_upright_and_in_its_colours(environment):
 @pytest.mark.parametrize("n_kept", [0, 20, -100])
 def test_a_damaged_file_is_named(environment, tmp_path, n_kept):
     path = tmp_path / "visual.glb"
-    path.write_bytes(glb_of(environment.meshes)[:n_kept])
+    path.write_bytes(encode_glb(environment.meshes)[:n_kept])
     with pytest.raises(EnvironmentDataError, match=r"visual\.glb: expected whole glTF with 2 meshes, was \d+ bytes"):
         load_visual_meshes(path, ["tank", "pane of glass"])
 
@@ -78,14 +77,14 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_in_stl_meshes_stand_for_the_obstacles(environment):
-    text = stl_of(environment).decode()
+    text = build_stl(environment).decode()
     names = [line.removeprefix("solid ") for line in text.splitlines() if line.startswith("solid ")]
     assert names == [box.name for box in environment.boxes if box.kind != "obstacle"] + ["tank", "pane of glass"]
-    assert "shelf" in stl_of(dataclasses.replace(environment, meshes=())).decode()
+    assert "shelf" in build_stl(dataclasses.replace(environment, meshes=())).decode()
 
 
 def test_a_mesh_in_stl_has_its_triangles_turned_outwards(environment):
-    text = stl_of(environment).decode()
+    text = build_stl(environment).decode()
     tank = text[text.index("solid tank") : text.index("endsolid tank")] + "endsolid tank\n"
     found = trimesh.load_mesh(io.BytesIO(tank.encode()), file_type="stl_ascii")
     np.testing.assert_allclose(found.triangles, TANK.vertices_m[TANK.faces], atol=1e-6)

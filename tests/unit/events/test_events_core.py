@@ -2,13 +2,13 @@
 
 import pytest
 
+from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
-from gslcosim.contract.event_notes import EVENTS
+from gslcosim.contract.environment_messages import EVENTS
 from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import ModelError
-from gslcosim.events.core import EventsCore
 from gslcosim.scenario import load_scenario
+from gslcosim_services.events.core import EventsCore
 
 
 def core_of(*events):

@@ -7,8 +7,8 @@ import pytest
 
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Environment, WindFrames
-from gslcosim.fields.filament.plume import FilamentPlume, GasSource, amount_of_filament_mol
-from gslcosim.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
+from gslcosim_services.fields.filament.release import ConstantRelease
 
 # Importlib mode puts no test folder on the path; the frame writers are shared by the tests of this folder.
 sys.path.insert(0, str(Path(__file__).parent))
@@ -54,7 +54,7 @@ def make_source() -> Callable[..., GasSource]:
                 "position_world_m": position_m,
                 "release": ConstantRelease(filaments_per_s=rate),
                 "sigma_m": sigma_m,
-                "amount_mol": amount_of_filament_mol(ppm, sigma_m),
+                "amount_mol": filament_amount_mol(ppm, sigma_m),
                 "gas_index": gas_index,
                 **more,
             }

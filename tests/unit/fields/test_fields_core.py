@@ -3,15 +3,15 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.wind_kernels import trilinear_wind
-from gslcosim.errors import GslCosimError, ModelError, ScenarioError
-from gslcosim.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
-from gslcosim.fields.reading.concentration import Walls, mixing_ratio_ppm_at
-from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.fields.concentration.mixing_ratio import Walls, mixing_ratio_ppm_at
+from gslcosim_services.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
@@ -254,7 +254,7 @@ def test_every_gas_is_sampled_and_sliced(scenario_with, room):
 
 def test_a_rehearsal_leaves_the_warm_up_out_and_a_run_does_not(scenario_with, room):
     core = FieldsCore(scenario_with(warm_up_s=20.0), room)
-    core.reset(Episode(seed=1, is_rehearsal=True))
+    core.reset(Episode(seed=1, is_warmup=True))
     assert core.gas.step == 1
     core.reset(Episode(seed=1))
     assert core.gas.time_s == pytest.approx(20.0)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gslcosim.fields.models.filament_gas import gas_model_of
-from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.gas_sources import ReleaseSpec, ShapeSpec
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.fields.models.filament_gas import build_gas_model
 
 PLACE = (5.0, 5.0, 2.0)
 
@@ -19,7 +19,7 @@ def gas_of(make_scenario, make_room):
     def build(*sources, tick_ms=100, **gas):
         plain = plain_values(make_scenario(tick_ms=tick_ms))
         plain["gas"] = {"sources": [{"position_m": PLACE, **source} for source in sources or ({},)], **gas}
-        return gas_model_of(Scenario.model_validate(plain), make_room())
+        return build_gas_model(Scenario.model_validate(plain), make_room())
 
     return build
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from gslcosim.contract import keys
-from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import Cell
-from gslcosim.fields.core import FieldsCore
-from gslcosim.fields.reading.beams import Beams
+from gslcosim_services.fields.concentration.sample_points import Beams
+from gslcosim_services.fields.core import FieldsCore
 
 OPENS, CLOSES = "{what: door_opens, at_s: 10, door: gate}", "{what: door_closes, at_s: 20, door: gate}"
 # Beside the door, which takes x from 3 to 3.25 m, and much mixing so that gas comes to it.

@@ -4,17 +4,17 @@ import gaden_writers as gaden
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import ScenarioError
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import ScenarioError
-from gslcosim.fields.assembly import gas_field_of
-from gslcosim.fields.core import FieldsCore
-from gslcosim.fields.gas_field import PointGrid
-from gslcosim.fields.gas_setup import release_m3_s
-from gslcosim.fields.gases import air_density_mol_m3
-from gslcosim.fields.models.gaussian_plume import GaussianPlume
-from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.gas import SourceSpec
 from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.fields.core import FieldsCore
+from gslcosim_services.fields.gas_builder import build_gas_field
+from gslcosim_services.fields.gas_field import PointGrid
+from gslcosim_services.fields.gas_setup import mean_release_m3_s
+from gslcosim_services.fields.gases import air_density_mol_m3
+from gslcosim_services.fields.models.gaussian_plume import GaussianPlume
 
 SOURCE_M = (2.0, 5.0, 2.0)
 POINTS = np.array([(4.0, 5.0, 2.0), (6.0, 5.2, 2.1), (1.0, 5.0, 2.0)])
@@ -29,7 +29,7 @@ def field_of(make_scenario, make_room):
         plain = plain_values(make_scenario())
         plain["seed"] = seed
         plain["gas"] = {"model": model, "sources": [{"position_m": SOURCE_M, **s} for s in sources], **gas}
-        return gas_field_of(Scenario.model_validate(plain), make_room(wind_m_s=(wind_m_s,)))
+        return build_gas_field(Scenario.model_validate(plain), make_room(wind_m_s=(wind_m_s,)))
 
     return build
 
@@ -83,7 +83,7 @@ def test_the_gaussian_plume_is_the_formula_with_the_sources_release_and_the_room
     field = field_of("gaussian_plume", plume={"stability": "B"})
     formula = GaussianPlume(
         position_world_m=SOURCE_M,
-        release_m3_s=release_m3_s(SourceSpec(position_m=SOURCE_M)),
+        release_m3_s=mean_release_m3_s(SourceSpec(position_m=SOURCE_M)),
         wind_world_m_s=(0.5, 0.0, 0.0),
         stability="B",
     )
@@ -93,13 +93,13 @@ def test_the_gaussian_plume_is_the_formula_with_the_sources_release_and_the_room
 def test_ten_filaments_of_ten_ppm_release_some_cubic_centimetres_a_second():
     """6.440745e-6 mol in each, at 40.8946 mol/m3 of air; half of it at a variable rate."""
     steady = SourceSpec(position_m=SOURCE_M)
-    assert release_m3_s(steady) == pytest.approx(10 * 6.440745139e-06 / air_density_mol_m3(), rel=1e-9)
+    assert mean_release_m3_s(steady) == pytest.approx(10 * 6.440745139e-06 / air_density_mol_m3(), rel=1e-9)
     variable = SourceSpec.model_validate({"position_m": SOURCE_M, "release": {"kind": "variable"}})
-    assert release_m3_s(variable) == pytest.approx(0.5 * release_m3_s(steady))
+    assert mean_release_m3_s(variable) == pytest.approx(0.5 * mean_release_m3_s(steady))
     pulsed = SourceSpec.model_validate(
         {"position_m": SOURCE_M, "release": {"kind": "intermittent", "on_s": 1, "off_s": 3}}
     )
-    assert release_m3_s(pulsed) == pytest.approx(0.25 * release_m3_s(steady))
+    assert mean_release_m3_s(pulsed) == pytest.approx(0.25 * mean_release_m3_s(steady))
 
 
 def test_a_schedule_has_no_steady_plume(field_of):
@@ -182,7 +182,7 @@ def played(tmp_path, make_scenario, make_room):
             "model": "playback", "gas": gas, "sources": [{"position_m": source_m}],
             "playback": {"folder": str(tmp_path), **playback},
         }  # fmt: skip
-        return gas_field_of(Scenario.model_validate(plain), make_room())
+        return build_gas_field(Scenario.model_validate(plain), make_room())
 
     return build
 
@@ -212,7 +212,7 @@ def test_a_film_can_be_played(tmp_path, make_scenario, make_room):
     np.savez(path, time_s=[0.0, 1.0], mixing_ratio_ppm=ppm[..., 0], origin_m=np.zeros(3), cell_m=0.5)
     plain = plain_values(make_scenario())
     plain["gas"] = {"model": "playback", "sources": [{"position_m": SOURCE_M}], "playback": {"folder": str(path)}}
-    field = gas_field_of(Scenario.model_validate(plain), make_room())
+    field = build_gas_field(Scenario.model_validate(plain), make_room())
     place = np.array([(4.2, 5.2, 2.0)])
     values = []
     for _ in range(3):

@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, Open, Outlet, Schedule, SlipWall, coarse_start, solve_wind_report
-from gslcosim.flow.coarse_start import Numerics, coarsened, develop_on_coarse_cells, spread_velocity, take_up
-from gslcosim.flow.pressure_kernels import HIGH, LOW
-from gslcosim.flow.settling import settling_window_s
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.coarse_start import (
+    SolverNumerics,
+    coarsen_domain,
+    develop_on_coarse_cells,
+    spread_velocity,
+    transfer_state,
+)
+from gslcosim.flow.convergence import settling_window_s
+from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solver import FlowSolver, mass_balance
 from gslcosim.flow.turbulence import make_model
-from gslcosim.flow.walls.domain import build_domain
 
 CELL_M = 0.25
 SHAPE = (14, 11, 7)  # 3.5 x 2.75 x 1.75 m; two of the numbers are odd
@@ -27,7 +33,7 @@ def solver_on(domain, until_s=0.0):
 
 
 def test_a_room_on_coarse_cells_has_half_as_many_and_its_openings():
-    coarse = coarsened(build_domain(AIR, CELL_M, [INLET, OUTLET]))
+    coarse = coarsen_domain(build_domain(AIR, CELL_M, [INLET, OUTLET]))
     assert coarse.shape == (7, 6, 4)
     assert coarse.cell_m == 0.5
     (inlet,), (outlet,) = coarse.inlets, coarse.outlets
@@ -39,9 +45,11 @@ def test_a_room_on_coarse_cells_has_half_as_many_and_its_openings():
 def test_walls_one_cell_thick_stay_closed_and_doors_open():
     room = AIR.copy()
     room[7] = False
-    assert coarsened(build_domain(room, CELL_M, [INLET, Outlet(min_m=(0, 2, 0), max_m=(0, 2.75, 1))])).n_air == 3 * 24
+    assert (
+        coarsen_domain(build_domain(room, CELL_M, [INLET, Outlet(min_m=(0, 2, 0), max_m=(0, 2.75, 1))])).n_air == 3 * 24
+    )
     room[7, 4:8, :4] = True
-    coarse = coarsened(build_domain(room, CELL_M, [INLET, OUTLET]))
+    coarse = coarsen_domain(build_domain(room, CELL_M, [INLET, OUTLET]))
     assert coarse.air[INNER][3].sum() == 2 * 2
 
 
@@ -49,19 +57,19 @@ def test_nothing_comes_of_a_room_whose_only_way_is_a_cell_wide():
     room = AIR.copy()
     room[6:8] = False
     room[6:8, 5] = True
-    assert coarsened(build_domain(room, CELL_M, [INLET, OUTLET])) is None
+    assert coarsen_domain(build_domain(room, CELL_M, [INLET, OUTLET])) is None
 
 
 def test_nothing_comes_of_openings_that_vanish():
     slit = Inlet(min_m=(0, 0.25, 0), max_m=(0, 0.5, 0.5), velocity_m_s=(1, 0, 0))
-    assert coarsened(build_domain(AIR, CELL_M, [slit, OUTLET])) is None
+    assert coarsen_domain(build_domain(AIR, CELL_M, [slit, OUTLET])) is None
 
 
 def test_openings_side_by_side_do_not_overlap():
     """Their border is in the middle of a coarse cell."""
     left = Open(min_m=(0, 0, 1.75), max_m=(1.75, 2.75, 1.75))
     right = SlipWall(min_m=(1.75, 0, 1.75), max_m=(3.5, 2.75, 1.75))
-    coarse = coarsened(build_domain(AIR, CELL_M, [INLET, OUTLET, left, right]))
+    coarse = coarsen_domain(build_domain(AIR, CELL_M, [INLET, OUTLET, left, right]))
     assert [placed.n_cells for placed in coarse.placed] == [2, 3, 4 * 6, 3 * 6]
 
 
@@ -69,10 +77,10 @@ def test_a_profile_becomes_that_of_the_larger_cells():
     profile = np.zeros((4, 2, 3))
     profile[..., 0] = [[0, 1], [2, 3], [4, 5], [6, 7]]
     inlet = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=profile)
-    (placed,) = coarsened(build_domain(AIR, CELL_M, [inlet, OUTLET])).inlets
+    (placed,) = coarsen_domain(build_domain(AIR, CELL_M, [inlet, OUTLET])).inlets
     assert placed.inflow.at(0.0)[..., 0].tolist() == [[1.5], [5.5]]
     shifted = Inlet(min_m=(0, 0.25, 0), max_m=(0, 1.25, 0.5), velocity_m_s=profile)
-    (placed,) = coarsened(build_domain(AIR, CELL_M, [shifted, OUTLET])).inlets
+    (placed,) = coarsen_domain(build_domain(AIR, CELL_M, [shifted, OUTLET])).inlets
     # Cells 1 to 4 in pairs from 2 on; of cell 5 there is none.
     assert placed.inflow.at(0.0)[..., 0].tolist() == [[3.5], [6.5]]
 
@@ -83,7 +91,7 @@ def developing():
     room = AIR.copy()
     room[6:8, 2:6, :4] = False
     fine = build_domain(room, CELL_M, [INLET, OUTLET])
-    return fine, solver_on(coarsened(fine), until_s=1.0)
+    return fine, solver_on(coarsen_domain(fine), until_s=1.0)
 
 
 def test_the_flow_spread_on_small_cells_neither_gains_nor_loses_air(developing):
@@ -105,7 +113,7 @@ def test_an_even_flow_stays_one():
         Outlet(min_m=(3.5, 0, 0), max_m=(3.5, 2.75, 1.75)),
     ]
     fine = build_domain(AIR, CELL_M, whole)
-    coarse = solver_on(coarsened(fine))
+    coarse = solver_on(coarsen_domain(fine))
     velocity = spread_velocity(coarse, fine)
     for axis, component in enumerate(velocity):
         faces = tuple(slice(LOW, LOW + n + (other == axis)) for other, n in enumerate(SHAPE))
@@ -116,7 +124,7 @@ def test_a_solver_goes_on_from_there_with_its_pressure_and_turbulence(developing
     domain, coarse = developing
     model = make_model("k_epsilon", domain, 1.5e-5)
     fine = FlowSolver(domain, model, initial_velocity=spread_velocity(coarse, domain))
-    take_up(coarse, fine)
+    transfer_state(coarse, fine)
     assert fine.divergence_m_s() <= 1e-4
     inflow, outflow = mass_balance(domain, fine.velocity)
     assert inflow == pytest.approx(outflow, rel=5e-3)
@@ -173,18 +181,18 @@ def test_with_an_end_or_frames_the_air_is_still_at_first(options, request):
 def test_only_where_the_time_holds_no_start_and_two_windows_is_there_another(monkeypatch):
     monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
     domain = build_domain(AIR, CELL_M, [INLET, OUTLET])
-    numerics, window_s = Numerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9), settling_window_s(domain)
+    numerics, window_s = SolverNumerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9), settling_window_s(domain)
     assert develop_on_coarse_cells(domain, numerics, max_time_s=3.1 * window_s) is None
     assert develop_on_coarse_cells(domain, numerics, max_time_s=0.1 * window_s).time_s == pytest.approx(window_s / 2)
 
 
 def test_small_rooms_inlets_that_change_and_flows_that_diverge_have_no_coarse_start(monkeypatch):
-    numerics = Numerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9)
+    numerics = SolverNumerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9)
     assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), numerics, max_time_s=2.0) is None
     monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
     gusts = Schedule(times_s=(0, 1), values=(0, 1))
     gusty = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=(1, 0, 0), factor=gusts)
     assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [gusty, OUTLET]), numerics, max_time_s=2.0) is None
     # Far beyond what the scheme bears.
-    wild = Numerics(turbulence="laminar", nu_m2_s=1.5e-5, courant=20.0)
+    wild = SolverNumerics(turbulence="laminar", nu_m2_s=1.5e-5, courant=20.0)
     assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), wild, max_time_s=2.0) is None

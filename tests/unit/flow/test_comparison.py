@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.errors import ShapeError
+from gslcosim.base.errors import ShapeError
 from gslcosim.flow.comparison import SolverComparison, compare_winds
 
 SHAPE = (5, 4, 3)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import MovingWall
+from gslcosim.flow.boundaries.domain import build_domain
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar
-from gslcosim.flow.walls.domain import build_domain
 
 SHAPE = (8, 6, 5)
 CELL_M = 0.1

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, MovingWall, Open, Outlet, SlipWall, solve_wind_report
+from gslcosim.flow.boundaries.domain import build_domain
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar
-from gslcosim.flow.walls.domain import build_domain
 
 CELL_M = 0.25
 SHAPE = (16, 10, 8)  # 4 x 2.5 x 2 m

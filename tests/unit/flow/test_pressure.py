@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, Outlet
-from gslcosim.flow.pressure import PressureSolver, padded
-from gslcosim.flow.pressure_kernels import HIGH, LOW, negative_divergence, scalar_product
-from gslcosim.flow.walls.domain import build_domain
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.pressure import HIGH, LOW, PressureSolver, negative_divergence, padded, scalar_product
 
 INNER = (slice(LOW, -HIGH),) * 3
 

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, plot_history, solve_wind_report
 
 CELL_M = 0.25

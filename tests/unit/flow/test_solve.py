@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, solve_wind, solve_wind_report
+from gslcosim.flow.boundaries.domain import build_domain
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar
-from gslcosim.flow.walls.domain import build_domain
 
 CELL_M = 0.25
 SHAPE = (14, 10, 7)  # 3.5 x 2.5 x 1.75 m: three different side lengths

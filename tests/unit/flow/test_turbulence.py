@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from gslcosim.flow import Inlet, Outlet, turbulence_kernels
-from gslcosim.flow.pressure import padded
-from gslcosim.flow.pressure_kernels import HIGH, LOW
+from gslcosim.flow import Inlet, Outlet, turbulence
+from gslcosim.flow.boundaries import wall_friction
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.pressure import HIGH, LOW, padded
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, make_model
-from gslcosim.flow.walls import wall_kernels
-from gslcosim.flow.walls.domain import build_domain
 
 SHAPE = (9, 7, 5)
 CELL_M = 0.2
@@ -39,7 +38,7 @@ def linear_faces():
 def test_the_strain_of_a_linear_field_is_exact():
     strain = 0.5 * (GRADIENT + GRADIENT.T)
     out = padded(SHAPE)
-    turbulence_kernels.strain_squared(*linear_faces(), CELL_M, out)
+    turbulence.strain_squared(*linear_faces(), CELL_M, out)
     assert out[INNER] == pytest.approx(2 * np.sum(strain**2), rel=1e-4)
 
 
@@ -57,10 +56,10 @@ def test_transport_keeps_a_constant_and_makes_no_new_extremes():
     nu = np.where(domain.air, np.float32(0.01), np.float32(0))
     constant = np.full_like(nu, 3.0)
     moved = np.zeros_like(nu)
-    turbulence_kernels.transport_scalar(constant, *faces, nu, NU_M2_S, 1.0, 0.05, CELL_M, moved)
+    turbulence.transport_scalar(constant, *faces, nu, NU_M2_S, 1.0, 0.05, CELL_M, moved)
     assert moved[INNER] == pytest.approx(3.0, abs=1e-4)
     scalar = np.random.default_rng(3).random(nu.shape).astype(np.float32)
-    turbulence_kernels.transport_scalar(scalar, *faces, nu, NU_M2_S, 1.0, 0.05, CELL_M, moved)
+    turbulence.transport_scalar(scalar, *faces, nu, NU_M2_S, 1.0, 0.05, CELL_M, moved)
     assert moved[INNER].min() >= -1e-4
     assert moved[INNER].max() <= 1 + 1e-4
 
@@ -71,7 +70,7 @@ def test_diffusion_alone_keeps_the_total():
     scalar = np.random.default_rng(4).random(nu.shape).astype(np.float32)
     moved = np.zeros_like(nu)
     still = [padded(SHAPE) for _ in range(3)]
-    turbulence_kernels.transport_scalar(scalar, *still, nu, NU_M2_S, 1.3, 0.05, CELL_M, moved)
+    turbulence.transport_scalar(scalar, *still, nu, NU_M2_S, 1.3, 0.05, CELL_M, moved)
     assert moved[INNER].sum() == pytest.approx(scalar[INNER].sum(), rel=1e-5)
     assert moved[INNER].std() < scalar[INNER].std()
 
@@ -84,9 +83,9 @@ def test_unforced_turbulence_decays_by_the_power_law():
     production = padded(shape)
     for _ in range(n_steps):
         k_new, e_new = k.copy(), e.copy()
-        turbulence_kernels.react_k_epsilon(k, e, k_new, e_new, production, nu, dt_s)
+        turbulence.react_k_epsilon(k, e, k_new, e_new, production, nu, dt_s)
         k, e = k_new, e_new
-    power = turbulence_kernels.C_2 - 1
+    power = turbulence.C_2 - 1
     expected = k0 * (1 + power * n_steps * dt_s * e0 / k0) ** (-1 / power)
     assert k[INNER] == pytest.approx(expected, rel=5e-3)
 
@@ -94,21 +93,21 @@ def test_unforced_turbulence_decays_by_the_power_law():
 def test_wall_friction_in_equilibrium_is_that_of_the_log_law():
     """In a layer with k = u*^2 / C_mu^(1/2) and U = u* / kappa ln(E y+) the stress is u*^2."""
     star = 0.05
-    k = np.full(1, star**2 / wall_kernels.C_MU**0.5, np.float32)
+    k = np.full(1, star**2 / wall_friction.C_MU**0.5, np.float32)
     friction = np.zeros(1)
-    wall_kernels.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
+    wall_friction.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
     y_plus = star * CELL_M / 2 / NU_M2_S
-    speed = star / wall_kernels.VON_KARMAN * np.log(wall_kernels.WALL_ROUGHNESS_E * y_plus)
+    speed = star / wall_friction.VON_KARMAN * np.log(wall_friction.WALL_ROUGHNESS_E * y_plus)
     assert friction[0] * speed == pytest.approx(star**2, rel=1e-5)
 
 
 def test_wall_functions_meet_the_laminar_layer_at_its_edge():
-    star = wall_kernels.LAMINAR_SUBLAYER * NU_M2_S / (CELL_M / 2)
+    star = wall_friction.LAMINAR_SUBLAYER * NU_M2_S / (CELL_M / 2)
     frictions = []
     for factor in (0.999, 1.001):
-        k = np.full(1, (factor * star) ** 2 / wall_kernels.C_MU**0.5, np.float32)
+        k = np.full(1, (factor * star) ** 2 / wall_friction.C_MU**0.5, np.float32)
         friction = np.zeros(1)
-        wall_kernels.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
+        wall_friction.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
         frictions.append(friction[0])
     assert frictions[0] == pytest.approx(NU_M2_S / (CELL_M / 2))
     assert frictions[1] == pytest.approx(frictions[0], rel=5e-3)
@@ -117,11 +116,11 @@ def test_wall_functions_meet_the_laminar_layer_at_its_edge():
 def test_wall_friction_of_the_power_law_is_close_to_the_log_law():
     star = 0.05
     y_plus = star * CELL_M / 2 / NU_M2_S
-    speed = star / wall_kernels.VON_KARMAN * np.log(wall_kernels.WALL_ROUGHNESS_E * y_plus)
+    speed = star / wall_friction.VON_KARMAN * np.log(wall_friction.WALL_ROUGHNESS_E * y_plus)
     faces = np.full(64, speed, np.float32)
     still = np.zeros(64, np.float32)
     friction = np.zeros(1)
-    wall_kernels.power_law_friction(
+    wall_friction.power_law_friction(
         np.full(1, 10), np.zeros((1, 3), np.float32), faces, still, still, 16, 4, NU_M2_S, CELL_M, friction
     )
     assert friction[0] * speed == pytest.approx(star**2, rel=0.1)

@@ -6,12 +6,11 @@ import msgpack
 import pytest
 from deadlines import EVENT_S
 
+from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending
-from gslcosim.errors import ContractError
-from gslcosim.gateway.exchange import AnswerLateError, FrameExchange, StreamEndedError
-from gslcosim.gateway.framing import fields_of_frame, frame_of_fields
-from gslcosim.gateway.streams import PipeStream
+from gslcosim.gateway.connections import AnswerTimeoutError, BlockingConnection, PipeStream, StreamEndedError
+from gslcosim.gateway.frame_codec import decode_fields, encode_fields
 
 ENDING = codec.encode(Ending(tick=3, reason="over"))
 
@@ -22,7 +21,7 @@ class OtherSide:
     def __init__(self, frame_format):
         heard, told = os.pipe(), os.pipe()
         self.stream = PipeStream(os.fdopen(told[1], "wb", buffering=0), os.fdopen(heard[0], "rb", buffering=0))
-        self.exchange = FrameExchange(self.stream, frame_format)
+        self.exchange = BlockingConnection(self.stream, frame_format)
         self.input, self.output = os.fdopen(told[0], "rb", buffering=0), os.fdopen(heard[1], "wb", buffering=0)
 
     def close(self):
@@ -44,28 +43,28 @@ def test_a_message_goes_out_with_its_name_and_the_answer_comes_back_as_msgpack(s
     other.exchange.send("Ending", ENDING, within_s=EVENT_S)
     frame = other.input.read(1000)
     frame = frame[4:] if frame_format == "msgpack" else frame
-    assert fields_of_frame(frame_format, frame) == {"message": "Ending", "tick": 3, "reason": "over"}
-    other.output.write(frame_of_fields(frame_format, {"tick": 3, "kind": "hold"}))
+    assert decode_fields(frame_format, frame) == {"message": "Ending", "tick": 3, "reason": "over"}
+    other.output.write(encode_fields(frame_format, {"tick": 3, "kind": "hold"}))
     assert msgpack.unpackb(other.exchange.receive(Command, within_s=EVENT_S)) == {"tick": 3, "kind": "hold"}
     assert not other.exchange.has_more
 
 
 def test_what_comes_too_much_is_seen(sides):
     frame_format, other = sides
-    other.output.write(2 * frame_of_fields(frame_format, {"tick": 3}))
+    other.output.write(2 * encode_fields(frame_format, {"tick": 3}))
     other.exchange.receive(Command, within_s=EVENT_S)
     assert other.exchange.has_more
 
 
 def test_silence_ends_after_the_limit(sides):
     _, other = sides
-    with pytest.raises(AnswerLateError, match=r"nothing came within 0\.01 s"):
+    with pytest.raises(AnswerTimeoutError, match=r"nothing came within 0\.01 s"):
         other.exchange.receive(Command, within_s=0.01)
 
 
 def test_an_ended_stream_is_told_with_what_was_cut_off(sides):
     frame_format, other = sides
-    other.output.write(frame_of_fields(frame_format, {"tick": 3})[:-2])
+    other.output.write(encode_fields(frame_format, {"tick": 3})[:-2])
     other.output.close()
     with pytest.raises(StreamEndedError, match="the stream ended"):
         other.exchange.receive(Command, within_s=EVENT_S)
@@ -81,7 +80,7 @@ def test_a_frame_that_is_none_is_refused(sides):
 def test_who_does_not_read_is_not_waited_for(sides):
     _, other = sides
     long = codec.encode(Ending(tick=3, reason="x" * 1_000_000))
-    with pytest.raises(AnswerLateError, match="has not read what it was sent within"):
+    with pytest.raises(AnswerTimeoutError, match="has not read what it was sent within"):
         other.exchange.send("Ending", long, within_s=0.01)
 
 

@@ -11,10 +11,9 @@ from deadlines import EVENT_S
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending
-from gslcosim.gateway import link as link_module
-from gslcosim.gateway.framing import frame_of_fields
-from gslcosim.gateway.link import MAX_UNHANDLED, Link
-from gslcosim.gateway.streams import PipeStream, SocketStream
+from gslcosim.gateway import connections as link_module
+from gslcosim.gateway.connections import MAX_UNHANDLED, PipeStream, SocketStream, ThreadedConnection
+from gslcosim.gateway.frame_codec import encode_fields
 
 HOLD = {"tick": 1, "kind": "hold"}
 
@@ -47,7 +46,7 @@ def linked(request):
 
     def make(frame_format="msgpack"):
         events = queue.SimpleQueue()
-        link = Link(frame_format, lambda kind, data: events.put((kind, data)))
+        link = ThreadedConnection(frame_format, lambda kind, data: events.put((kind, data)))
         made.append((link, Agent(link, request.param)))
         return link, events, made[-1][1]
 
@@ -61,9 +60,9 @@ def linked(request):
 def test_messages_go_out_and_commands_come_in(linked, frame_format):
     link, events, agent = linked(frame_format)
     link.tell("Ending", codec.encode(Ending(tick=3, reason="success")))
-    expected = frame_of_fields(frame_format, {"message": "Ending", "tick": 3, "reason": "success"})
+    expected = encode_fields(frame_format, {"message": "Ending", "tick": 3, "reason": "success"})
     assert agent.input.read(len(expected)) == expected
-    agent.output.write(frame_of_fields(frame_format, HOLD))
+    agent.output.write(encode_fields(frame_format, HOLD))
     kind, payload = events.get(timeout=EVENT_S)
     assert kind == "command"
     assert codec.decode(Command, payload) == Command(**HOLD)
@@ -71,7 +70,7 @@ def test_messages_go_out_and_commands_come_in(linked, frame_format):
 
 def test_what_is_told_before_the_agent_comes_waits_for_it():
     events = queue.SimpleQueue()
-    link = Link("json", lambda kind, data: events.put((kind, data)))
+    link = ThreadedConnection("json", lambda kind, data: events.put((kind, data)))
     link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
     agent = Agent(link, "socket")
     assert b'"reason":"a"' in agent.input.readline()
@@ -106,14 +105,14 @@ def test_an_agent_that_never_reads_is_given_up(linked, monkeypatch):
 def test_no_more_events_wait_than_allowed(linked):
     """The reader stops at the limit, and the agent with it, until events are handled."""
     link, events, agent = linked()
-    frame = frame_of_fields("msgpack", HOLD)
+    frame = encode_fields("msgpack", HOLD)
     n_frames = 50_000
     writing = threading.Thread(target=lambda: agent.output.write(frame * n_frames), daemon=True)
     writing.start()
     for _ in range(n_frames):
         assert events.get(timeout=EVENT_S)[0] == "command"
         assert events.qsize() < MAX_UNHANDLED
-        link.handled()
+        link.acknowledge()
     writing.join(EVENT_S)
     assert not writing.is_alive()
 
@@ -123,7 +122,7 @@ def test_after_the_end_whatever_is_said_is_thrown_away(linked):
     link, events, agent = linked()
     link.end()
     assert agent.input.read() == b""
-    frames = memoryview(frame_of_fields("msgpack", HOLD) * 100_000)
+    frames = memoryview(encode_fields("msgpack", HOLD) * 100_000)
     while frames:  # an unbuffered write may write less
         frames = frames[agent.output.write(frames) :]
     assert events.empty()
@@ -131,7 +130,7 @@ def test_after_the_end_whatever_is_said_is_thrown_away(linked):
 
 def test_a_bad_frame_is_told_and_the_next_one_read(linked):
     _, events, agent = linked("json")
-    agent.output.write(b"hello\n" + frame_of_fields("json", HOLD))
+    agent.output.write(b"hello\n" + encode_fields("json", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "refused"
     assert events.get(timeout=EVENT_S)[0] == "command"
 
@@ -144,7 +143,7 @@ def test_a_hundred_megabytes_are_refused_and_not_kept(linked):
     left = n_bytes
     while left:
         left -= agent.output.write(bytes(min(left, 2**20)))
-    agent.output.write(frame_of_fields("msgpack", HOLD))
+    agent.output.write(encode_fields("msgpack", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "command"
 
 
@@ -161,7 +160,7 @@ def test_nonsense_for_a_length_ends_the_link(linked):
 @pytest.mark.parametrize(("last", "told"), [(b"", b""), (b"\0\0\0", b"expected whole frames")])
 def test_the_end_of_the_agents_stream_is_told_after_all_it_said(linked, last, told):
     _, events, agent = linked()
-    agent.output.write(frame_of_fields("msgpack", HOLD) + last)
+    agent.output.write(encode_fields("msgpack", HOLD) + last)
     agent.output.close()
     if agent.socket:
         agent.socket.shutdown(socket.SHUT_WR)
@@ -178,5 +177,5 @@ def test_an_agent_that_has_closed_its_input_is_still_heard(linked):
         agent.socket.shutdown(socket.SHUT_RD)
     for _ in range(3):
         link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
-    agent.output.write(frame_of_fields("msgpack", HOLD))
+    agent.output.write(encode_fields("msgpack", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "command"

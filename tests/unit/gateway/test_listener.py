@@ -7,10 +7,10 @@ import socket
 import pytest
 from deadlines import EVENT_S
 
-from gslcosim.errors import SimulationFault
-from gslcosim.gateway import listener as listener_module
-from gslcosim.gateway.framing import frame_of_fields
-from gslcosim.gateway.listener import Listener
+from gslcosim.base.errors import SimulationFault
+from gslcosim.gateway import connections as listener_module
+from gslcosim.gateway.connections import Listener
+from gslcosim.gateway.frame_codec import encode_fields
 
 
 @pytest.fixture(params=["tcp", "unix"])
@@ -59,7 +59,7 @@ def let_in(told):
 
 def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, told, connections):
     connection = connections(listener)
-    connection.sendall(frame_of_fields("json", {"token": listener.token, "extra": 1}) + b"first line\n")
+    connection.sendall(encode_fields("json", {"token": listener.token, "extra": 1}) + b"first line\n")
     stream, hello = let_in(told)
     assert hello["extra"] == 1
     assert stream.read() == b"first line\n"
@@ -72,12 +72,12 @@ def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, told, 
 @pytest.mark.parametrize(
     "first",
     [
-        frame_of_fields("json", {"token": "guessed"}),
-        frame_of_fields("json", {}),
-        frame_of_fields("json", {"token": 5}),
+        encode_fields("json", {"token": "guessed"}),
+        encode_fields("json", {}),
+        encode_fields("json", {"token": 5}),
         b'{"token": "\\ud800"}\n',
         b"hello\n",
-        frame_of_fields("msgpack", {"token": "x"}) + b"\n",
+        encode_fields("msgpack", {"token": "x"}) + b"\n",
         b"x" * 5000,
     ],
 )
@@ -87,17 +87,17 @@ def test_anybody_else_is_sent_away_and_the_agent_may_still_come(listener, told, 
     kind, text = told.get(timeout=EVENT_S)
     assert kind == "out"
     assert text.startswith("a connection was refused: expected ")
-    connections(listener).sendall(frame_of_fields("json", {"token": listener.token}))
+    connections(listener).sendall(encode_fields("json", {"token": listener.token}))
     stream, _ = let_in(told)
     stream.close_input()
     stream.close_output()
 
 
 def test_strangers_who_say_nothing_do_not_keep_the_agent_out(listener, told, connections, monkeypatch):
-    monkeypatch.setattr(listener_module, "HELLO_LIMIT_S", 0.05)
-    for _ in range(2 * listener_module.MAX_WAITING):
+    monkeypatch.setattr(listener_module, "HELLO_TIMEOUT_S", 0.05)
+    for _ in range(2 * listener_module.MAX_PENDING_CONNECTIONS):
         connections(listener)
-    connections(listener).sendall(frame_of_fields("json", {"token": listener.token}))
+    connections(listener).sendall(encode_fields("json", {"token": listener.token}))
     while (event := told.get(timeout=EVENT_S))[0] == "out":
         pass
     event[1].close_input()
@@ -105,7 +105,7 @@ def test_strangers_who_say_nothing_do_not_keep_the_agent_out(listener, told, con
 
 
 def test_nobody_follows_the_agent(listener, told, connections):
-    hello = frame_of_fields("json", {"token": listener.token})
+    hello = encode_fields("json", {"token": listener.token})
     first, second = connections(listener), connections(listener)
     first.sendall(hello)
     stream, _ = let_in(told)

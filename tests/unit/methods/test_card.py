@@ -1,11 +1,11 @@
 import pytest
 import yaml
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.methods.card import card_beside, load_card
-from gslcosim.methods.needs import shortages_of
+from gslcosim.methods.needs import find_shortages
 from gslcosim.scenario.bundled import bundled_agents
-from gslcosim.sensing.models import sensor_kind
+from gslcosim_services.sensing.models import sensor_kind
 
 CARD = {
     "schema": "gslcosim/method/1",
@@ -53,7 +53,7 @@ ENOUGH = {"sensors": sensors("tgs2600", "pid", "anemometer"), "knows": ("map",),
 
 
 def told(card, **changes):
-    return [str(shortage) for shortage in shortages_of(card, **{**ENOUGH, **changes})]
+    return [str(shortage) for shortage in find_shortages(card, **{**ENOUGH, **changes})]
 
 
 def test_a_method_with_all_it_needs_lacks_nothing(card):

@@ -2,14 +2,14 @@
 
 import pytest
 
+from gslcosim.base.errors import ModelError
 from gslcosim.contract import keys
-from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, RadioMessage
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import ModelError
-from gslcosim.radio.core import RadioCore
-from gslcosim.runtime.assembly import dataflow_of, service_names
-from gslcosim.scenario.dumping import plain_values
+from gslcosim.runtime.services import build_dataflow, list_service_names
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.radio.core import RadioCore
 
 
 def body(agent, x_m=0.0):
@@ -154,17 +154,17 @@ def test_a_missing_pose_ends_the_run(core_of):
 
 
 def test_radio_takes_part_only_in_runs_with_channels(with_channels, make_scenario):
-    assert "radio" not in service_names(make_scenario())
-    assert keys.RADIO not in dataflow_of(make_scenario()).writes
+    assert "radio" not in list_service_names(make_scenario())
+    assert keys.RADIO not in build_dataflow(make_scenario()).writes
     scenario = with_channels({})
-    assert "radio" in service_names(scenario)
-    order = dataflow_of(scenario).order()
+    assert "radio" in list_service_names(scenario)
+    order = build_dataflow(scenario).order()
     assert order.index("radio") < order.index("sensing")
 
 
 def test_nobody_waits_longer_for_an_agent_that_is_slow(with_channels):
     """The radio reads a command when the world does, not when it could first be sent."""
-    spec = dataflow_of(with_channels({}, mode={"latency": 4})).by_name["radio"]
+    spec = build_dataflow(with_channels({}, mode={"latency": 4})).by_name["radio"]
     assert {read.delay_ticks for read in spec.reads if read.port.startswith("command/")} == {4}
 
 

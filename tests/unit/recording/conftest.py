@@ -13,7 +13,7 @@ def record(make_room, tmp_path):
     from scripted_flight import ScriptedFlight
 
     from gslcosim.contract.participant import Episode
-    from gslcosim.recording.core import RecorderCore
+    from gslcosim_services.recorder.core import RecorderCore
 
     def run(*, run_id="run", room=None, until=None, **flight_arguments):
         flight = ScriptedFlight(**flight_arguments)

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from PIL import Image
 
+from gslcosim.base.rng import stream
 from gslcosim.contract import keys
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
@@ -28,10 +28,10 @@ from gslcosim.contract.messages import (
     Score,
     Verdict,
 )
-from gslcosim.rng import stream
+from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
-from gslcosim.sensing.models import sensor_kind
+from gslcosim_services.sensing.models import sensor_kind
 
 CLOUD_EVERY_TICKS = 10
 WAYPOINT_EVERY_TICKS = 30

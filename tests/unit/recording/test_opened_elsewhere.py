@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from scripted_flight import ScriptedFlight
 
+from gslcosim.base.errors import RecordingError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RefereeEvent
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import RecordingError
-from gslcosim.recording.at_time import record_from_tick
-from gslcosim.recording.core import RecorderCore
-from gslcosim.recording.reading.stored_rows import StoredRows
-from gslcosim.recording.side_by_side import RecordedRun, record_side_by_side
+from gslcosim.data.recording.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
+from gslcosim.data.recording.reader import RecordingReader
+from gslcosim_services.recorder.core import RecorderCore
 
 N_TICKS = 60
 
@@ -44,7 +43,7 @@ def test_a_picture_at_a_time_knows_nothing_of_what_comes_later(record_contact, m
     for is_still, last_tick in ((True, 25), (False, N_TICKS - 1)):
         path = tmp_path / f"at_{is_still}.rrd"
         record_from_tick(run.recording, run.scenario, make_room(), path, tick=25, is_still=is_still)
-        rows = StoredRows(path)
+        rows = RecordingReader(path)
         assert rows.column("vehicles/agent_0", "Transform3D:translation").tick[-1] == last_tick
         assert rows.column("plots/distance_m/agent_0", "Scalars:scalars").tick[-1] == last_tick
         assert rows.still("legend", "TextDocument:text")[0].startswith("- **cloud**")
@@ -60,7 +59,7 @@ def test_runs_are_moved_to_one_first_contact(record_contact, make_room, tmp_path
     runs = [record_contact("a", contact_tick=40), record_contact("b", contact_tick=10)]
     path = tmp_path / "both.rrd"
     record_side_by_side(runs, make_room(), path, is_by_contact=True)
-    rows = StoredRows(path)
+    rows = RecordingReader(path)
     contacts = {}
     for entity in rows.below("markers"):
         labels = rows.column(entity, "Points3D:labels")

@@ -5,17 +5,17 @@ import rerun.blueprint as rrb
 from read_back import column
 from scripted_flight import WAYPOINT_EVERY_TICKS, belief_of, scenario
 
-from gslcosim.recording.colors import belief_colors
-from gslcosim.recording.layout.blueprint import default_blueprint
-from gslcosim.recording.repair import is_whole
-from gslcosim.recording.rows.beliefs import in_plane
+from gslcosim_services.recorder.blueprint import default_blueprint
+from gslcosim_services.recorder.colors import belief_colors
+from gslcosim_services.recorder.repair import is_complete
+from gslcosim_services.recorder.rows.agents import sum_over_height
 
 N_TICKS = 2 * WAYPOINT_EVERY_TICKS + 5
 
 
 def test_every_belief_is_drawn_once_with_its_place(record, rows_of):
     path = record(n_ticks=N_TICKS, believers=("agent_0",))
-    assert is_whole(path)
+    assert is_complete(path)
     assert rows_of(path)["/beliefs/agent_0"] == 3
     ticks, _, pictures = column(path, "/beliefs/agent_0", "GridMap:data")
     assert ticks == [0, WAYPOINT_EVERY_TICKS, 2 * WAYPOINT_EVERY_TICKS]
@@ -53,9 +53,9 @@ def test_only_who_believes_has_a_map_of_beliefs(make_room):
 
 
 def test_a_belief_in_space_is_summed_over_the_height():
-    from gslcosim.contract.arrays import NumericArray
+    from gslcosim.contract.record import NumericArray
 
     p = np.zeros((2, 2, 3), np.float32)
     p[0, 1] = (0.25, 0.25, 0.5)
     in_space = belief_of(0).model_copy(update={"probability": NumericArray.from_array(p)})
-    np.testing.assert_allclose(in_plane(in_space), [[0.0, 1.0], [0.0, 0.0]])
+    np.testing.assert_allclose(sum_over_height(in_space), [[0.0, 1.0], [0.0, 0.0]])

@@ -8,9 +8,9 @@ from PIL import Image
 from read_back import column, still
 from scripted_flight import CAMERA_EVERY_TICKS, LIDAR_SHAPES, ON_BOARD, ScriptedFlight
 
+from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract import keys
-from gslcosim.frames import world_from_body_rotation
-from gslcosim.sensing.models.ranging import directions_body
+from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 N_TICKS = 6
 PLOTS = "/plots/on_board/agent_0"
@@ -66,7 +66,7 @@ def test_rays_reach_from_their_mount_to_what_they_meet(flown):
             ticks, _, rays_m = column(path, f"{SPACE}/{sensor.name}", "LineStrips3D:strips")
             assert ticks == list(range(N_TICKS))
             for tick, rays in enumerate(rays_m):
-                ends_m = np.array(readings[sensor.name][tick].values)[:, None] * directions_body(sensor)
+                ends_m = np.array(readings[sensor.name][tick].values)[:, None] * ray_directions_body(sensor)
                 strips_m = np.stack([np.zeros_like(ends_m), ends_m], axis=1)
                 np.testing.assert_allclose(rays, flight.world_m(tick, strips_m), atol=1e-5)
 
@@ -86,7 +86,7 @@ def test_points_of_lidars_lie_where_their_rays_end(flown):
             assert ticks == list(range(N_TICKS))
             for tick, cloud_m in enumerate(points_m):
                 ranges_m = readings[sensor.name][tick].array.to_array()
-                ends_m = (ranges_m[..., None] * directions_body(sensor))[ranges_m < sensor.max_range_m]
+                ends_m = (ranges_m[..., None] * ray_directions_body(sensor))[ranges_m < sensor.max_range_m]
                 np.testing.assert_allclose(cloud_m, flight.world_m(tick, ends_m), rtol=1e-5, atol=1e-5)
 
 
@@ -146,7 +146,7 @@ def test_depths_are_metres_when_divided_by_their_unit(flown):
 
 def test_what_is_read_before_an_instrument_is_warm_is_no_curve(make_room, tmp_path):
     from gslcosim.contract.participant import Episode
-    from gslcosim.recording.core import RecorderCore
+    from gslcosim_services.recorder.core import RecorderCore
 
     flight, path = ScriptedFlight(n_ticks=5), tmp_path / "recording.rrd"
     core = RecorderCore(flight.scenario, make_room(), path)

@@ -9,16 +9,16 @@ from read_back import column
 from rerun.chunk import RrdReader
 from scripted_flight import CLOUD_EVERY_TICKS, NOSE_AND_VANE, ON_BOARD, WAYPOINT_EVERY_TICKS, ScriptedFlight
 
+from gslcosim.base.errors import RecordingError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import RecordingError
-from gslcosim.recording import run_recording
-from gslcosim.recording.core import FLUSH_TICKS, RecorderCore
-from gslcosim.recording.repair import is_whole
-from gslcosim.recording.rerun_cli import run_rerun
-from gslcosim.recording.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
-from gslcosim.recording.rows.undrawn import NUMBERS_COMPONENT, numbers_in
+from gslcosim_services.recorder import run_recording
+from gslcosim_services.recorder.core import FLUSH_TICKS, RecorderCore
+from gslcosim_services.recorder.repair import is_complete
+from gslcosim_services.recorder.rerun_cli import run_rerun
+from gslcosim_services.recorder.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
+from gslcosim_services.recorder.rows.hidden_columns import NUMBERS_COMPONENT, decode_numbers
 
 EVERY_TICK = (
     "/vehicles/agent_0",
@@ -43,7 +43,7 @@ def test_every_port_of_the_run_is_read_and_none_written(make_room, tmp_path):
 
 
 def test_a_closed_recording_is_whole(record):
-    assert is_whole(record())
+    assert is_complete(record())
 
 
 @pytest.mark.parametrize("n_ticks", [1, 40, FLUSH_TICKS, 2 * FLUSH_TICKS + 3])
@@ -69,7 +69,7 @@ def test_rows_are_the_same_however_many_ticks_are_taken_apart_together(record, t
         "plans": [()] * 20 + [((1.0, 2.0, 1.0), (2.0, 2.0, 1.0)), ((2.0, 2.0, 1.0),)],
     }
     together = record(**asked).rename(tmp_path / "together.rrd")
-    monkeypatch.setattr(run_recording, "TAKEN_TICKS", n_taken)
+    monkeypatch.setattr(run_recording, "BATCH_TICKS", n_taken)
     apart = record(**asked)
     compared = run_rerun(["rrd", "compare", "--unordered", together, apart], timeout_s=PROCESS_S)
     assert compared.returncode == 0, compared.stderr
@@ -197,10 +197,10 @@ def test_beside_the_curves_of_wind_is_all_that_an_anemometer_reports_and_no_plot
     ticks, _, rows = column(path, f"{vane}/measured", NUMBERS_COMPONENT)
     readings = {tick: flight.inbox(tick)[keys.observation("agent_0")].reading("vane").values for tick in ticks}
     assert all(isinstance(row, bytes) for (row,) in rows)
-    np.testing.assert_allclose(numbers_in([row for (row,) in rows]), list(readings.values()), rtol=1e-6)
+    np.testing.assert_allclose(decode_numbers([row for (row,) in rows]), list(readings.values()), rtol=1e-6)
     ticks, _, rows = column(path, f"{vane}/true", NUMBERS_COMPONENT)
     assert ticks == list(range(20))
-    np.testing.assert_allclose(np.linalg.norm(numbers_in([row for (row,) in rows]), axis=1), 0.5)
+    np.testing.assert_allclose(np.linalg.norm(decode_numbers([row for (row,) in rows]), axis=1), 0.5)
 
 
 def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.errors import RecordingError
-from gslcosim.recording.repair import is_whole, repair_recording
+from gslcosim.base.errors import RecordingError
+from gslcosim_services.recorder.repair import is_complete, repair_recording
 
 KILLED = """
 import sys
@@ -18,7 +18,7 @@ from pathlib import Path
 from bench_recording import room
 from scripted_flight import ScriptedFlight
 from gslcosim.contract.participant import Episode
-from gslcosim.recording.core import RecorderCore
+from gslcosim_services.recorder.core import RecorderCore
 
 flight = ScriptedFlight(n_ticks=300)
 core = RecorderCore(flight.scenario, room(), Path(sys.argv[2]))
@@ -43,9 +43,9 @@ def test_a_truncated_recording_is_whole_after_repair(record, rows_of, kept_frac)
     path = record(n_ticks=300)
     content = path.read_bytes()
     path.write_bytes(content[: int(kept_frac * len(content))])
-    assert not is_whole(path)
+    assert not is_complete(path)
     assert repair_recording(path)
-    assert is_whole(path)
+    assert is_complete(path)
     assert not repair_recording(path)
     assert rows_of(path)["/room/outline"] == -1
     assert [item.name for item in path.parent.iterdir()] == [path.name]
@@ -70,7 +70,7 @@ def test_a_killed_recorder_leaves_everything_up_to_the_verdict(rows_of, tmp_path
         assert recorder.stdout.read(8) == "recorded"
         os.kill(recorder.pid, signal.SIGKILL)
         recorder.wait()
-    assert not is_whole(path)
+    assert not is_complete(path)
     assert repair_recording(path)
     rows = rows_of(path)
     assert rows["/vehicles/agent_0"] == 300

@@ -10,10 +10,10 @@ import psutil
 import pytest
 from deadlines import EVENT_S
 
-from gslcosim.command_lines import ending_with_parent
-from gslcosim.errors import RecordingError
-from gslcosim.recording import viewer
-from gslcosim.recording.viewer import open_viewer, screenshot
+from gslcosim.base.command_lines import build_parent_death_prefix
+from gslcosim.base.errors import RecordingError
+from gslcosim.data.recording import viewer
+from gslcosim.data.recording.viewer import open_viewer, screenshot
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_h
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not ending_with_parent(), reason="setpriv tells Linux to end it")
+@pytest.mark.skipif(not build_parent_death_prefix(), reason="setpriv tells Linux to end it")
 @pytest.mark.usefixtures("vulkan")
 def test_a_command_that_is_killed_leaves_no_renderer(record, tmp_path):
     """Nobody else would end it."""

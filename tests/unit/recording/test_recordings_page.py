@@ -8,8 +8,8 @@ from scripted_flight import NOSE_AND_VANE, ON_BOARD, ScriptedFlight
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
-from gslcosim.recording.core import RecorderCore
 from gslcosim.runtime.machine_notes import MachineLog
+from gslcosim_services.recorder.core import RecorderCore
 
 PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))

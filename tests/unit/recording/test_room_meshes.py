@@ -8,13 +8,13 @@ from read_back import still
 from scripted_flight import scenario
 
 from gslcosim.contract.participant import Episode
+from gslcosim.data.recording.environment_view import record_environment
 from gslcosim.environment.model import VisualMesh
 from gslcosim.environment.store import MESHES_FILE, load_environment, save_environment
-from gslcosim.recording.environment_view import record_environment
-from gslcosim.recording.scene import MESH_ALPHA, SHELL_ALPHA
-from gslcosim.runtime.assembly import build_core
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.setup import Setup
+from gslcosim.runtime.services import build_core
+from gslcosim.runtime.setup import RunSetup
+from gslcosim_services.recorder.scene import MESH_ALPHA, SHELL_ALPHA
 
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
 PART, SHELL = "/room/geometry/inside/0_Roof_2", "/room/geometry/shell/0_Roof_2"
@@ -37,7 +37,7 @@ def recorded(make_room, tmp_path):
     def run(*, meshes):
         folder, run_dir = tmp_path / "environment", RunDir(tmp_path / "run")
         save_environment(dataclasses.replace(make_room(obstacles=[RACK]), meshes=meshes), folder)
-        setup = Setup(
+        setup = RunSetup(
             run_dir=run_dir, scenario=scenario(), environment_dir=folder, environment=load_environment(folder)
         )
         core = build_core("recorder", setup)

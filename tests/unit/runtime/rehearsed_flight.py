@@ -11,11 +11,11 @@ from numba.core.registry import CPUDispatcher
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
+from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.generation import prepare_environment
-from gslcosim.runtime.rehearsal import rehearse
+from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import load_scenario
-from gslcosim.world.core import WorldCore
+from gslcosim_services.world.core import WorldCore
 
 SCENARIO = Path(__file__).parents[2] / "end_to_end" / "around_a_wall.yaml"
 
@@ -30,7 +30,7 @@ def main():
     loaded = load_scenario(SCENARIO)
     scenario = loaded.scenario
     core = WorldCore(scenario, load_environment(prepare_environment(scenario, scenario_dir=loaded.directory)))
-    rehearse(core, scenario)
+    warm_up(core, scenario)
     before = compiled()
     core.reset(Episode(seed=0))
     inbox, n_bends = {}, 0

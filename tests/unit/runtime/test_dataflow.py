@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from toy_cores import COMMAND, toy_cores, toy_dataflow
 
+from gslcosim.base.errors import DataflowError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Score
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
-from gslcosim.errors import DataflowError
 from gslcosim.runtime.dataflow import Dataflow
 
 

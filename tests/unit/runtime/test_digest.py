@@ -4,14 +4,14 @@ import re
 
 import pytest
 
-from gslcosim.errors import UsageError
-from gslcosim.runtime.digest import RunDigest, Trail, first_divergence
+from gslcosim.base.errors import UsageError
+from gslcosim.runtime.digest import HashChain, RunDigest, find_first_divergence
 
 WRITERS = {"truth/bodies": "world", "referee/score": "referee", "command/beetle": "agent_beetle"}
 
 
 def run(*, n_ticks=10, final_tick=8, changed=None):
-    trails = {port: Trail() for port in WRITERS}
+    trails = {port: HashChain() for port in WRITERS}
     for port, trail in trails.items():
         for tick in range(n_ticks):
             trail.append(tick, b"x" if changed and port in changed and tick >= changed[port] else b"message")
@@ -32,21 +32,21 @@ def test_any_difference_before_the_verdict_counts():
 
 def test_the_first_divergence_is_the_earliest_and_most_upstream():
     """Of two ports that differ from the same tick on, the cause is named, not its consequence."""
-    found = first_divergence(run(), run(changed={"referee/score": 4, "truth/bodies": 4}))
+    found = find_first_divergence(run(), run(changed={"referee/score": 4, "truth/bodies": 4}))
     assert (found.tick, found.participant, found.port) == (4, "world", "truth/bodies")
-    found = first_divergence(run(), run(changed={"referee/score": 2, "truth/bodies": 4}))
+    found = find_first_divergence(run(), run(changed={"referee/score": 2, "truth/bodies": 4}))
     assert (found.tick, found.participant) == (2, "referee")
-    assert first_divergence(run(), run()) is None
+    assert find_first_divergence(run(), run()) is None
 
 
 def test_an_agent_is_upstream_of_the_referee_that_judges_it():
-    found = first_divergence(run(), run(changed={"referee/score": 4, "command/beetle": 4}))
+    found = find_first_divergence(run(), run(changed={"referee/score": 4, "command/beetle": 4}))
     assert (found.tick, found.participant) == (4, "agent_beetle")
 
 
 def test_a_longer_run_diverges_where_the_other_ends():
     """The tick is that of the first message that only one run has."""
-    assert first_divergence(run(final_tick=8), run(final_tick=5)).tick == 6
+    assert find_first_divergence(run(final_tick=8), run(final_tick=5)).tick == 6
 
 
 def test_a_saved_digest_loads_equal(tmp_path):

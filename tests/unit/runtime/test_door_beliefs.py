@@ -3,9 +3,9 @@
 import numpy as np
 
 from gslcosim.contract import codec
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Belief, Command, Observation
-from gslcosim.runtime.agents.door import Door
+from gslcosim.contract.record import NumericArray
+from gslcosim.runtime.agents.validator import CommandValidator
 
 BELIEF = Belief(
     origin_m=(0.0, 0.0, 1.0), cell_m=1.0, probability=NumericArray.from_array(np.full((2, 2), 0.25, np.float32))
@@ -28,7 +28,7 @@ def question(tick):
 
 def passed(ticks, *, every_ticks=10):
     """Return the door, and for each tick whether the belief passed with its command."""
-    door, have_belief = Door("beetle", belief_every_ticks=every_ticks), []
+    door, have_belief = CommandValidator("beetle", belief_every_ticks=every_ticks), []
     for tick in ticks:
         door.observed(question(tick))
         (command,) = door.received(codec.encode(Command(tick=tick, kind="hold", hold_s=0.5, belief=BELIEF)))
@@ -52,7 +52,7 @@ def test_a_belief_that_comes_sooner_is_left_out_and_told_while_its_command_count
 
 
 def test_a_wrong_belief_is_refused_as_any_wrong_command():
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(question(1))
     fields = Command(tick=1, kind="hold", belief=BELIEF).model_dump()
     fields["belief"]["probability"]["data"] = np.full((2, 2), 0.5, np.float32).tobytes()

@@ -3,9 +3,9 @@
 import msgpack
 
 from gslcosim.contract import codec
-from gslcosim.contract.compatibility import spoken_contract
 from gslcosim.contract.messages import CONTRACT_VERSION, Command, Observation
-from gslcosim.runtime.agents.door import Door
+from gslcosim.contract.schema import format_own_contract
+from gslcosim.runtime.agents.validator import CommandValidator
 
 
 def question(tick):
@@ -27,7 +27,7 @@ def answer(tick, contract):
 
 
 def asked_door(tick=0):
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(question(tick))
     return door
 
@@ -35,7 +35,7 @@ def asked_door(tick=0):
 def test_what_fits_passes_without_a_trace():
     """The same flight leaves the same commands, whether or not the agent says what it speaks."""
     told, silent = asked_door(), asked_door()
-    assert told.received(answer(0, spoken_contract())) == silent.received(answer(0, None))
+    assert told.received(answer(0, format_own_contract())) == silent.received(answer(0, None))
     assert told.faults == silent.faults == []
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 from deadlines import EVENT_S, PROCESS_S
 
-from gslcosim.bus.port import Join
-from gslcosim.errors import SimulationFault
-from gslcosim.runtime.over_bus.forks import ForkServer
-from gslcosim.runtime.processes import Children
+from gslcosim.base.errors import SimulationFault
+from gslcosim.bus.interface import JoinData
+from gslcosim.runtime.processes.children import ChildProcesses
+from gslcosim.runtime.processes.fork_client import ForkServer
 from gslcosim.scenario import load_scenario
 
 pytestmark = [
     pytest.mark.skipif(not ForkServer.is_possible(), reason="forks are safe on Linux only"),
 ]
-JOIN = Join(name="world", endpoint="unixsock-stream/nowhere", namespace="gsl/none", user="service", password="none")
+JOIN = JoinData(name="world", endpoint="unixsock-stream/nowhere", namespace="gsl/none", user="service", password="none")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_the_server_has_one_thread(server, tmp_path):
 def test_a_fork_compiles_the_kernels_of_a_scenario(server):
     """While the supervisor makes the environment; what it loads is in the cache afterwards, and it ends by itself."""
     loaded = load_scenario("tiny_room")
-    assert server.rehearse(loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
+    assert server.warm_up(loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
 
 
 def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
@@ -89,7 +89,7 @@ def test_a_stopped_server_tells_the_ends_of_its_forks_when_it_is_woken(server, t
 
 def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
     """The end of its forks is not told; they end with the server, which is ended next."""
-    with ForkServer() as server, Children(lambda name, code, how: None) as children:
+    with ForkServer() as server, ChildProcesses(lambda name, code, how: None) as children:
         process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
         process.wait(EVENT_S)
         os.kill(server.pid, signal.SIGSTOP)
@@ -133,7 +133,7 @@ def test_a_run_without_a_process_for_its_recorder_keeps_none_ready(tmp_path):
     with ForkServer() as server:
         server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
         (apprentice,) = children_of(server.pid)
-        server.need_no_more()
+        server.release_unused()
         server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
         assert not exists(apprentice)
 
@@ -148,7 +148,8 @@ def test_a_closed_server_is_gone():
 def test_a_title_replaces_the_command_line():
     """Tools that list processes show what a fork has become; a longer title than there is room for is cut."""
     program = (
-        "import sys; from pathlib import Path; from gslcosim.runtime.process_title import set_process_title\n"
+        "import sys; from pathlib import Path\n"
+        "from gslcosim.runtime.processes.current_process import set_process_title\n"
         "set_process_title('python serves ' + 'x' * 1000)\n"
         "print(Path('/proc/self/cmdline').read_bytes().replace(b'\\0', b' ').decode())"
     )

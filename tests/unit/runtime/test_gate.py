@@ -5,7 +5,7 @@ from toy_cores import COMMAND, ToyFields, body, toy_cores, toy_dataflow
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, Command
 from gslcosim.contract.participant import WINDOW_TICKS
-from gslcosim.runtime.gate import Gate, Missing
+from gslcosim.runtime.stepper import Gate, MissingInput
 
 
 def poses(tick, *, awaiting=False):
@@ -23,10 +23,10 @@ def test_a_reader_waits_for_every_tick_of_a_port():
     """A later message does not stand in for the one that is due."""
     gate = open_gate("fields")
     gate.deliver(keys.BODIES, poses(1))
-    assert gate.missing() == [Missing(keys.BODIES, 0)]
-    assert gate.has_later(Missing(keys.BODIES, 0))
+    assert gate.missing() == [MissingInput(keys.BODIES, 0)]
+    assert gate.has_later(MissingInput(keys.BODIES, 0))
     gate.deliver(keys.BODIES, poses(0))
-    assert gate.may_step()
+    assert gate.can_step()
     assert gate.take()[0] == 0
 
 
@@ -34,9 +34,9 @@ def test_the_world_waits_for_a_command_only_where_it_asked():
     """A command is due one tick after its own announcement, and at no other tick."""
     gate = open_gate("world")
     for tick, awaiting in enumerate([False, True, False]):
-        assert gate.may_step() == (tick != 2)
+        assert gate.can_step() == (tick != 2)
         if tick == 2:
-            assert gate.missing() == [Missing(COMMAND, 1)]
+            assert gate.missing() == [MissingInput(COMMAND, 1)]
             gate.deliver(COMMAND, Command(tick=1, kind="noop"))
         took, inbox = gate.take()
         assert (took, COMMAND in inbox) == (tick, tick == 2)
@@ -52,7 +52,7 @@ def test_a_closed_port_is_waited_for_no_more():
         message = poses(tick, awaiting=True)
         gate.deliver(keys.BODIES, message)
         gate.deliver(keys.SAMPLES, samples.step(tick, {keys.BODIES: message})[keys.SAMPLES])
-        assert gate.may_step(), tick
+        assert gate.can_step(), tick
         assert (COMMAND in gate.take()[1]) == (tick == 0)
 
 
@@ -72,12 +72,12 @@ def test_a_writer_stops_at_the_end_of_its_credit():
     for reader in ("fields", "sensing", "referee", "recorder", "agent_beetle"):
         gate.grant(reader, 10 if reader == "fields" else 10_000)
     for tick in range(10 + WINDOW_TICKS + 1):
-        assert gate.may_step()
+        assert gate.can_step()
         gate.take()
         gate.wrote(keys.BODIES, poses(tick))
     assert gate.lacking_credit() == ["fields"]
     gate.grant("fields", 11)
-    assert gate.may_step()
+    assert gate.can_step()
 
 
 def test_nothing_is_stepped_after_the_final_tick():
@@ -86,4 +86,4 @@ def test_nothing_is_stepped_after_the_final_tick():
     gate.final_tick = 0
     gate.take()
     assert gate.is_finished
-    assert not gate.may_step()
+    assert not gate.can_step()

@@ -2,26 +2,26 @@
 
 import pytest
 
-from gslcosim.errors import UsageError
-from gslcosim.runtime.grouping import groups_of, process_name
+from gslcosim.base.errors import UsageError
+from gslcosim.runtime.services import get_process_name, group_services
 
 SERVICES = ("world", "fields", "sensing", "referee")
 
 
 def test_words_are_a_process_each_or_one_for_all():
-    assert groups_of("separate", SERVICES) == (("world",), ("fields",), ("sensing",), ("referee",))
-    assert groups_of("grouped", SERVICES) == (SERVICES,)
+    assert group_services("separate", SERVICES) == (("world",), ("fields",), ("sensing",), ("referee",))
+    assert group_services("grouped", SERVICES) == (SERVICES,)
 
 
 def test_lists_are_put_in_order_and_the_rest_is_separate():
-    assert groups_of((("sensing", "world"), ()), SERVICES) == (("world", "sensing"), ("fields",), ("referee",))
+    assert group_services((("sensing", "world"), ()), SERVICES) == (("world", "sensing"), ("fields",), ("referee",))
 
 
 @pytest.mark.parametrize("lists", [(("weather",),), (("world", "fields"), ("world",))])
 def test_what_is_no_service_or_comes_twice_is_refused(lists):
     with pytest.raises(UsageError, match="processes: expected each service at most once, of world, fields"):
-        groups_of(lists, SERVICES)
+        group_services(lists, SERVICES)
 
 
 def test_a_process_is_called_by_its_services():
-    assert process_name(("world", "fields")) == "world+fields"
+    assert get_process_name(("world", "fields")) == "world+fields"

@@ -13,10 +13,10 @@ from gslcosim.bus.in_memory import InMemoryHub
 from gslcosim.contract import keys
 from gslcosim.contract.messages import FieldSamples, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.contract.record import unchecked
-from gslcosim.runtime.digest import RunDigest, Trail
-from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.host import Host
+from gslcosim.contract.record import build_unchecked_constructor
+from gslcosim.runtime.digest import HashChain, RunDigest
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.host import Host
 
 FINAL_TICK = 100
 
@@ -26,7 +26,7 @@ def fly(hub, cores, groups=None):
     groups = groups or [[name] for name in cores]
     events = queue.Queue()
     ours = hub.open()
-    for key in ("ctl/bye/*", control.FAULT):
+    for key in ("ctl/bye/*", protocol.FAULT_KEY):
         ours.subscribe(key, lambda at, payload: events.put((at, payload)))
     hosts = [Host(hub.open(), [cores[name] for name in group], toy_dataflow(), Episode(seed=7)) for group in groups]
     for host in hosts:
@@ -34,22 +34,22 @@ def fly(hub, cores, groups=None):
     threads = [threading.Thread(target=_run_quietly, args=(host,), daemon=True) for host in hosts]
     for thread in threads:
         thread.start()
-    ours.publish(control.START, b"")
+    ours.publish(protocol.START_KEY, b"")
     byes, faults = {}, []
     while len(byes) < len(cores) and not faults:
         key, payload = events.get(timeout=EVENT_S)
-        if key == control.FAULT:
-            faults.append(control.FaultNote.from_bytes(payload))
+        if key == protocol.FAULT_KEY:
+            faults.append(protocol.FaultReport.from_bytes(payload))
         else:
-            bye = control.Bye.from_bytes(payload)
+            bye = protocol.FinalReport.from_bytes(payload)
             byes[bye.name] = bye
             if bye.name == "referee":
-                ours.publish(control.STOP, control.TickNote(tick=bye.last_tick).to_bytes())
-    ours.publish(control.CLOSE, b"")
+                ours.publish(protocol.STOP_KEY, protocol.TickReport(tick=bye.last_tick).to_bytes())
+    ours.publish(protocol.CLOSE_KEY, b"")
     for thread in threads:
         thread.join(timeout=EVENT_S)
         assert not thread.is_alive()
-    trails = {port: Trail.from_fields(fields) for bye in byes.values() for port, fields in bye.trails.items()}
+    trails = {port: HashChain.from_fields(fields) for bye in byes.values() for port, fields in bye.trails.items()}
     digest = RunDigest(FINAL_TICK, {}, {port: trail.until(FINAL_TICK) for port, trail in trails.items()})
     return digest, byes, faults
 
@@ -79,7 +79,7 @@ class BusyFields(ToyFields):
 
     n_left = 5
 
-    def work_ahead(self):
+    def prefetch(self):
         self.n_left -= 1
         return self.n_left >= 0
 
@@ -159,8 +159,13 @@ def test_a_core_that_writes_what_is_not_finite_is_named_though_it_makes_messages
         def step(self, tick, inbox):
             if tick != 5:
                 return super().step(tick, inbox)
-            sample = unchecked(MountSample)(agent="beetle", sensor="nose", gases=(), wind_world_m_s=(0.0, poison, 0.0))
-            return {**super().step(tick, inbox), keys.SAMPLES: unchecked(FieldSamples)(tick=tick, samples=(sample,))}
+            sample = build_unchecked_constructor(MountSample)(
+                agent="beetle", sensor="nose", gases=(), wind_world_m_s=(0.0, poison, 0.0)
+            )
+            return {
+                **super().step(tick, inbox),
+                keys.SAMPLES: build_unchecked_constructor(FieldSamples)(tick=tick, samples=(sample,)),
+            }
 
     cores = toy_cores()
     cores["fields"] = Poisonous(cores["fields"].spec)

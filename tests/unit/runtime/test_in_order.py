@@ -3,19 +3,19 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gslcosim.runtime.over_bus.in_order import InOrder
+from gslcosim.runtime.distributed.retransmission import ReorderBuffer
 
 
 @given(st.permutations(range(12)), st.lists(st.integers(0, 11), max_size=12))
 def test_any_order_with_repetitions_passes_in_order(order, repeated):
-    in_order = InOrder()
+    in_order = ReorderBuffer()
     passed = [payload for tick in [*order, *repeated] for payload in in_order.take(tick, bytes([tick]))]
     assert passed == [bytes([tick]) for tick in range(12)]
     assert in_order.lost() is None
 
 
 def test_a_gap_is_asked_for_when_it_shows_and_now_and_then():
-    in_order = InOrder()
+    in_order = ReorderBuffer()
     in_order.take(0, b"0")
     asked = []
     for tick in range(2, 40):

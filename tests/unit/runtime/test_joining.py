@@ -5,12 +5,14 @@ import stat
 
 import pytest
 
-from gslcosim.bus.port import Certificate, Join
-from gslcosim.errors import UsageError
-from gslcosim.runtime.joining import Network, is_of_this_machine
+from gslcosim.base.errors import UsageError
+from gslcosim.bus.interface import Certificate, JoinData
+from gslcosim.runtime.network import Network, is_local_endpoint
 
 SERVICES = ("world", "fields", "sensing", "referee")
-JOIN = Join(name="fields", endpoint="unixsock-stream//x", namespace="gsl/x", user="service", password="p", run_dir="/r")
+JOIN = JoinData(
+    name="fields", endpoint="unixsock-stream//x", namespace="gsl/x", user="service", password="p", run_dir="/r"
+)
 
 
 def refusal_of(network, **how):
@@ -30,7 +32,7 @@ def certificate(tmp_path):
     "endpoint", ["tcp/127.0.0.1:7447", "tcp/127.3.2.1:0", "tcp/[::1]:7447", "tcp/localhost:1", "unixsock-stream//tmp/x"]
 )
 def test_this_machine_needs_no_encryption(endpoint):
-    assert is_of_this_machine(endpoint)
+    assert is_local_endpoint(endpoint)
     Network(listen=(endpoint,)).check(SERVICES)
 
 

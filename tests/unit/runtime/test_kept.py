@@ -4,20 +4,20 @@ from toy_cores import body
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import BodyPoses
-from gslcosim.runtime.over_bus import control
-from gslcosim.runtime.over_bus.hosted import Kept
-from gslcosim.runtime.stepper import Sent
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.host import RetransmitBuffer
+from gslcosim.runtime.stepper import SentMessage
 
 
 def answers(kept, tick):
-    return kept.answer(control.ResendRequest(port="truth/bodies", tick=tick).to_bytes())
+    return kept.answer(protocol.ResendRequest(port="truth/bodies", tick=tick).to_bytes())
 
 
 def test_messages_of_a_rare_port_are_forgotten_as_early_as_those_of_any_other():
-    kept = Kept(n_ticks=100)
+    kept = RetransmitBuffer(n_ticks=100)
     for tick in range(0, 1000, 10):
         message = BodyPoses(tick=tick, bodies=(body(0.0, awaiting=False),))
-        kept.keep(Sent("truth/bodies", message, codec.encode(message)))
+        kept.keep(SentMessage("truth/bodies", message, codec.encode(message)))
     assert answers(kept, 890) == []
     assert len(answers(kept, 900)) == 10
     assert len(answers(kept, 990)) == 1

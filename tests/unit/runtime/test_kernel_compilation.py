@@ -2,9 +2,9 @@
 
 import threading
 
-from gslcosim.cli.flight_report import PlainLines
+from gslcosim.cli.run_output import PlainLines
 from gslcosim.runtime.kernel_compilation import CompilationReporter, KernelFolder
-from gslcosim.runtime.status import FlightStatus
+from gslcosim.runtime.status import RunStatus
 
 
 def test_a_kernel_that_is_added_is_seen(tmp_path):
@@ -33,11 +33,11 @@ def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
             is_told.set()
 
     with CompilationReporter(report, KernelFolder(tmp_path)) as reporter:
-        reporter(FlightStatus(state="starting", run_dir=tmp_path))
+        reporter(RunStatus(state="starting", run_dir=tmp_path))
         (tmp_path / "physics").mkdir()
         assert is_told.wait(60)
-        reporter(FlightStatus(state="starting", text="waiting for world"))
-        reporter(FlightStatus(state="flying", sim_time_s=1.0))
+        reporter(RunStatus(state="starting", text="waiting for world"))
+        reporter(RunStatus(state="flying", sim_time_s=1.0))
     assert reporter.has_compiled
     assert [(status.state, status.text, status.is_compiling) for status in told] == [
         ("starting", "", False), ("starting", "compiling kernels", True),
@@ -49,16 +49,16 @@ def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
 def test_a_run_that_compiles_nothing_says_nothing(tmp_path):
     told = []
     with CompilationReporter(told.append, KernelFolder(tmp_path)) as reporter:
-        reporter(FlightStatus(state="starting"))
+        reporter(RunStatus(state="starting"))
     assert not reporter.has_compiled
-    assert told == [FlightStatus(state="starting")]
+    assert told == [RunStatus(state="starting")]
 
 
 def test_a_log_has_it_once(capsys):
     lines = PlainLines("room")
-    lines(FlightStatus(state="starting", text="waiting for world, fields"))
+    lines(RunStatus(state="starting", text="waiting for world, fields"))
     for text in ("waiting for world, fields", "waiting for world"):
-        lines(FlightStatus(state="starting", text=f"compiling kernels, {text}", is_compiling=True))
+        lines(RunStatus(state="starting", text=f"compiling kernels, {text}", is_compiling=True))
     assert capsys.readouterr().err.splitlines() == [
         "room: starting, waiting for world, fields",
         "room: starting, compiling kernels, waiting for world, fields",

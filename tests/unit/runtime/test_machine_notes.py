@@ -5,8 +5,8 @@ from rerun.chunk import RrdReader
 from scripted_flight import ScriptedFlight
 
 from gslcosim.contract.participant import Episode
-from gslcosim.recording.core import RecorderCore
 from gslcosim.runtime.machine_notes import NAME, MachineLog, MachineNotes, read_machine_notes
+from gslcosim_services.recorder.core import RecorderCore
 
 
 def _noted(folder):

@@ -6,10 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.errors import UsageError
-from gslcosim.runtime.assembly import dataflow_of, service_names
-from gslcosim.runtime.over_bus.service import main
-from gslcosim.runtime.participants import default_services, service_kind, service_of, upstream_rank
+from gslcosim.base.errors import UsageError
+from gslcosim.runtime.distributed.service_main import main
+from gslcosim.runtime.services import (
+    build_dataflow,
+    default_services,
+    find_service,
+    get_block_service,
+    get_upstream_rank,
+    list_service_names,
+)
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.services import ServiceSpec
 
@@ -35,12 +41,16 @@ def test_an_old_egg_info_in_the_working_folder_hides_no_service(tmp_path, monkey
 
 
 def test_each_service_is_called_as_its_own_dataflow_says(everything):
-    assert [kind.spec_of(everything).name for kind in default_services()] == NAMES == list(service_names(everything))
+    assert (
+        [kind.build_spec(everything).name for kind in default_services()]
+        == NAMES
+        == list(list_service_names(everything))
+    )
 
 
 def test_the_list_is_in_the_order_in_which_services_wait_for_each_other(everything):
-    order = sorted(dataflow_of(everything).order(), key=upstream_rank)
-    dataflow = dataflow_of(everything)
+    order = sorted(build_dataflow(everything).order(), key=get_upstream_rank)
+    dataflow = build_dataflow(everything)
     place = {name: i for i, name in enumerate(order)}
     for name in order:
         for read in dataflow.by_name[name].reads:
@@ -50,13 +60,13 @@ def test_the_list_is_in_the_order_in_which_services_wait_for_each_other(everythi
 
 def test_services_that_a_scenario_has_no_use_for_are_left_out():
     quiet = load_scenario("tiny_room", overrides=["recording.enabled=false"]).scenario
-    assert service_names(quiet) == ("world", "fields", "sensing", "referee")
+    assert list_service_names(quiet) == ("world", "fields", "sensing", "referee")
 
 
 def test_a_service_that_the_run_does_not_have_is_refused_by_name():
     scenario = load_scenario("tiny_room").scenario
     with pytest.raises(UsageError, match=r"expected one of world, fields, sensing, referee, recorder, .*, was 'radio'"):
-        service_kind("radio", scenario)
+        find_service("radio", scenario)
 
 
 def test_the_table_of_the_architecture_has_each_service():
@@ -67,7 +77,7 @@ def test_the_table_of_the_architecture_has_each_service():
 
 def test_a_window_is_that_of_ordinary_readers_and_others_keep_their_proportion():
     scenario = load_scenario("tiny_room").scenario
-    usual, wide = dataflow_of(scenario), dataflow_of(scenario, window_ticks=1024)
+    usual, wide = build_dataflow(scenario), build_dataflow(scenario, window_ticks=1024)
     assert usual.by_name["fields"].window_ticks == 256
     assert {p.name: p.window_ticks for p in wide.participants} == {
         p.name: 4 * p.window_ticks for p in usual.participants
@@ -76,7 +86,7 @@ def test_a_window_is_that_of_ordinary_readers_and_others_keep_their_proportion()
 
 def test_compose_starts_services_of_the_list_only():
     started = re.findall(r"/join/services/\w+\.json, (\w+)\]", (ROOT / "compose.yaml").read_text())
-    assert started == list(service_names(load_scenario("warehouse_empty").scenario))
+    assert started == list(list_service_names(load_scenario("warehouse_empty").scenario))
 
 
 def test_the_shell_wants_names_and_tells_all(capsys):
@@ -92,25 +102,25 @@ def test_a_block_for_which_no_service_is_registered_is_named():
         name: str = "unregistered"
 
     with pytest.raises(UsageError, match=r"a service for 'unregistered', found none\. Register one for Unregistered"):
-        service_of(Unregistered())
+        get_block_service(Unregistered())
 
 
 def test_a_service_of_a_package_replaces_the_own_one_of_its_name_at_its_place():
     class OtherFields(ServiceSpec):
         name: str = "fields"
 
-    replacement = replace(service_kind("fields", load_scenario("tiny_room").scenario), is_rehearsed=False)
-    service_of.register(OtherFields, lambda block: replacement)
+    replacement = replace(find_service("fields", load_scenario("tiny_room").scenario), is_warmed_up=False)
+    get_block_service.register(OtherFields, lambda block: replacement)
     scenario = load_scenario("tiny_room").scenario.model_copy(update={"services": (OtherFields(),)})
-    assert service_names(scenario) == ("world", "fields", "sensing", "referee", "recorder")
-    assert service_kind("fields", scenario) is replacement
+    assert list_service_names(scenario) == ("world", "fields", "sensing", "referee", "recorder")
+    assert find_service("fields", scenario) is replacement
 
 
 def test_a_service_called_otherwise_than_its_block_is_refused():
     class Misnamed(ServiceSpec):
         name: str = "ventilation"
 
-    service_of.register(Misnamed, lambda block: default_services()[0])
+    get_block_service.register(Misnamed, lambda block: default_services()[0])
     scenario = load_scenario("tiny_room").scenario.model_copy(update={"services": (Misnamed(),)})
     with pytest.raises(UsageError, match="expected a service called 'ventilation', was 'world'"):
-        service_names(scenario)
+        list_service_names(scenario)

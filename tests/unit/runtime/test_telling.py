@@ -2,25 +2,25 @@
 
 import pytest
 
-from gslcosim.runtime.over_bus import telling
-from gslcosim.runtime.over_bus.telling import LATE_AFTER_S, Teller
+from gslcosim.runtime.distributed import supervisor
+from gslcosim.runtime.distributed.supervisor import LATE_AFTER_S, StatusReporter
 from gslcosim.runtime.status import no_participants
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(telling.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(supervisor.time, "monotonic", lambda: now[0])
     return now
 
 
 def test_a_new_state_is_told_at_once_and_the_same_not_too_often(clock):
     told = []
-    teller = Teller(told.append, 100_000_000, no_participants)
+    teller = StatusReporter(told.append, 100_000_000, no_participants)
     for state, tick in (("flying", 1), ("flying", 2), ("closing", 3)):
-        teller.tell_flight(state, tick, wall_s=0.05)
+        teller.report_run(state, tick, wall_s=0.05)
     clock[0] += 1.0
-    teller.tell_flight("closing", 4, wall_s=0.1)
+    teller.report_run("closing", 4, wall_s=0.1)
     assert [(status.state, status.sim_time_s) for status in told] == [
         ("flying", 0.1), ("closing", 0.3), ("closing", 0.4),
     ]  # fmt: skip
@@ -29,10 +29,10 @@ def test_a_new_state_is_told_at_once_and_the_same_not_too_often(clock):
 
 def test_who_has_not_joined_in_time_is_late(clock):
     told = []
-    teller = Teller(told.append, 100_000_000, no_participants)
-    teller.tell_awaited(["world", "beetle"], LATE_AFTER_S)
+    teller = StatusReporter(told.append, 100_000_000, no_participants)
+    teller.report_awaited(["world", "beetle"], LATE_AFTER_S)
     clock[0] += 1.0
-    teller.tell_awaited(["world"], LATE_AFTER_S + 1.0)
+    teller.report_awaited(["world"], LATE_AFTER_S + 1.0)
     assert [(status.text, status.is_late) for status in told] == [
         ("waiting for world, beetle", False), ("waiting for world, not here after 5 s", True),
     ]  # fmt: skip

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.runtime.over_bus.control import TickNote
-from gslcosim.runtime.over_bus.watchdog import LOST_CONTACT_GRACE_S, STALL_LIMIT_S, Watchdog
+from gslcosim.runtime.distributed.protocol import TickReport
+from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, STALL_TIMEOUT_S, Watchdog
 from gslcosim.runtime.run_dir import RunDir
 
 
@@ -15,32 +15,32 @@ def watchdog(tmp_path):
 
 
 def test_a_stall_is_counted_from_the_last_progress(watchdog):
-    watchdog.progressed("world", TickNote(tick=7), 110.0)
-    assert watchdog.check(110.0 + STALL_LIMIT_S, is_judged=False) is None
-    assert watchdog.check(110.1 + STALL_LIMIT_S, is_judged=False).participant == "world"
+    watchdog.record_progress("world", TickReport(tick=7), 110.0)
+    assert watchdog.check(110.0 + STALL_TIMEOUT_S, is_judged=False) is None
+    assert watchdog.check(110.1 + STALL_TIMEOUT_S, is_judged=False).participant == "world"
 
 
 def test_time_in_which_nobody_looked_is_no_stall(watchdog):
-    watchdog.lost_contact("fields", 600.0)
-    watchdog.regained_contact("fields")
-    watchdog.postpone(500.0, 601.0)
-    assert watchdog.check(600.0 + STALL_LIMIT_S, is_judged=False) is None
-    assert watchdog.check(600.1 + STALL_LIMIT_S, is_judged=False) is not None
+    watchdog.record_contact_lost("fields", 600.0)
+    watchdog.record_contact_regained("fields")
+    watchdog.extend_deadlines(500.0, 601.0)
+    assert watchdog.check(600.0 + STALL_TIMEOUT_S, is_judged=False) is None
+    assert watchdog.check(600.1 + STALL_TIMEOUT_S, is_judged=False) is not None
 
 
 def test_contact_that_is_lost_with_a_pause_of_this_side_is_lost_in_time_and_says_so(watchdog):
     """Members on other hosts give up a silent router, and are not there any more when it goes on."""
-    watchdog.lost_contact("fields", 600.0)
-    watchdog.postpone(500.0, 600.1)
+    watchdog.record_contact_lost("fields", 600.0)
+    watchdog.extend_deadlines(500.0, 600.1)
     fault = watchdog.check(600.2 + LOST_CONTACT_GRACE_S, is_judged=False)
     assert fault.participant == "fields"
     assert "The supervisor itself had stood still for 500 s." in fault.text
 
 
 def test_lost_contact_is_named_unless_it_is_regained(watchdog):
-    watchdog.lost_contact("fields", 101.0)
+    watchdog.record_contact_lost("fields", 101.0)
     assert watchdog.check(101.0, is_judged=False) is None
-    watchdog.regained_contact("fields")
+    watchdog.record_contact_regained("fields")
     assert watchdog.check(101.1 + LOST_CONTACT_GRACE_S, is_judged=False) is None
-    watchdog.lost_contact("fields", 102.0)
+    watchdog.record_contact_lost("fields", 102.0)
     assert watchdog.check(102.1 + LOST_CONTACT_GRACE_S, is_judged=False).participant == "fields"

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.contract import keys
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import (
     AgentScore,
     BodyPoses,
@@ -21,7 +20,8 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Episode, ParticipantSpec, Read, Write
-from gslcosim.runtime.agents.door import door_name
+from gslcosim.contract.record import NumericArray
+from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.dataflow import Dataflow
 
 COMMAND = keys.command("beetle")
@@ -157,9 +157,9 @@ def toy_cores() -> dict[str, ToyCore]:
                 writes=(Write(port=OBSERVATION, message_type=Observation),),
             )
         ),
-        door_name("beetle"): ToyAgent(
+        get_agent_participant("beetle"): ToyAgent(
             ParticipantSpec(
-                name=door_name("beetle"),
+                name=get_agent_participant("beetle"),
                 reads=(Read(port=OBSERVATION), Read(port=keys.BODIES)),
                 writes=(Write(port=COMMAND, message_type=Command, announced_in=keys.BODIES),),
             )

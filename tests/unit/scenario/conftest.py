@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.errors import ScenarioError
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.base.errors import ScenarioError
+from gslcosim.scenario.loader import load_scenario
 
 VALID = """\
 schema: gslcosim/scenario/1

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.scenario.loader import load_scenario
 
 
 @pytest.mark.parametrize(

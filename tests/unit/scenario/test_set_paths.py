@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.errors import ScenarioError
-from gslcosim.scenario.loading import load_scenario
-from gslcosim.scenario.set_paths import from_directory
+from gslcosim.base.errors import ScenarioError
+from gslcosim.scenario.loader import load_scenario
+from gslcosim.scenario.overrides import from_directory
 
 HERE = Path("/here")
 

@@ -5,22 +5,22 @@ import pytest
 from gslcosim.scenario.models.gas import GAS_MODELS
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.scenario.models.wind import WIND_SOLVERS
-from gslcosim.scenario.settings import SettingRow, settings_of
+from gslcosim.scenario.settings import SettingRow, list_settings
 
 BLOCKS = {**SENSOR_BLOCKS, **GAS_MODELS, **WIND_SOLVERS}
 
 
 def keys(kind):
-    return {each.key for each in settings_of(BLOCKS[kind], kind=kind)}
+    return {each.key for each in list_settings(BLOCKS[kind], kind=kind)}
 
 
 @pytest.mark.parametrize("kind", BLOCKS)
 def test_every_setting_has_a_meaning(kind):
-    assert [each.key for each in settings_of(BLOCKS[kind], kind=kind) if each.meaning.partition("(")[0] == ""] == []
+    assert [each.key for each in list_settings(BLOCKS[kind], kind=kind) if each.meaning.partition("(")[0] == ""] == []
 
 
 def test_unit_and_default_are_those_of_the_block():
-    settings = settings_of(GAS_MODELS["farrell"], kind="farrell")
+    settings = list_settings(GAS_MODELS["farrell"], kind="farrell")
     assert SettingRow(
         key="farrell.gust_period_s", unit="seconds", default="30", meaning="period of the gusts"
     ) in settings  # fmt: skip

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gslcosim.scenario.units import ending_of, number_in_unit_of, read_quantity, unit_of
+from gslcosim.scenario.units import number_in_unit_of, read_quantity, unit_name, unit_suffix
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from gslcosim.scenario.units import ending_of, number_in_unit_of, read_quantity,
     ],
 )  # fmt: skip
 def test_a_key_says_its_unit(key, ending, unit):
-    assert (ending_of(key), unit_of(key)) == (ending, unit)
+    assert (unit_suffix(key), unit_name(key)) == (ending, unit)
 
 
 @pytest.mark.parametrize(

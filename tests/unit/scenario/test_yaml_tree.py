@@ -3,11 +3,11 @@
 import pytest
 import yaml
 
-from gslcosim import yaml_core
-from gslcosim.errors import ScenarioError
+from gslcosim.base import yaml_core
+from gslcosim.base.errors import ScenarioError
+from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.scenario import yaml_tree
 from gslcosim.scenario.yaml_tree import read_yaml
-from gslcosim.yaml_core import CoreLoader
 
 
 def places(text):

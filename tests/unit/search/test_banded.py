@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.search.maps.banded_kernels import (
+from gslcosim.search.maps.banded_solver import (
     add_rows_inplace,
     factorise_cholesky_inplace,
     factorise_lu_inplace,

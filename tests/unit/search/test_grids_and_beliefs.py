@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import Bounds, KnownMap, Observation
+from gslcosim.contract.record import NumericArray
 from gslcosim.search.beliefs import (
     BeliefPublisher,
     belief_message,

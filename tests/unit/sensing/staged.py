@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from gslcosim.contract.arrays import NumericArray
 from gslcosim.contract.messages import BodyState
+from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.sensing.models.surroundings import Surroundings
-from gslcosim.sensing.rays import RayScene
+from gslcosim_services.sensing.models.base import Surroundings
+from gslcosim_services.sensing.ray_scene import RayScene
 
 G = 9.81
 

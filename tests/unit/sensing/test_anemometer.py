@@ -3,14 +3,14 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import MountSample
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing.models.anemometer import Anemometer, Anemometer3d
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing.models.anemometer import Anemometer, Anemometer3d
 
 
 def read(wind, velocity=(0.0, 0.0, 0.0), *, speed_noise=0.0, direction_noise=0.0, n=1):
-    spec = sensor_of(
+    spec = make_sensor_spec(
         model="anemometer", name="wind", speed_noise_std_m_s=speed_noise, direction_noise_std_rad=direction_noise
     )
     anemometer = Anemometer(spec, stream(1, "test"))
@@ -63,14 +63,14 @@ def test_directions_stay_in_the_half_open_circle():
 
 
 def test_three_axes_give_the_whole_apparent_wind():
-    spec = sensor_of(model="anemometer_3d", name="wind", speed_noise_std_m_s=0.0)
+    spec = make_sensor_spec(model="anemometer_3d", name="wind", speed_noise_std_m_s=0.0)
     truth = MountSample(agent="a", sensor="wind", gases=(), wind_world_m_s=(1.0, -0.5, 0.2))
     reading = Anemometer3d(spec, stream(1, "test")).read(truth, (0.5, 0.0, 0.3))
     assert reading.values == pytest.approx((0.5, -0.5, -0.1))
 
 
 def test_each_axis_has_its_own_noise():
-    spec = sensor_of(model="anemometer_3d", name="wind", speed_noise_std_m_s=0.2)
+    spec = make_sensor_spec(model="anemometer_3d", name="wind", speed_noise_std_m_s=0.2)
     truth = MountSample(agent="a", sensor="wind", gases=(), wind_world_m_s=(0.0, 0.0, 0.0))
     anemometer = Anemometer3d(spec, stream(1, "test"))
     values = np.array([anemometer.read(truth, (0.0, 0.0, 0.0)).values for _ in range(3000)])

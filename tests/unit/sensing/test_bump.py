@@ -1,16 +1,16 @@
 import pytest
 from staged import surroundings_in
 
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models import build_sensor
+from gslcosim.base.rng import stream
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models import build_sensor
 
 
 @pytest.mark.parametrize(("period_s", "told"), [(None, [0, 1, 0, 0, 0]), (0.2, [0, 0, 1, 1, 0])])
 def test_a_touch_is_told_once_it_is_read(make_room, period_s, told):
     """A bumper that is read every second tick has not missed a touch in between."""
-    spec = sensor_of(model="bump", name="bumper", period_s=period_s)
+    spec = make_sensor_spec(model="bump", name="bumper", period_s=period_s)
     bumper = build_sensor(SENSOR_MODELS["bump"], spec, 100_000_000, stream(1, "bump"))
     touches = [(), ("wall_west",), (), (), ()]
     around = [surroundings_in(make_room(), contacts=touch) for touch in touches]

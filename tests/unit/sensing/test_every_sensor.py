@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from staged import at_rest, surroundings_in
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models import build_sensor
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models import build_sensor
 
 TICK_NS = 100_000_000
 NAMES = sorted(SENSOR_MODELS)
@@ -44,7 +44,7 @@ def read(make_room):
 
     def readings(name, moments, *, seed=1, **settings):
         kind, many_hits = SENSOR_MODELS[name], {"hits_per_s_per_ppm": 10.0} if name == "hit_counter" else {}
-        spec = sensor_of(**{"model": name, "name": "s", **many_hits, **settings})
+        spec = make_sensor_spec(**{"model": name, "name": "s", **many_hits, **settings})
         sensor = build_sensor(kind, spec, TICK_NS, stream(seed, "test"))
         look = on_board if kind.is_on_board else in_air
         return [sensor.read(look(moment), (0.1 * moment, 0.0, 0.0)) for moment in moments]
@@ -54,7 +54,7 @@ def read(make_room):
 
 def without_own_noise(name):
     """Return the settings of a model, of those that its block has, that take its noise and wandering away."""
-    block = getattr(sensor_of(model=name, name="s"), name, None)
+    block = getattr(make_sensor_spec(model=name, name="s"), name, None)
     keys = [key for key in type(block).model_fields if re.search("noise|walk|bias|drift", key)] if block else []
     own = {"speed_noise_std_m_s", "direction_noise_std_rad"} & SENSOR_BLOCKS[name].model_fields.keys()
     silent = dict.fromkeys(own, 0.0)

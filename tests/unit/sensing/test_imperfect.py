@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import ScenarioError
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.errors import ScenarioError
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models import build_sensor
-from gslcosim.sensing.models.mox import MoxSensor
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models import build_sensor
+from gslcosim_services.sensing.models.mox import MoxSensor
 
 TICK_NS = 100_000_000
 STILL = (0.0, 0.0, 0.0)
@@ -20,7 +20,7 @@ def sample(ppm, wind=STILL):
 
 def read(ppms, *, model="pid", seed=1, **more):
     """Read a PID, which shows chlorine as it is, with some imperfections."""
-    spec = sensor_of(model=model, name="s", **more)
+    spec = make_sensor_spec(model=model, name="s", **more)
     sensor = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(seed, "test"))
     return [sensor.read(sample(ppm), STILL) for ppm in ppms]
 
@@ -30,7 +30,7 @@ def values(ppms, **more):
 
 
 def test_without_imperfections_the_model_itself_is_built():
-    spec = sensor_of(model="tgs2600", name="s")
+    spec = make_sensor_spec(model="tgs2600", name="s")
     assert type(build_sensor(SENSOR_MODELS["tgs2600"], spec, TICK_NS, stream(1, "test"))) is MoxSensor
 
 
@@ -99,7 +99,7 @@ def test_a_warm_up_that_is_no_whole_number_of_ticks_is_refused():
 
 def wind_values(wind, *, model, **more):
     silent = {"speed_noise_std_m_s": 0.0, **({"direction_noise_std_rad": 0.0} if model == "anemometer" else {})}
-    spec = sensor_of(model=model, name="s", **silent, **more)
+    spec = make_sensor_spec(model=model, name="s", **silent, **more)
     reading = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(1, "test")).read(sample(0.0, wind), STILL)
     return reading.values, reading.is_saturated
 
@@ -118,6 +118,6 @@ def test_three_axes_saturate_on_both_sides():
 
 
 def test_a_resistance_stays_positive():
-    spec = sensor_of(model="tgs2600", name="s", bias=-1e6)
+    spec = make_sensor_spec(model="tgs2600", name="s", bias=-1e6)
     sensor = build_sensor(SENSOR_MODELS["tgs2600"], spec, TICK_NS, stream(1, "test"))
     assert sensor.read(sample(0.0), STILL).values == (500.0,)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from staged import G, at_rest, surroundings_in
 
-from gslcosim.errors import ModelError
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.base.errors import ModelError
+from gslcosim.base.rng import stream
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
 
 GYRO = ("gyro_noise_density", "gyro_random_walk", "gyro_start_bias_rad_s")
 ACCELEROMETER = ("accelerometer_noise_density", "accelerometer_random_walk", "accelerometer_start_bias_m_s2")
@@ -17,7 +17,7 @@ SILENT = dict.fromkeys(GYRO + ACCELEROMETER, 0.0)
 
 
 def imu(tick_s=0.1, mount_m=(0.0, 0.0, 0.0), seed=3, **settings):
-    spec = sensor_of(model="imu", name="imu", mount_m=mount_m, imu=settings)
+    spec = make_sensor_spec(model="imu", name="imu", mount_m=mount_m, imu=settings)
     return SENSOR_MODELS["imu"].build(spec, tick_s, stream(seed, "imu"))
 
 
@@ -84,7 +84,7 @@ def test_at_rest_it_has_the_set_allan_variance(make_room, first, name):
     """Three hours with a sample each 0.1 s: white noise at 0.1 s, the walk at 100 s, and both between."""
     tick_s, n_ticks = 1.0, 12_000
     sensor = imu(tick_s, seed=5)
-    settings = sensor_of(model="imu", name="imu").imu
+    settings = make_sensor_spec(model="imu", name="imu").imu
     figures = [getattr(settings, f"{name}_{kind}") for kind in ("noise_density", "random_walk", "correlation_s")]
     around = surroundings_in(make_room(), inertial=at_rest(10))
     still = (0.0, 0.0, 0.0)

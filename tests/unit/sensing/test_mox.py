@@ -3,7 +3,14 @@ import math
 import pytest
 
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.sensing.models.mox import LEAST_RATIO, MOX_PARAMETERS, MoxSensor, estimated_ppm, mox_kind, steady_ratio
+from gslcosim_services.sensing.models.mox import (
+    MIN_RATIO,
+    MOX_PARAMETERS,
+    MoxSensor,
+    build_mox_kind,
+    estimated_ppm,
+    steady_ratio,
+)
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -58,7 +65,7 @@ def test_a_mixture_lowers_the_resistance_by_the_sum_of_its_gases():
     both = steady_ohm("tgs2620", ethanol=6.0, methane=50.0)
     parts = [steady_ohm("tgs2620", ethanol=6.0), steady_ohm("tgs2620", methane=50.0)]
     assert 63000 - both == pytest.approx(sum(63000 - part for part in parts))
-    assert steady_ohm("tgs2600", ethanol=1e3, methane=1e3) == pytest.approx(50000 * LEAST_RATIO)
+    assert steady_ohm("tgs2600", ethanol=1e3, methane=1e3) == pytest.approx(50000 * MIN_RATIO)
 
 
 def test_a_gas_without_figures_has_no_effect():
@@ -97,7 +104,7 @@ def test_the_estimate_inverts_the_steady_response(model, gas):
     parameters = MOX_PARAMETERS[model]
     floor_ppm = parameters.floor_ppm(gas)
     if math.isinf(floor_ppm):
-        assert mox_kind(parameters).estimator(gas) is None
+        assert build_mox_kind(parameters).estimator(gas) is None
         return
     for ppm in (1.01 * floor_ppm, 10.0 * floor_ppm):
         assert estimated_ppm(parameters, gas, steady_ohm(model, **{gas: ppm})) == pytest.approx(ppm, rel=1e-9)

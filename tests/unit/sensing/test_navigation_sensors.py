@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from staged import surroundings_in
 
-from gslcosim.frames import world_from_body_rotation
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models.wandering import WanderingBias
+from gslcosim.base.frames import world_from_body_rotation
+from gslcosim.base.rng import stream
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models.measurement_errors import GaussMarkovBias
 
 STILL = (0.0, 0.0, 0.0)
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
 def sensor(model, tick_s=0.1, mount_m=STILL, seed=1, **settings):
-    spec = sensor_of(**{"model": model, "name": "s", "mount_m": mount_m, model: settings})
+    spec = make_sensor_spec(**{"model": model, "name": "s", "mount_m": mount_m, model: settings})
     return SENSOR_MODELS[model].build(spec, tick_s, stream(seed, "test"))
 
 
@@ -27,7 +27,7 @@ def test_a_wandering_bias_does_not_depend_on_the_step(dt_s):
     rng = stream(1, "walk")
     ends = []
     for _ in range(1500):
-        bias = WanderingBias((0.3, 0.3, 0.3), 20.0, dt_s, rng)
+        bias = GaussMarkovBias((0.3, 0.3, 0.3), 20.0, dt_s, rng)
         for _ in range(round(10.0 / dt_s)):
             end = bias.step()
         ends.append(end)

@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -17,7 +17,7 @@ def sample(**ppm):
 
 
 def instrument_of(model, *, tick_s=0.1, **more):
-    spec = sensor_of(model=model, name="s", **more)
+    spec = make_sensor_spec(model=model, name="s", **more)
     return SENSOR_MODELS[model].build(spec, tick_s, stream(1, "test"))
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from staged import surroundings_in
 
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import sensor_of
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.models.ranging import directions_body
+from gslcosim.base.rng import stream
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 STILL = (0.0, 0.0, 0.0)
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -17,7 +17,7 @@ R2 = math.sqrt(0.5)
 
 
 def read(room, model, spec=None, **around):
-    spec = sensor_of(**{"model": model, "name": "s", **(spec or {})})
+    spec = make_sensor_spec(**{"model": model, "name": "s", **(spec or {})})
     return SENSOR_MODELS[model].build(spec, 0.1, stream(1, "test")).read(surroundings_in(room, **around), STILL)
 
 
@@ -42,7 +42,7 @@ def test_nothing_in_range_is_the_longest_range_and_told(make_room):
 
 
 def test_noise_is_that_of_the_scenario(make_room):
-    spec = sensor_of(model="range_finder", name="s", noise_std=0.02, beam_body=(0, 0, -1))
+    spec = make_sensor_spec(model="range_finder", name="s", noise_std=0.02, beam_body=(0, 0, -1))
     sensor = SENSOR_MODELS["range_finder"].build(spec, 0.1, stream(1, "test"))
     around = surroundings_in(make_room())
     ranges = [sensor.read(around, STILL).values[0] for _ in range(2000)]
@@ -65,10 +65,10 @@ def test_a_level_lidar_sees_the_walls(make_room):
 def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
     """Mount plus range times direction, turned with vehicle and mount, is on a face of the box."""
     settings = {"mount_m": (0.1, 0.2, 0.3), "mount_rpy_rad": (0.3, -0.2, 0.5), "lidar": {"n_azimuths": 90}}
-    spec = sensor_of(**{"model": "lidar_3d", "name": "s", **settings})
+    spec = make_sensor_spec(**{"model": "lidar_3d", "name": "s", **settings})
     around = surroundings_in(make_room(), quaternion_wxyz=(0.5, 0.5, 0.5, 0.5))
     ranges = read(make_room(), "lidar_3d", settings, quaternion_wxyz=(0.5, 0.5, 0.5, 0.5)).array.to_array()
-    directions = directions_body(spec)
+    directions = ray_directions_body(spec)
     assert (ranges.shape, directions.shape) == ((16, 90), (16, 90, 3))
     assert np.linalg.norm(directions, axis=-1) == pytest.approx(np.ones((16, 90)))
     points_body_m = np.array(spec.mount_m) + ranges[..., None] * directions
@@ -78,5 +78,5 @@ def test_points_of_a_lidar_lie_on_the_faces_of_the_room(make_room):
 
 
 def test_a_pitched_sensor_looks_down():
-    spec = sensor_of(model="range_finder", name="s", mount_rpy_rad=(0.0, math.pi / 4, 0.0))
-    assert directions_body(spec) == pytest.approx(np.array([[R2, 0.0, -R2]]))
+    spec = make_sensor_spec(model="range_finder", name="s", mount_rpy_rad=(0.0, math.pi / 4, 0.0))
+    assert ray_directions_body(spec) == pytest.approx(np.array([[R2, 0.0, -R2]]))

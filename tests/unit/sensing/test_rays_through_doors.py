@@ -3,10 +3,10 @@
 import pytest
 
 from gslcosim.contract import keys
-from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples
 from gslcosim.contract.participant import Episode
-from gslcosim.sensing.core import SensingCore
+from gslcosim_services.sensing.core import SensingCore
 
 FINDER = "agents[0].sensors=[{model: range_finder, name: front, max_range_m: 10, noise_std: 0}]"
 

@@ -2,6 +2,7 @@ import math
 
 import pytest
 
+from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import (
     BodyPoses,
@@ -16,11 +17,10 @@ from gslcosim.contract.messages import (
     RadioTransmission,
 )
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import ModelError, ScenarioError
-from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.success import DeclarationSuccess
-from gslcosim.sensing.core import SensingCore, mount_velocity_world_m_s
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.sensing.core import SensingCore, mount_velocity_world_m_s
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 

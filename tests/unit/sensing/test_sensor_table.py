@@ -1,11 +1,11 @@
 import pytest
 from staged import surroundings_in
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.rng import stream
-from gslcosim.scenario.models.sensors import SENSORS, sensor_of
-from gslcosim.sensing import SENSOR_MODELS
+from gslcosim.scenario.models.sensors import SENSORS, make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
 
 
 def test_scenarios_know_the_same_sensors():
@@ -15,7 +15,7 @@ def test_scenarios_know_the_same_sensors():
 @pytest.mark.parametrize("name", sorted(SENSOR_MODELS))
 def test_every_model_reads_what_its_row_promises(name, make_room):
     kind = SENSOR_MODELS[name]
-    spec = sensor_of(model=name, name="s")
+    spec = make_sensor_spec(model=name, name="s")
     truth = MountSample(
         agent="a", sensor="s", gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=5.0),), wind_world_m_s=(1.0, 0.0, 0.0)
     )

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from gslcosim.errors import ScenarioError
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.base.errors import ScenarioError
+from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.sensors import SENSOR_ENTRY_POINTS
 from gslcosim.scenario.models.sensors import sensor_names as names_in_scenarios
-from gslcosim.sensing import SENSOR_MODELS
-from gslcosim.sensing.core import SensingCore
-from gslcosim.sensing.models import sensor_kind, sensor_names
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.core import SensingCore
+from gslcosim_services.sensing.models import sensor_kind, sensor_names
 
 
 @pytest.fixture

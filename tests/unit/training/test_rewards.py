@@ -2,16 +2,16 @@ from itertools import pairwise
 
 import pytest
 
-from gslcosim.errors import UsageError
-from gslcosim.training.rewards import Moment, Scale, potential, reward_function, sparse
+from gslcosim.base.errors import UsageError
+from gslcosim.training.rewards import AgentState, TaskScale, potential, reward_function, sparse
 
-SCALE = Scale(diagonal_m=20.0, time_limit_s=100.0, discount=0.9)
+SCALE = TaskScale(diagonal_m=20.0, time_limit_s=100.0, discount=0.9)
 
 
 def way(*distances_m, outcome):
     last = len(distances_m) - 1
     return [
-        Moment(distance_m=d, time_s=10.0 * i, n_commands=i, outcome=outcome if i == last else None)
+        AgentState(distance_m=d, time_s=10.0 * i, n_commands=i, outcome=outcome if i == last else None)
         for i, d in enumerate(distances_m)
     ]
 
@@ -23,7 +23,7 @@ def discounted(reward, moments, scale=SCALE):
 
 def test_shaping_adds_the_same_to_every_way_from_the_same_start():
     """What it adds over an episode is the potential of the start alone: no detour pays."""
-    without_time = Scale(diagonal_m=20.0, time_limit_s=1e30, discount=0.9)
+    without_time = TaskScale(diagonal_m=20.0, time_limit_s=1e30, discount=0.9)
     for moments in (way(8.0, 3.0, 0.5, outcome="success"), way(8.0, 12.0, 9.0, 0.4, outcome="success")):
         added = discounted(potential, moments, without_time) - discounted(sparse, moments, without_time)
         assert added == pytest.approx(8.0 / 20.0)

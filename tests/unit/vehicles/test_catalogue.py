@@ -5,22 +5,21 @@ import shutil
 import pytest
 import yaml
 
-from gslcosim.errors import VehicleError
-from gslcosim.vehicles import is_vehicle, vehicle_names, vehicle_of
-from gslcosim.vehicles.catalogue import VEHICLES_DIR
-from gslcosim.vehicles.vehicle_folder import read_vehicle
+from gslcosim.base.errors import VehicleError
+from gslcosim.vehicles import get_vehicle, is_vehicle, vehicle_names
+from gslcosim.vehicles.catalogue import VEHICLES_DIR, read_vehicle
 
 
 def test_every_folder_is_a_vehicle():
     folders = {path.name for path in VEHICLES_DIR.iterdir() if path.is_dir() and path.name != "__pycache__"}
     assert folders <= set(vehicle_names())
-    assert all(vehicle_of(name).name == name and vehicle_of(name).mjcf_path.is_file() for name in folders)
+    assert all(get_vehicle(name).name == name and get_vehicle(name).mjcf_path.is_file() for name in folders)
 
 
 def test_a_name_that_nobody_has_is_no_vehicle():
     assert not is_vehicle("zeppelin")
     with pytest.raises(VehicleError, match=r"vehicle: expected one of crazyflie, .*, was 'zeppelin'"):
-        vehicle_of("zeppelin")
+        get_vehicle("zeppelin")
 
 
 @pytest.fixture

@@ -7,16 +7,16 @@ import types
 
 import pytest
 
-from gslcosim.errors import ScenarioError, VehicleError
-from gslcosim.scenario.loading import load_scenario
-from gslcosim.vehicles import VEHICLE_ENTRY_POINTS, catalogue, vehicle_names, vehicle_of
+from gslcosim.base.errors import ScenarioError, VehicleError
+from gslcosim.scenario.loader import load_scenario
+from gslcosim.vehicles import VEHICLE_ENTRY_POINTS, catalogue, get_vehicle, vehicle_names
 from gslcosim.vehicles.catalogue import VEHICLES_DIR
 
 
 def forget():
     importlib.invalidate_caches()
     vehicle_names.cache_clear()
-    catalogue._offered.cache_clear()
+    catalogue._find_offered.cache_clear()
 
 
 @pytest.fixture
@@ -58,26 +58,26 @@ def test_a_scenario_may_name_the_vehicle_of_a_package(package, folder):
     module.__file__ = str(folder / "__init__.py")
     package(tern=module)
     assert vehicle_names()[-1] == "tern"
-    assert vehicle_of("tern").mjcf_path == folder / "tern.xml"
-    assert with_vehicle("tern").facts.body == vehicle_of("iris").body
+    assert get_vehicle("tern").mjcf_path == folder / "tern.xml"
+    assert with_vehicle("tern").facts.body == get_vehicle("iris").body
 
 
 @pytest.mark.parametrize("kind", [str, lambda path: path])
 def test_a_folder_may_be_a_path(package, folder, kind):
     package(tern=kind(folder))
-    assert vehicle_of("tern").folder == folder
+    assert get_vehicle("tern").folder == folder
 
 
 def test_own_vehicles_cannot_be_replaced(package, folder):
     package(iris=str(folder))
-    assert vehicle_of("iris").folder == VEHICLES_DIR / "iris"
+    assert get_vehicle("iris").folder == VEHICLES_DIR / "iris"
     assert vehicle_names().count("iris") == 1
 
 
 def test_something_else_than_a_folder_is_refused_where_it_is_named(package, tmp_path):
     package(tern=42, gull=tmp_path / "nowhere")
     with pytest.raises(VehicleError, match=r"expected somebodys_vehicles:tern to be a folder's path, .* was 42"):
-        vehicle_of("tern")
+        get_vehicle("tern")
     with pytest.raises(ScenarioError, match=r"vehicle.model: expected a vehicle whose folder is whole, was 'gull'"):
         with_vehicle("gull")
 
@@ -94,11 +94,11 @@ def test_a_package_that_cannot_be_imported_is_named(package, folder, monkeypatch
     monkeypatch.delitem(sys.modules, "somebodys_vehicles")
     forget()
     with pytest.raises(VehicleError, match="vehicle tern: expected somebodys_vehicles:tern to be imported for "):
-        vehicle_of("tern")
+        get_vehicle("tern")
 
 
 def test_a_name_that_two_packages_offer_is_refused(package, folder):
     package(tern=folder)
     package("others_vehicles", tern=folder)
     with pytest.raises(VehicleError, match="'tern', was others_vehicles:tern and somebodys_vehicles:tern"):
-        vehicle_of("tern")
+        get_vehicle("tern")

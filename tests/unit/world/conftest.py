@@ -3,19 +3,19 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.vehicles import vehicle_of
-from gslcosim.world.core import WorldCore
-from gslcosim.world.physics import records
-from gslcosim.world.physics.scene import build_scene
+from gslcosim.vehicles import get_vehicle
+from gslcosim_services.world.core import WorldCore
+from gslcosim_services.world.physics import vehicle_records
+from gslcosim_services.world.physics.scene import build_scene
 
 
 @pytest.fixture
 def iris_constants(make_room):
     """One record of the iris's constants at 4 ms."""
-    iris = vehicle_of("iris")
+    iris = get_vehicle("iris")
     scene = build_scene(make_room(), [("beetle", iris)], 0.004)
-    constants = np.zeros(1, records.CONSTANTS)
-    records.set_constants(constants[0], iris, scene.model, "beetle/", 0.004)
+    constants = np.zeros(1, vehicle_records.CONSTANTS)
+    vehicle_records.set_constants(constants[0], iris, scene.model, "beetle/", 0.004)
     return constants
 
 

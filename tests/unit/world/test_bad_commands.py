@@ -8,13 +8,12 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from gslcosim.contract.commands import AGENT_KINDS
-from gslcosim.contract.messages import Command
+from gslcosim.base.errors import ScenarioError
+from gslcosim.contract.messages import AGENT_KINDS, Command
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.errors import ScenarioError
 from gslcosim.vehicles import vehicle_names
-from gslcosim.world.core import WorldCore
-from gslcosim.world.guidance.arrival import OVERTURNED
+from gslcosim_services.world.core import WorldCore
+from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
 
 MODELS = vehicle_names()
 RACK = ("rack", (6.0, 4.0, 0.0), (7.0, 6.0, 6.0))
@@ -140,9 +139,9 @@ def test_who_turns_over_and_falls_says_so_and_is_asked(make_pilot, model):
     # Once it lies the rotors stop and the agent is asked, long before its 60 s are over.
     body = pilot.run_until(lambda body: body.awaiting_command, at_most=300)
     assert body.phase == "on_ground"
-    assert body.rejected_command == OVERTURNED
+    assert body.rejected_command == OVERTURNED_NOTICE
     for command in ({"kind": "take_off"}, {"kind": "waypoint", "position_world_m": (4.0, 4.0, 2.0)}):
-        assert pilot.step(agent_0=command).rejected_command == OVERTURNED
+        assert pilot.step(agent_0=command).rejected_command == OVERTURNED_NOTICE
 
 
 @pytest.mark.parametrize("model", ["iris", "crazyflie"])

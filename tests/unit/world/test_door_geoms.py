@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.runtime.snapshots.keeping import keeper_of
-from gslcosim.world.core import WorldCore
+from gslcosim.runtime.replay.snapshot import build_state_adapter
+from gslcosim_services.world.core import WorldCore
 
 OPENS, CLOSES = "{what: door_opens, at_s: 10, door: gate}", "{what: door_closes, at_s: 20, door: gate}"
 STRAIGHT = ("agents[0].vehicle.avoidance=none", "agents[0].vehicle.model=iris")
@@ -98,10 +98,10 @@ def test_a_planner_finds_its_way_through_a_door_in_the_tick_in_which_it_opens(fl
 
 def test_the_state_of_a_world_says_which_doors_are_closed(flight):
     first, second = flight(OPENS), flight(OPENS)
-    keepers = [keeper_of(each.core) for each in (first, second)]
+    keepers = [build_state_adapter(each.core) for each in (first, second)]
     first.until_asked()
     first.step(0)
-    keepers[1].bring_back(keepers[0].state())
+    keepers[1].restore(keepers[0].state())
     second.tick = first.tick
     for world in (first, second):
         world.step(to_m=BEHIND_M)

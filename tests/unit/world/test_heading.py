@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.world.physics import records
-from gslcosim.world.physics.control_kernels import advance_heading_inplace, wrapped_angle
+from gslcosim_services.world.physics import vehicle_records
+from gslcosim_services.world.physics.multirotor_control import advance_heading_inplace, wrap_angle
 
 WAYPOINT = {"kind": "waypoint", "position_world_m": (3.0, 7.0, 2.0)}
 
@@ -18,27 +18,27 @@ def yaw_of(body):
 
 @pytest.mark.parametrize("angle", [-7.0, -math.pi, -0.1, 0.0, 3.2, 12.0])
 def test_wrapped_angles_look_the_same_way(angle):
-    assert -math.pi <= wrapped_angle(angle) <= math.pi
-    assert math.cos(wrapped_angle(angle)) == pytest.approx(math.cos(angle))
-    assert math.sin(wrapped_angle(angle)) == pytest.approx(math.sin(angle))
+    assert -math.pi <= wrap_angle(angle) <= math.pi
+    assert math.cos(wrap_angle(angle)) == pytest.approx(math.cos(angle))
+    assert math.sin(wrap_angle(angle)) == pytest.approx(math.sin(angle))
 
 
 @pytest.mark.parametrize("wanted", [0.5, -3.0, 5.5])
 def test_the_reference_turns_the_short_way_at_no_more_than_its_rate(iris_constants, wanted):
-    states = np.zeros(1, records.STATE)
+    states = np.zeros(1, vehicle_records.STATE)
     states[0]["wanted_yaw_rad"] = wanted
     rates = []
     for _ in range(2000):
         advance_heading_inplace(iris_constants[0], states[0], 0.0, 0.0, 0.004)
         rates.append(states[0]["yaw_rate_rad_s"])
-    assert states[0]["yaw_rad"] == pytest.approx(wrapped_angle(wanted))
+    assert states[0]["yaw_rad"] == pytest.approx(wrap_angle(wanted))
     assert rates[-1] == 0.0
     assert max(map(abs, rates)) <= 1.5
-    assert sum(rates) * 0.004 == pytest.approx(wrapped_angle(wanted), abs=1e-3)
+    assert sum(rates) * 0.004 == pytest.approx(wrap_angle(wanted), abs=1e-3)
 
 
 def test_the_direction_of_the_path_is_taken_when_there_is_one(iris_constants):
-    states = np.zeros(1, records.STATE)
+    states = np.zeros(1, vehicle_records.STATE)
     states[0]["faces_path"] = 1
     advance_heading_inplace(iris_constants[0], states[0], 0.0, 0.01, 0.004)
     assert states[0]["wanted_yaw_rad"] == 0.0
@@ -85,4 +85,4 @@ def test_a_turning_velocity_turns_the_nose_with_it(make_pilot):
         velocity = (0.8 * math.cos(angle), 0.8 * math.sin(angle), 0.0)
         body = pilot.step(agent_0={"kind": "velocity", "velocity_world_m_s": velocity, "faces_path": True})
     direction = math.atan2(body.velocity_world_m_s[1], body.velocity_world_m_s[0])
-    assert 0.1 < wrapped_angle(direction - yaw_of(body)) < 0.5
+    assert 0.1 < wrap_angle(direction - yaw_of(body)) < 0.5

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gslcosim.contract.participant import Episode
-from gslcosim.world.core import WorldCore
+from gslcosim_services.world.core import WorldCore
 
 PLACE_M = (7.0, 5.0, 2.0)
 

@@ -4,9 +4,9 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.dumping import plain_values
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.world.core import WorldCore
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.world.core import WorldCore
 
 G = 9.81
 

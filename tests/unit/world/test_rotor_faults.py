@@ -1,9 +1,9 @@
 """A rotor that gives less than the control believes."""
 
-from gslcosim.contract.event_notes import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.participant import Episode
-from gslcosim.scenario.dumping import plain_values
-from gslcosim.world.core import WorldCore
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_services.world.core import WorldCore
 
 LOST_AT = 60
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.scenario import VehicleSpec
-from gslcosim.vehicles import vehicle_of
-from gslcosim.world.core import WorldCore
-from gslcosim.world.guidance.arrival import OVERTURNED
+from gslcosim.vehicles import get_vehicle
+from gslcosim_services.world.core import WorldCore
+from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
 
-ROVER_HEIGHT_M = vehicle_of("rover").body.half_height_m
+ROVER_HEIGHT_M = get_vehicle("rover").body.half_height_m
 
 ROVER = {"model": "rover"}
 RACK = ("rack", (6.0, 0.0, 0.0), (6.5, 10.0, 6.0))
@@ -180,10 +180,10 @@ def test_on_its_back_it_says_so_and_refuses(make_pilot):
     pilot.core.data.qpos[2] = 0.14
     pilot.core.data.qpos[3:7] = (0.0, 1.0, 0.0, 0.0)
     body = pilot.run_until(lambda body: body.rejected_command)
-    assert body.rejected_command == OVERTURNED
+    assert body.rejected_command == OVERTURNED_NOTICE
     assert body.phase == "on_ground"
     assert "floor" in body.contacts
-    assert pilot.step(agent_0=waypoint(4.0, 4.0, 0.1)).rejected_command == OVERTURNED
+    assert pilot.step(agent_0=waypoint(4.0, 4.0, 0.1)).rejected_command == OVERTURNED_NOTICE
     assert math.hypot(*pilot.run(20).velocity_world_m_s) < 0.05
 
 

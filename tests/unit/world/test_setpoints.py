@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract.messages import AttitudeSetpoint, Command, RateSetpoint
-from gslcosim.frames import world_from_body_rotation
-from gslcosim.world.physics import records
-from gslcosim.world.physics.control_kernels import (
-    attitude_of_angles,
-    look_along_inplace,
+from gslcosim_services.world.physics import vehicle_records
+from gslcosim_services.world.physics.multirotor_control import (
+    align_heading_reference_inplace,
+    attitude_from_angles,
     rate_torque,
     rotation_from_quaternion,
-    thrust_of_setpoint,
+    thrust_from_setpoint,
 )
 
 WEIGHT_N = 1.535 * 9.81
@@ -46,7 +46,7 @@ def test_angles_turn_about_z_then_y_then_x():
         return world_from_body_rotation(tuple(q))
 
     expected = about(2, 0.7) @ about(1, -0.4) @ about(0, 0.2)
-    assert attitude_of_angles(0.2, -0.4, 0.7) == pytest.approx(expected.ravel().tolist())
+    assert attitude_from_angles(0.2, -0.4, 0.7) == pytest.approx(expected.ravel().tolist())
 
 
 def test_a_rate_that_is_met_needs_no_torque_but_the_gyroscopic(iris_constants):
@@ -57,18 +57,18 @@ def test_a_rate_that_is_met_needs_no_torque_but_the_gyroscopic(iris_constants):
 
 
 def test_thrust_is_what_is_set_or_what_keeps_the_climb(iris_constants):
-    states = np.zeros(1, records.STATE)
+    states = np.zeros(1, vehicle_records.STATE)
     tilted = rotation_from_quaternion(math.cos(0.2), math.sin(0.2), 0.0, 0.0)
-    records.set_setpoint(states[0], AttitudeSetpoint(thrust_n=7.5))
-    assert thrust_of_setpoint(iris_constants[0], states[0], tilted, 0.0) == 7.5
-    records.set_setpoint(states[0], RateSetpoint(rates_body_rad_s=(0.0, 0.0, 0.0), climb_m_s=0.5))
-    assert thrust_of_setpoint(iris_constants[0], states[0], tilted, 0.5) == pytest.approx(WEIGHT_N / math.cos(0.4))
-    assert thrust_of_setpoint(iris_constants[0], states[0], tilted, 0.0) > WEIGHT_N / math.cos(0.4)
+    vehicle_records.set_setpoint(states[0], AttitudeSetpoint(thrust_n=7.5))
+    assert thrust_from_setpoint(iris_constants[0], states[0], tilted, 0.0) == 7.5
+    vehicle_records.set_setpoint(states[0], RateSetpoint(rates_body_rad_s=(0.0, 0.0, 0.0), climb_m_s=0.5))
+    assert thrust_from_setpoint(iris_constants[0], states[0], tilted, 0.5) == pytest.approx(WEIGHT_N / math.cos(0.4))
+    assert thrust_from_setpoint(iris_constants[0], states[0], tilted, 0.0) > WEIGHT_N / math.cos(0.4)
 
 
 def test_the_heading_follows_the_nose_meanwhile():
-    states = np.zeros(1, records.STATE)
-    look_along_inplace(states[0], rotation_from_quaternion(math.cos(0.5), 0.0, 0.0, math.sin(0.5)))
+    states = np.zeros(1, vehicle_records.STATE)
+    align_heading_reference_inplace(states[0], rotation_from_quaternion(math.cos(0.5), 0.0, 0.0, math.sin(0.5)))
     assert (states[0]["yaw_rad"], states[0]["wanted_yaw_rad"]) == pytest.approx((1.0, 1.0))
 
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.contract.codec import encode
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.errors import ModelError, ScenarioError
-from gslcosim.world.core import WorldCore
+from gslcosim_services.world.core import WorldCore
 
 CRATE = ("crate", (5.0, 5.0, 0.0), (6.0, 6.5, 1.0))
 
@@ -220,7 +220,7 @@ def test_only_the_last_of_many_commands_counts(make_pilot):
     for i in range(1000):
         place = (5.0 + i % 7, 4.0 + i % 3, 2.0 + i % 2)
         command = Command(tick=pilot.tick, kind="waypoint", position_world_m=place)
-        pilot.core._crafts[0].obey(pilot.tick + 1, command)
+        pilot.core._vehicles[0].obey(pilot.tick + 1, command)
     pilot.step(agent_0={"kind": "waypoint", "position_world_m": (4.0, 6.0, 3.0)})
     body = pilot.run_until(lambda body: body.phase == "holding")
     assert body.position_world_m == pytest.approx((4.0, 6.0, 3.0), abs=0.05)
@@ -242,5 +242,5 @@ def test_the_tracking_error_is_the_way_to_the_reference(make_pilot):
     pilot = make_pilot()
     assert pilot.body().tracking_error_m is None
     pilot.run(20)
-    reference_m = pilot.core._crafts[0]._reference.trajectory.state_at(20, 100_000_000)[0]
+    reference_m = pilot.core._vehicles[0]._reference.trajectory.state_at(20, 100_000_000)[0]
     assert pilot.body().tracking_error_m == pytest.approx(math.dist(pilot.body().position_world_m, reference_m))

@@ -14,13 +14,13 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, normalised
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.offsets import OffsetGrid, PlumeTable, RunningWind, offsets_m
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_mass
-from gslcosim.search.moving.flying import declaration, waypoint
-from gslcosim.search.moving.legs import Room, to_millimetre
-from gslcosim.search.senses.instruments import noses_of, vane_of
-from gslcosim.search.senses.measuring import StopAndMeasure
+from gslcosim.search.information.offset_grid import OffsetGrid, PlumeTable, RunningWind, offsets_m
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration, waypoint
+from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
+from gslcosim.search.motion.legs import LegSpace, to_millimetre
+from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
 # Frames of the movie that the package is given: a power of two, so that its shares of them sum to 1 exactly.
 N_FRAMES = 256
@@ -82,14 +82,14 @@ class Fly(Agent):
     """Translates between a fly, which knows offsets in cells, and a vehicle in a room."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.table = PlumeTable.load(Path(str(resources.files("gslcosim_agents"))) / "qmdp" / "plumes.npz")
-        nose = next(nose for nose in noses_of(briefing) if nose.unit == "ppm" or nose.estimate is not None)
-        self.measure = StopAndMeasure((nose,), vane_of(briefing))
+        nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
+        self.measure = StopAndMeasure((nose,), find_vane(briefing))
         self.wind = RunningWind(threshold_m_s=self.settings.threshold_m_s)
-        self.room = Room.within(briefing.bounds, self.settings.margin_m)
+        self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
         self.height_m, self.draws = briefing.search_height_m, Draws(briefing.seed)
-        self.declared, self.publisher = Declared(), BeliefPublisher(every_s=2.0)
+        self.declared, self.publisher = DeclarationGuard(), BeliefPublisher(every_s=2.0)
         self.source_grid = CellGrid.covering(briefing.bounds, self.settings.source_cell_m, max_cells=MAX_CELLS)
         sides_m = [high - low for low, high in zip(briefing.bounds.min_m[:2], briefing.bounds.max_m[:2])]
         half = math.ceil(math.hypot(*sides_m) / self.settings.step_m) + 1
@@ -100,7 +100,7 @@ class Fly(Agent):
         self.fly = self._new_fly(half, briefing.seed)
         self.origin_m: tuple[float, float] | None = None
         self.axis_rad = 0.0
-        self.cell: Cell = (0, 0)
+        self.policy: Cell = (0, 0)
         self.target: Cell | None = None
         self.refused: set[tuple[Cell, int]] = set()
 
@@ -150,11 +150,11 @@ class Fly(Agent):
     def _arrive(self, observation: Observation) -> None:
         if self.target is None:
             return
-        index = self._index_of((self.target[0] - self.cell[0], self.target[1] - self.cell[1]))
+        index = self._index_of((self.target[0] - self.policy[0], self.target[1] - self.policy[1]))
         if observation.notice is not None:
-            self.refused.add((self.cell, index))
+            self.refused.add((self.policy, index))
         else:
-            self.cell = self.target
+            self.policy = self.target
             self._tell(index, observation)
         self.target = None
 
@@ -187,18 +187,18 @@ class Fly(Agent):
         open_moves = [k for k in range(len(self.fly.action_set)) if self._is_open(k)]
         if not open_moves:
             self.target = None
-            return self.cell
+            return self.policy
         (move,) = self.fly.choose_action()
         index = self._index_of((int(move[1]), int(move[0])))
         index = index if index in open_moves else open_moves[self.draws.index(len(open_moves))]
         across, along = (int(step) for step in self.fly.action_set[index])
-        self.target = (self.cell[0] + along, self.cell[1] + across)
+        self.target = (self.policy[0] + along, self.policy[1] + across)
         return self.target
 
     def _is_open(self, index: int) -> bool:
         across, along = (int(step) for step in self.fly.action_set[index])
-        place_m = self._place_m((self.cell[0] + along, self.cell[1] + across))
-        return (self.cell, index) not in self.refused and self.room.contains(place_m)
+        place_m = self._place_m((self.policy[0] + along, self.policy[1] + across))
+        return (self.policy, index) not in self.refused and self.room.contains(place_m)
 
     def _index_of(self, step: Cell) -> int:
         return int(np.flatnonzero((self.fly.action_set == (step[1], step[0])).all(axis=1))[0])
@@ -211,7 +211,7 @@ class Fly(Agent):
         return to_millimetre(x_m + c * along_m - s * across_m), to_millimetre(y_m + s * along_m + c * across_m)
 
     def _offsets_m(self) -> np.ndarray:
-        return offsets_m(self.source_grid.centres_m(), self._place_m(self.cell), self.axis_rad)
+        return offsets_m(self.source_grid.centres_m(), self._place_m(self.policy), self.axis_rad)
 
     def _source_belief(self) -> np.ndarray:
         of_offsets = np.asarray(self.fly.belief.belief_array[0]).reshape(self.grid.shape).T.reshape(1, -1)

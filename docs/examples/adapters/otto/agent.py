@@ -15,13 +15,13 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, entropy_bits, normalised
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.offsets import PlumeTable, RunningWind, offsets_m
-from gslcosim.search.method import settings_of
-from gslcosim.search.moving.declaring import Declared, by_mass
-from gslcosim.search.moving.flying import declaration, waypoint
-from gslcosim.search.moving.legs import Room
-from gslcosim.search.senses.instruments import noses_of, vane_of
-from gslcosim.search.senses.measuring import StopAndMeasure
+from gslcosim.search.information.offset_grid import PlumeTable, RunningWind, offsets_m
+from gslcosim.search.method_settings import load_settings
+from gslcosim.search.motion.commands import declaration, waypoint
+from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
+from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
 
 class RoomAsGrid:
@@ -34,7 +34,7 @@ class RoomAsGrid:
 
     Ndim, Nactions = 2, 4
 
-    def __init__(self, room: Room, start_m: tuple[float, float], step_m: float, n_hits: int) -> None:
+    def __init__(self, room: LegSpace, start_m: tuple[float, float], step_m: float, n_hits: int) -> None:
         """Lay cells around the start, as many as reach every wall of the room; believe evenly in those inside."""
         reach_m = max(max(high - x, x - low) for x, low, high in zip(start_m, room.min_m, room.max_m, strict=False))
         half = int(reach_m / step_m) + 1
@@ -92,14 +92,14 @@ class OttoPolicy(Agent):
     """Asks a policy of OTTO for each step."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = settings_of(briefing, __file__)
+        self.settings = load_settings(briefing, __file__)
         self.table = PlumeTable.load(Path(str(resources.files("gslcosim_agents"))) / "qmdp" / "plumes.npz")
-        nose = next(nose for nose in noses_of(briefing) if nose.unit == "ppm" or nose.estimate is not None)
-        self.measure = StopAndMeasure((nose,), vane_of(briefing))
+        nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
+        self.measure = StopAndMeasure((nose,), find_vane(briefing))
         self.wind = RunningWind(threshold_m_s=self.settings.threshold_m_s)
-        self.room = Room.within(briefing.bounds, self.settings.margin_m)
+        self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
         self.height_m, self.draws = briefing.search_height_m, Draws(briefing.seed)
-        self.declared, self.publisher = Declared(), BeliefPublisher(every_s=2.0)
+        self.declared, self.publisher = DeclarationGuard(), BeliefPublisher(every_s=2.0)
         self.world: RoomAsGrid | None = None
         self.policy: Any = None
         self.target: list[int] | None = None

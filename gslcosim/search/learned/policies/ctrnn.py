@@ -1,4 +1,4 @@
-"""Continuous-time recurrent neural networks, as evolved controllers of robots have them."""
+"""Continuous-time recurrent neural networks of evolved robot controllers."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar, Self
@@ -12,10 +12,11 @@ from gslcosim.search.learned.policies.policy import (
     Floats,
     Policy,
     PolicyError,
-    checked,
-    checked_number,
+    add_spread,
+    check_arrays,
+    check_number,
+    read_spread,
 )
-from gslcosim.search.learned.policies.scatter import spread_of, spread_out
 
 
 class CtrnnPolicy(Policy):
@@ -76,7 +77,7 @@ class CtrnnPolicy(Policy):
         driven = _logistic(memory + self._bias) @ self._recurrent + observations @ self._inputs
         after = driven + (memory - driven) * self._kept
         outputs = _logistic(after + self._bias) @ self._outputs + self._output_bias
-        return self.action.chosen(spread_out(outputs, observations, self.spread)), after
+        return self.action.chosen(add_spread(outputs, observations, self.spread)), after
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -97,14 +98,14 @@ class CtrnnPolicy(Policy):
         settings: Mapping[str, Any],
     ) -> Self:
         """Return the network; see `Policy`."""
-        dt_s = checked_number(settings, "dt_s", is_above=True)
-        tau_s = checked(arrays, {"tau_s": (None,)})["tau_s"]
+        dt_s = check_number(settings, "dt_s", is_above=True)
+        tau_s = check_arrays(arrays, {"tau_s": (None,)})["tau_s"]
         if tau_s.min() <= 0:
             raise PolicyError(f"tau_s: expected numbers above 0, was {float(tau_s.min()):g}.")
         h, k, o = len(tau_s), len(observation_names), action.n_outputs
         shapes = {"recurrent": (h, h), "bias": (h,), "inputs": (h, k), "outputs": (o, h), "output_bias": (o,)}
-        spread = spread_of(settings, action)
-        return cls(observation_names, action, dt_s=dt_s, tau_s=tau_s, spread=spread, **checked(arrays, shapes))
+        spread = read_spread(settings, action)
+        return cls(observation_names, action, dt_s=dt_s, tau_s=tau_s, spread=spread, **check_arrays(arrays, shapes))
 
 
 # By tanh, which overflows nowhere.

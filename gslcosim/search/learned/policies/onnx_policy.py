@@ -1,4 +1,4 @@
-"""Policies of other programs, as ONNX: a model, and beside it or in it what its numbers mean."""
+"""ONNX policies of other programs: a model, and beside it or in it the meaning of its numbers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,9 +8,9 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from gslcosim.foreign_json import ForeignFileError, JsonObject, parse_json
+from gslcosim.base.foreign_json import ForeignFileError, JsonObject, parse_json
+from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError
-from gslcosim.yaml_core import CoreLoader
 
 # The key of the model's metadata under which JSON says what a file beside the model may say too.
 METADATA_KEY = "gslcosim"
@@ -50,7 +50,7 @@ class OnnxPolicy(Policy):
         memory: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(observation_names, action)
-        self._session = session_of(model)
+        self._session = open_session(model)
         self._pairs = dict(memory or {})
         inputs = {item.name: item for item in self._session.get_inputs()}
         outputs = [item.name for item in self._session.get_outputs()]
@@ -157,7 +157,7 @@ def load_onnx(path: Path) -> OnnxPolicy:
     )
 
 
-def session_of(model: bytes) -> Any:
+def open_session(model: bytes) -> Any:
     """Return the model in onnxruntime, on one thread.
 
     Raises:
@@ -190,7 +190,7 @@ def _meaning_of(path: Path, model: bytes) -> Mapping[str, Any]:
                 raise PolicyError(f"{file.name}: expected YAML or JSON that can be read, got: {error}.") from error
             break
     else:
-        text = session_of(model).get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+        text = open_session(model).get_modelmeta().custom_metadata_map.get(METADATA_KEY)
         if text is None:
             names = " or ".join(file.name for file in beside)
             raise PolicyError(

@@ -1,4 +1,4 @@
-"""What a learned policy is: from vectors of observations and a memory to actions, for one agent or a thousand."""
+"""Interface of learned policies: from vectors of observations and a memory to actions, for one agent or a thousand."""
 
 import math
 from abc import ABC, abstractmethod
@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import MethodError
-from gslcosim.search.learned.acting import ACTIONS, N_HEADINGS
+from gslcosim.base.errors import MethodError
+from gslcosim.search.learned.actions import ACTIONS, N_HEADINGS
 
 # float32 throughout; what numpy calls the types of intermediate results is wider.
 Floats = NDArray[np.floating[Any]]
@@ -26,7 +26,7 @@ class PolicyError(MethodError):
 
 @dataclass(frozen=True, kw_only=True)
 class ActionSettings:
-    """What the numbers of an action mean: the settings of `gslcosim.search.learned.acting.action_kind`.
+    """Meaning of an action's numbers: the settings of `gslcosim.search.learned.actions.action_kind`.
 
     `hold_s` absent is the briefing's.
     """
@@ -67,12 +67,12 @@ class ActionSettings:
 
     @property
     def n_choices(self) -> int:
-        """How many choices there are; 0 where actions are numbers."""
+        """Number of choices; 0 where actions are numbers."""
         return N_HEADINGS + 1 if self.kind in _KINDS_WITH_CHOICES else 0
 
     @property
     def n_outputs(self) -> int:
-        """How many numbers a network puts out: those of an action, or one for each choice."""
+        """Number of outputs of a network: those of an action, or one for each choice."""
         return self.n_choices or ACTIONS[self.kind].n_numbers  # type: ignore[attr-defined]
 
     def chosen(self, outputs: Floats) -> Actions:
@@ -109,11 +109,11 @@ class Policy(ABC):
     @property
     @abstractmethod
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What was learned, by name, as `of_arrays` takes it."""
+        """Learned arrays by name, as `of_arrays` takes them."""
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What `of_arrays` needs besides the arrays, as plain values."""
+        """Settings that `of_arrays` needs besides the arrays, as plain values."""
         return {}
 
     @classmethod
@@ -132,7 +132,7 @@ class Policy(ABC):
         """
 
 
-def checked(arrays: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[int | None, ...]]) -> dict[str, Floats]:
+def check_arrays(arrays: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[int | None, ...]]) -> dict[str, Floats]:
     """Return arrays of these names as float32, each of its shape; None stands for any number from 1.
 
     Raises:
@@ -141,7 +141,7 @@ def checked(arrays: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[int |
     return {name: _checked(arrays, name, shape) for name, shape in shapes.items()}
 
 
-def checked_number(settings: Mapping[str, Any], name: str, *, is_above: bool, default: float | None = None) -> float:
+def check_number(settings: Mapping[str, Any], name: str, *, is_above: bool, default: float | None = None) -> float:
     """Return a number of the settings: finite, and from 0, or above it.
 
     Raises:
@@ -166,3 +166,65 @@ def _checked(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int | N
     if not np.isfinite(found).all():
         raise PolicyError(f"{name}: expected finite numbers, was {int((~np.isfinite(found)).sum())} that are not.")
     return found
+
+
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_30, _27, _31, _11 = (np.uint64(n) for n in (30, 27, 31, 11))
+
+
+def normal_numbers(observations: Floats, n: int) -> NDArray[np.float32]:
+    """Return n numbers for each observation (rows, k), as if drawn from the standard normal distribution, (rows, n).
+
+    A policy that was trained with noise leaves by it what the mean of the policy circles in. Sensors are noisy, so
+    that the last bits of an observation are as good as a stream of chance, and a policy needs none of its own: what
+    flies is a function of what it sees.
+
+    z = sqrt(-2 ln u) cos(2 pi v), u and v from the bits of the observation and the number's index by SplitMix64
+
+    Source:
+        Box and Muller 1958; Steele, Lea and Flood 2014, doi:10.1145/2660193.2660195.
+    Held by:
+        tests/unit/search/learned/policies/test_scatter.py
+    """
+    shares = even_numbers(observations, 2 * n)
+    lengths = np.sqrt(-2.0 * np.log1p(-shares[:, :n]))
+    return (lengths * np.cos(2 * np.pi * shares[:, n:])).astype(np.float32)
+
+
+def add_spread(outputs: Floats, observations: Floats, spread: float) -> Floats:
+    """Return a network's outputs (rows, n) with numbers of standard deviation `spread` added; see `normal_numbers`."""
+    return outputs + np.float32(spread) * normal_numbers(observations, outputs.shape[1]) if spread else outputs
+
+
+def read_spread(settings: Mapping[str, Any], action: ActionSettings) -> float:
+    """Return the spread that a policy's settings name, 0 where they name none.
+
+    Raises:
+        PolicyError: it is no number from 0, or the actions are choices.
+    """
+    spread = check_number(settings, "spread", is_above=False, default=0.0)
+    if spread and action.n_choices:
+        raise PolicyError(f"settings.spread: expected 0 for action {action.kind}, which has choices, was {spread}.")
+    return spread
+
+
+def even_numbers(observations: Floats, n: int) -> NDArray[np.float64]:
+    """Return n numbers for each observation (rows, k), as if drawn evenly from 0 to below 1, (rows, n).
+
+    Source and test: as `normal_numbers`.
+    """
+    bits = np.ascontiguousarray(observations, np.float32).view(np.uint32).astype(np.uint64)
+    mixed = np.zeros(len(bits), np.uint64)
+    with np.errstate(over="ignore"):
+        for i in range(bits.shape[1]):
+            mixed = _scrambled(mixed ^ bits[:, i])
+        counted = mixed[:, None] + _STEP * np.arange(1, n + 1, dtype=np.uint64)
+        return (_scrambled(counted) >> _11).astype(np.float64) * 2.0**-53
+
+
+def _scrambled(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    z = z + _STEP
+    z = (z ^ (z >> _30)) * _FIRST
+    z = (z ^ (z >> _27)) * _SECOND
+    return z ^ (z >> _31)

@@ -1,23 +1,57 @@
-"""The agent that flies a learned policy."""
+"""Agent that runs a learned policy."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
-from gslcosim.search.learned.acting import action_kind
-from gslcosim.search.learned.observing import ObservationVector
-from gslcosim.search.learned.policies.fitting import places_of
+from gslcosim.search.learned.actions import action_kind
+from gslcosim.search.learned.observations import ObservationVector
 from gslcosim.search.learned.policies.policy import Policy, PolicyError
 from gslcosim.search.learned.policies.policy_files import load_policy
-from gslcosim.search.method import settings_of
+from gslcosim.search.method_settings import load_settings
+
+
+def match_observations(policy: Policy, offered: Sequence[str]) -> list[int]:
+    """Return the place of each observation of a policy among those that an agent has.
+
+    A scenario names its sensors as it likes: a number of a sensor whose name is not there is that of the only sensor
+    that tells a number of this kind, `nose.amount` for example that of a PID with the name `pid`.
+
+    Args:
+        policy: The policy.
+        offered: `ObservationVector.names` of the agent.
+
+    Raises:
+        PolicyError: an observation is not there, or several sensors could be meant.
+    """
+    places = [_place_of(name, offered) for name in policy.observation_names]
+    missing = [name for name, place in zip(policy.observation_names, places) if place is None]
+    if missing:
+        used = set(places)
+        others = [name for i, name in enumerate(offered) if i not in used]
+        raise PolicyError(
+            f"observations: expected {', '.join(missing)} for this policy, was missing; not used are "
+            f"{', '.join(others) or 'none'}. Give the agent sensors that tell it, by these names."
+        )
+    return [place for place in places if place is not None]
+
+
+def _place_of(name: str, offered: Sequence[str]) -> int | None:
+    if name in offered:
+        return offered.index(name)
+    _, dot, number = name.rpartition(".")
+    like = [i for i, other in enumerate(offered) if other.rpartition(".")[1:] == (dot, number)]
+    return like[0] if dot and len(like) == 1 else None
+
 
 # The file of a policy that is an agent of its own, beside its program.
 POLICY_FILE = "policy.npz"
 
 
-class PolicyPilot:
+class PolicyRunner:
     """Turns what an agent is told into what a policy observes, and what it chooses into commands.
 
     Args:
@@ -31,7 +65,7 @@ class PolicyPilot:
     def __init__(self, briefing: Briefing, policy: Policy) -> None:
         self.policy = policy
         self._vector = ObservationVector(briefing)
-        self._places = np.array(places_of(policy, self._vector.names))
+        self._places = np.array(match_observations(policy, self._vector.names))
         settings = policy.action
         self._actions = action_kind(
             settings.kind, briefing, step_m=settings.step_m, speed_m_s=settings.speed_m_s, hold_s=settings.hold_s
@@ -49,7 +83,7 @@ class PolicyAgent(Agent):
     """An agent whose policy is a file."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.pilot = PolicyPilot(briefing, self.policy_of(briefing))
+        self.pilot = PolicyRunner(briefing, self.policy_of(briefing))
 
     @abstractmethod
     def policy_of(self, briefing: Briefing) -> Policy:
@@ -60,7 +94,7 @@ class PolicyAgent(Agent):
         return self.pilot.decide(observation)
 
 
-def policy_beside(briefing: Briefing, program: str) -> Policy:
+def load_policy_beside(briefing: Briefing, program: str) -> Policy:
     """Return the policy of the file beside a bundled agent's program.
 
     Args:
@@ -71,7 +105,7 @@ def policy_beside(briefing: Briefing, program: str) -> Policy:
         MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
         PolicyError: the file cannot be read.
     """
-    settings_of(briefing, program)
+    load_settings(briefing, program)
     return load_policy(Path(program).with_name(POLICY_FILE))
 
 
@@ -84,7 +118,7 @@ def bundled_policies(agents: Path) -> dict[str, Path]:
     return {path.parent.name: path for path in sorted(agents.glob(f"*/{POLICY_FILE}"))}
 
 
-def named_policy(name: str, agents: Path) -> Policy:
+def find_policy(name: str, agents: Path) -> Policy:
     """Return a policy by the name of a bundled agent, or by its file.
 
     Args:

@@ -1,4 +1,4 @@
-"""Policies as files: arrays and a card in one `.npz`, written at once and read without running anything of it."""
+"""Policy files: arrays and a card in one `.npz`, written at once and read without running anything of it."""
 
 import io
 import json
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.errors import UsageError
-from gslcosim.foreign_json import ForeignFileError, JsonObject, parse_json
-from gslcosim.safe_files import replace_file
-from gslcosim.search.learned.policies.action_values import ValueTable
+from gslcosim.base.errors import UsageError
+from gslcosim.base.files import replace_file
+from gslcosim.base.foreign_json import ForeignFileError, JsonObject, parse_json
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
-from gslcosim.search.learned.policies.gated import GruPolicy
+from gslcosim.search.learned.policies.gru import GruPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings, Policy, PolicyError
+from gslcosim.search.learned.policies.value_table import ValueTable
 
 SCHEMA = "gslcosim/policy/1"
 CARD = "card"
@@ -93,7 +93,7 @@ def load_policy(path: str | Path) -> Policy:
         raise PolicyError(f"{error}\nFile: {path}") from error
 
 
-def card_of_policy(path: str | Path) -> dict[str, Any]:
+def read_policy_card(path: str | Path) -> dict[str, Any]:
     """Return the card of a policy's `.npz` file.
 
     Raises:
@@ -105,7 +105,7 @@ def card_of_policy(path: str | Path) -> dict[str, Any]:
         raise PolicyError(f"{error}\nFile: {path}") from error
 
 
-def observation_names_of(card: Mapping[str, Any]) -> tuple[str, ...]:
+def read_observation_names(card: Mapping[str, Any]) -> tuple[str, ...]:
     """Return which observations a card names.
 
     Raises:
@@ -149,5 +149,5 @@ def _policy_of(card: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> P
     settings = card.get("settings", {})
     if not isinstance(settings, dict):
         raise PolicyError(f"{CARD}.settings: expected a map, was {settings!r}.")
-    names, action = observation_names_of(card), ActionSettings.of(card.get("action"))
+    names, action = read_observation_names(card), ActionSettings.of(card.get("action"))
     return KINDS[kind].of_arrays(names, action, arrays, settings)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.benchmark import metrics
-from gslcosim.benchmark.metrics.beliefs import BeliefFigures
-from gslcosim.benchmark.metrics.declarations import DeclarationFigures
-from gslcosim.benchmark.store.columns import TRACK_COLUMNS, TRIAL_COLUMNS
+from gslcosim.bench import metrics
+from gslcosim.bench.metrics.beliefs import BeliefFigures
+from gslcosim.bench.metrics.declarations import DeclarationFigures
+from gslcosim.bench.store.columns import TRACK_COLUMNS, TRIAL_COLUMNS
 
 PAGE = (Path(__file__).parents[4] / "docs" / "benchmark" / "metrics.md").read_text()
 MODULES = [
@@ -22,7 +22,7 @@ MODULES = [
 
 @pytest.mark.parametrize("name", MODULES)
 def test_every_figure_is_on_the_page(name):
-    module = importlib.import_module(f"gslcosim.benchmark.metrics.{name}")
+    module = importlib.import_module(f"gslcosim.bench.metrics.{name}")
     assert f"`{module.__name__}`" in PAGE
     own = [f.__name__ for _, f in inspect.getmembers(module, inspect.isfunction) if f.__module__ == module.__name__]
     assert [f for f in own if not f.startswith("_") and f"`{f}`" not in PAGE] == []

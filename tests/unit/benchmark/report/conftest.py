@@ -7,7 +7,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import synthetic
 
-from gslcosim.benchmark.report.writing import write_report
+from gslcosim.bench.report.writer import write_report
 
 
 @pytest.fixture(scope="session")

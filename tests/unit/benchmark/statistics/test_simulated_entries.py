@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gslcosim.benchmark.statistics.aggregates import bootstrap_of_cells, interquartile_mean, stratified_bootstrap
-from gslcosim.benchmark.statistics.lift import lift
-from gslcosim.benchmark.statistics.pairs import holm, mcnemar, paired_difference, sign_flips, wilcoxon_signed_rank
-from gslcosim.benchmark.statistics.power import n_for_power, n_pairs_for_power
-from gslcosim.benchmark.statistics.ranking import pairs_matrix, ranks
-from gslcosim.benchmark.statistics.rates import clopper_pearson, wilson
-from gslcosim.benchmark.statistics.roc import roc
-from gslcosim.benchmark.statistics.times import (
+from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, stratified_bootstrap
+from gslcosim.bench.statistics.lift import lift
+from gslcosim.bench.statistics.pairs import holm, mcnemar, paired_difference, sign_flips, wilcoxon_signed_rank
+from gslcosim.bench.statistics.ranking import pairs_matrix, ranks
+from gslcosim.bench.statistics.rates import clopper_pearson, wilson
+from gslcosim.bench.statistics.roc import roc
+from gslcosim.bench.statistics.sample_size import n_for_power, n_pairs_for_power
+from gslcosim.bench.statistics.times import (
     cumulative_success,
     expected_running_time,
     median_time,
@@ -154,7 +154,7 @@ def test_rates_of_cells_cover_their_mean():
     rng = np.random.default_rng(8)
     p = rng.beta(1.0, 2.0, 54)
     cells = np.repeat(np.arange(54), 5)
-    estimates = [bootstrap_of_cells(rng.random(270) < p[cells], cells, n_draws=200) for _ in range(150)]
+    estimates = [bootstrap_cells(rng.random(270) < p[cells], cells, n_draws=200) for _ in range(150)]
     assert within_error(coverage(estimates, p.mean()), 0.95, 150, more=0.005)
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gslcosim.benchmark.suite import Plan, load_suite, plan_of
-from gslcosim.benchmark.suite.loading import LoadedSuite, bundled_suites
-from gslcosim.benchmark.suite.models import EntrySpec, ScenarioSpec, Suite
+from gslcosim.bench.cases import Plan, build_plan, load_suite
+from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
+from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites
 from gslcosim.methods.card import MethodCard, card_beside
 from gslcosim.scenario.bundled import bundled_agents
 
@@ -35,7 +35,7 @@ def readme_of(name: str) -> str:
 
 @cache
 def planned_whole(name: str) -> Plan:
-    return plan_of(loaded(name))
+    return build_plan(loaded(name))
 
 
 # Planning all repetitions of large suites takes long; each has the same cases and entries.
@@ -45,7 +45,7 @@ def planned_once(name: str) -> Plan:
     anchors_and_first = suite.model_copy(
         update={"repetitions": 1, "entries": suite.entries_with_anchors[:2], "anchors": ()}
     )
-    return plan_of(dataclasses.replace(loaded(name), suite=anchors_and_first))
+    return build_plan(dataclasses.replace(loaded(name), suite=anchors_and_first))
 
 
 @cache
@@ -252,7 +252,7 @@ def test_examples_are_valid(piece: str, tmp_path: Path) -> None:
 
 def test_the_example_plans_with_as_many_trials_as_the_page_says(tmp_path: Path) -> None:
     (tmp_path / "suite.yaml").write_text(yaml_of(PAGE.read_text())[0])
-    plan = plan_of(load_suite(tmp_path / "suite.yaml"))
+    plan = build_plan(load_suite(tmp_path / "suite.yaml"))
     (said,) = re.findall(r"four entries: (\d+) trials", PAGE.read_text())
     assert len(plan.trials) == int(said)
     check_pairs(plan)

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.runtime.digest import RunDigest, Trail
+from gslcosim.runtime.digest import HashChain, RunDigest
 
 
 @pytest.fixture
@@ -13,7 +13,7 @@ def save_digest(tmp_path):
     """Save the digest of a run whose messages at each tick are the given bytes."""
 
     def save(name, payloads):
-        trail = Trail()
+        trail = HashChain()
         for tick, payload in enumerate(payloads):
             trail.append(tick, payload)
         (tmp_path / name).mkdir()

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from gslcosim.cli.commands.runs import age_text
+from gslcosim.cli.commands.runs import format_age
 from gslcosim.cli.main import main
 
 RESULT = {
@@ -90,7 +90,7 @@ def test_a_run_that_goes_on_is_shown_so_and_never_removed(runs, capsys, monkeypa
     """Its window is one of ours, behind which this test stands."""
     windows = runs / "w"
     windows.mkdir()
-    monkeypatch.setattr("gslcosim.runtime.watching.running_flights.windows_folder", lambda: windows)
+    monkeypatch.setattr("gslcosim.runtime.status.get_status_folder", lambda: windows)
     facts = {
         "run_id": "killed", "run_dir": str((runs / "killed").resolve()), "began_at": "", "state": "flying", "text": "",
         "processes": "one", "wall_s": 1.0, "time_limit_s": 60.0, "sim_time_s": 7.5, "real_time_factor": 50.0,
@@ -143,7 +143,7 @@ def test_removing_without_a_condition_and_folders_that_are_none_are_refused(runs
     ("age_h", "text"), [(0.005, "18 s"), (0.5, "30 min"), (5.0, "5 h"), (47.0, "47 h"), (72.0, "3 d")]
 )
 def test_ages_are_told_in_the_unit_that_people_use(age_h, text):
-    assert age_text(age_h) == text
+    assert format_age(age_h) == text
 
 
 DAMAGED = {

@@ -3,21 +3,21 @@
 import json
 
 from gslcosim.cli.main import main
-from gslcosim.contract.publish.export import contract_files
-from gslcosim.contract.schema import contract_hash
+from gslcosim.contract.publish.export import build_contract_files
+from gslcosim.contract.schema import get_contract_hash
 
 
 def test_export_writes_all_files(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path / "new" / "contract")]) == 0
-    assert contract_hash() in capsys.readouterr().out
+    assert get_contract_hash() in capsys.readouterr().out
     written = {path.relative_to(tmp_path / "new" / "contract").as_posix() for path in tmp_path.rglob("*.*")}
-    assert written == set(contract_files())
+    assert written == set(build_contract_files())
 
 
 def test_json_lists_what_was_written(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["hash"] == contract_hash()
+    assert told["hash"] == get_contract_hash()
     assert all((tmp_path / name).is_file() for name in told["files"])
 
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
+from gslcosim.base.errors import SimulationFault
 from gslcosim.cli.main import main
-from gslcosim.errors import SimulationFault
-from gslcosim.runtime.status import FlightResult, FlightStatus
+from gslcosim.runtime.status import RunResult, RunStatus
 
 RESULT = {
     "run_id": "tiny_room-seed1-now",
@@ -38,12 +38,12 @@ def flight(monkeypatch, tmp_path):
     def fly(loaded, *, report, **arguments):
         told.update(arguments, loaded=loaded)
         for state, fraction, sim_time_s in (("preparing", 0.5, 0.0), ("flying", None, 3.0), ("flying", None, 12.0)):
-            report(FlightStatus(state=state, fraction=fraction, sim_time_s=sim_time_s, real_time_factor=200.4))
+            report(RunStatus(state=state, fraction=fraction, sim_time_s=sim_time_s, real_time_factor=200.4))
         if told.get("error"):
             raise told["error"]
-        return FlightResult(exit_code=told["exit_code"], run_dir=run_dir, result=told["result"])
+        return RunResult(exit_code=told["exit_code"], run_dir=run_dir, result=told["result"])
 
-    monkeypatch.setattr("gslcosim.runtime.flight.fly", fly)
+    monkeypatch.setattr("gslcosim.runtime.run.run_scenario", fly)
     return told
 
 

@@ -7,10 +7,10 @@ import msgspec
 import pytest
 
 from gslcosim.contract import codec
-from gslcosim.contract.description import description_of
 from gslcosim.contract.messages import Record
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.contract.schema import published_types
+from gslcosim.contract.record import get_pydantic_model
+from gslcosim.contract.schema import list_published_types
 
 
 def records_in(value: object) -> list[Record]:
@@ -24,7 +24,7 @@ def records_in(value: object) -> list[Record]:
 def optional_fields(record_type: type[Record]) -> set[str]:
     return {
         name
-        for name, field in description_of(record_type).model_fields.items()
+        for name, field in get_pydantic_model(record_type).model_fields.items()
         if not field.is_required() or _accepts_none(field.annotation)
     }
 
@@ -41,13 +41,13 @@ def test_an_example_comes_back_from_its_bytes(name):
 
 
 def test_every_message_type_has_an_example():
-    assert {type(message) for message in EXAMPLES.values()} == set(published_types())
+    assert {type(message) for message in EXAMPLES.values()} == set(list_published_types())
 
 
 def test_every_optional_field_appears_with_a_value_in_some_example():
     records = records_in(tuple(EXAMPLES.values()))
     for record_type in {type(record) for record in records}:
         for name in optional_fields(record_type):
-            default = description_of(record_type).model_fields[name].default
+            default = get_pydantic_model(record_type).model_fields[name].default
             values = [getattr(record, name) for record in records if type(record) is record_type]
             assert any(value is not None and value != default for value in values), f"{record_type.__name__}.{name}"

@@ -2,9 +2,8 @@
 
 import numpy as np
 
+from gslcosim.environment.boxes import boxes_from_solid, voxelize
 from gslcosim.environment.grid import Grid
-from gslcosim.environment.voxel_boxes import boxes_from_solid
-from gslcosim.environment.voxels import voxelize
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.2, shape=(9, 7, 5))
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gslcosim.environment.geometry.air_kernels import flood_untouched, share_touched
-from gslcosim.environment.geometry.surface_kernels import BORDER, CROSSED, TOUCHED
+from gslcosim.environment.geometry.triangle_kernels import BORDER, CROSSED, TOUCHED
 
 SHAPE = (7, 5, 4)
 

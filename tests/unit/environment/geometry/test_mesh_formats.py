@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.geometry.mesh_formats import load_parts
-from gslcosim.errors import EnvironmentDataError
 
 BOUNDS = [(0, 0, 0), (4, 3, 2)]
 

@@ -4,8 +4,8 @@ import numpy as np
 import trimesh
 
 from gslcosim.environment.geometry.mesh_formats import Part
-from gslcosim.environment.geometry.surface_kernels import join_inplace
-from gslcosim.environment.geometry.surfaces import surfaces_of
+from gslcosim.environment.geometry.surfaces import build_surfaces
+from gslcosim.environment.geometry.triangle_kernels import join_inplace
 
 NO_OPENINGS = np.empty((0, 3, 3))
 
@@ -23,7 +23,7 @@ def box(low, high):
 
 def test_boxes_that_touch_are_bodies_of_their_own():
     touching = part(box((0, 0, 0), (1, 1, 1)), box((1, 0, 0.5), (2, 1, 1)), box((5, 0, 0), (6, 1, 1)))
-    surfaces = surfaces_of([touching], NO_OPENINGS)
+    surfaces = build_surfaces([touching], NO_OPENINGS)
     assert np.bincount(surfaces.body).tolist()[:3] == [12, 12, 12]
     assert surfaces.closed[:3].all()
 
@@ -31,7 +31,7 @@ def test_boxes_that_touch_are_bodies_of_their_own():
 def test_a_box_without_a_side_is_not_closed():
     mesh = box((0, 0, 0), (1, 1, 1))
     mesh.update_faces(np.arange(12) > 1)
-    surfaces = surfaces_of([part(mesh)], NO_OPENINGS)
+    surfaces = build_surfaces([part(mesh)], NO_OPENINGS)
     assert not surfaces.closed[surfaces.body].any()
 
 
@@ -40,7 +40,7 @@ def test_doubles_and_triangles_without_area_are_left_out():
     line = np.array([(0, 0, 0), (0.5, 0, 0), (1, 0, 0)])
     faces = np.vstack((whole.faces, whole.faces[:5][:, ::-1], [36, 37, 38]))
     doubled = Part(name="part", names=frozenset(), vertices_m=np.vstack((whole.vertices_m, line)), faces=faces)
-    surfaces = surfaces_of([doubled], NO_OPENINGS)
+    surfaces = build_surfaces([doubled], NO_OPENINGS)
     assert (surfaces.corners_m == whole.vertices_m[whole.faces]).all()
     assert surfaces.closed[surfaces.body].all()
 
@@ -49,13 +49,13 @@ def test_places_far_apart_are_told_apart_too():
     """Kilometres in steps of a hundredth of a millimetre along three axes are more than one number holds."""
     far = part(box((0, 0, 0), (1, 1, 1)), box((9000, 9000, 9000), (9001, 9001, 9001)))
     doubled = Part(name="part", names=frozenset(), vertices_m=far.vertices_m, faces=np.vstack((far.faces, far.faces)))
-    surfaces = surfaces_of([doubled], NO_OPENINGS)
+    surfaces = build_surfaces([doubled], NO_OPENINGS)
     assert np.bincount(surfaces.body).tolist() == [12, 12]
     assert surfaces.closed[surfaces.body].all()
 
 
 def test_openings_are_no_part():
-    surfaces = surfaces_of([part(box((0, 0, 0), (1, 1, 1)))], np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], float))
+    surfaces = build_surfaces([part(box((0, 0, 0), (1, 1, 1)))], np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], float))
     assert surfaces.is_opening(np.arange(13)).tolist() == [False] * 12 + [True]
 
 

@@ -3,14 +3,13 @@
 import pytest
 from pydantic import TypeAdapter
 
-from gslcosim.environment.layouts.furnishing import furniture_of, opening_specs
-from gslcosim.environment.layouts.kinds import plan_room, problems_of_layout
-from gslcosim.environment.occupancy import problems_of_occupancy
+from gslcosim.environment.layouts.layouts import build_furniture, find_layout_problems, opening_specs, plan_layout
+from gslcosim.environment.occupancy import find_occupancy_problems
+from gslcosim.scenario.model_schema import list_kinds, slot_at
 from gslcosim.scenario.models.layouts import HomeSpec, Layout, OfficeSpec, OpeningSpec, WindTunnelSpec
 from gslcosim.scenario.models.scenario import BoxSpec, WindSpec
-from gslcosim.scenario.schema_walk import kinds_of, slot_at
 
-KINDS = kinds_of(slot_at(("environment", "layout")).annotation)
+KINDS = list_kinds(slot_at(("environment", "layout")).annotation)
 BY_LOT = ("warehouse_simple", "warehouse_complex", "office", "home", "cluttered_rooms", "plant")
 COARSE = WindSpec(cell_m=0.25)
 
@@ -23,7 +22,7 @@ def layout_of(kind, **values):
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_stands_in_a_room_is_in_it_and_has_a_name_of_its_own(kind, seed):
     layout = layout_of(kind, seed=seed)
-    boxes = furniture_of(layout)
+    boxes = build_furniture(layout)
     for box in boxes:
         for axis in range(3):
             assert -1e-9 <= box.min_m[axis] < box.max_m[axis] <= layout.size_m[axis] + 1e-9
@@ -35,29 +34,31 @@ def test_what_stands_in_a_room_is_in_it_and_has_a_name_of_its_own(kind, seed):
 def test_the_air_finds_its_way_from_inlet_to_outlet(kind, seed):
     wind = WindSpec(cell_m=0.2)
     layout = layout_of(kind, seed=seed)
-    assert problems_of_layout(layout, wind) == []
-    assert problems_of_occupancy(plan_room(layout, wind)) == []
+    assert find_layout_problems(layout, wind) == []
+    assert find_occupancy_problems(plan_layout(layout, wind)) == []
 
 
 @pytest.mark.parametrize("kind", BY_LOT)
 def test_the_seed_decides_all_that_is_drawn_by_lot(kind):
-    first, again, other = (furniture_of(layout_of(kind, seed=seed)) for seed in (1, 1, 2))
+    first, again, other = (build_furniture(layout_of(kind, seed=seed)) for seed in (1, 1, 2))
     assert first == again
     assert first != other
 
 
 @pytest.mark.parametrize("kind", ["warehouse_simple", "warehouse_complex"])
 def test_a_warehouse_too_small_for_racks_has_none(kind):
-    assert [box for box in furniture_of(layout_of(kind, size_m=(4.0, 4.0, 2.0))) if box.name.startswith("rack")] == []
+    assert [
+        box for box in build_furniture(layout_of(kind, size_m=(4.0, 4.0, 2.0))) if box.name.startswith("rack")
+    ] == []
 
 
 def test_an_l_shaped_office_lets_the_air_out_at_the_corridors_end():
     layout = OfficeSpec(outline="l_shape")
     outlet = opening_specs(layout)[1]
     assert (outlet.min_m[1] + outlet.max_m[1]) / 2 == pytest.approx(6.0)
-    outside = next(box for box in furniture_of(layout) if box.name == "outside")
+    outside = next(box for box in build_furniture(layout) if box.name == "outside")
     assert outside.max_m == (16.0, 12.0, 3.0)
-    assert problems_of_occupancy(plan_room(layout, WindSpec())) == []
+    assert find_occupancy_problems(plan_layout(layout, WindSpec())) == []
 
 
 @pytest.mark.parametrize("seed", range(1, 8))
@@ -65,11 +66,11 @@ def test_every_room_of_a_flat_can_be_reached(seed):
     """No air is walled in: sealed air would become solid, and more than the walls would be."""
     layout = HomeSpec(seed=seed, n_rooms=6, has_furniture=False)
     wind = WindSpec(cell_m=0.2)
-    from gslcosim.environment.occupancy import occupancy_of
-    from gslcosim.environment.voxels import voxelize
+    from gslcosim.environment.boxes import voxelize
+    from gslcosim.environment.occupancy import build_occupancy
 
-    plan = plan_room(layout, wind)
-    assert int((occupancy_of(plan) == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())
+    plan = plan_layout(layout, wind)
+    assert int((build_occupancy(plan) == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())
 
 
 def test_openings_have_the_size_that_was_asked_for_or_that_of_the_face():
@@ -81,14 +82,14 @@ def test_openings_have_the_size_that_was_asked_for_or_that_of_the_face():
 
 
 def test_white_yellow_walls_are_whole_and_yellow_above_three_metres():
-    plan = plan_room(layout_of("warehouse_empty", walls="white_yellow"), COARSE)
+    plan = plan_layout(layout_of("warehouse_empty", walls="white_yellow"), COARSE)
     upper = [box for box in plan.boxes if box.name.endswith("_upper")]
     assert len(upper) == 4
     assert all(box.min_m[2] == 3.0 and box.max_m[2] == 8.0 for box in upper)
 
 
 def test_an_obstacle_may_not_have_the_name_of_a_rack():
-    taken = furniture_of(layout_of("warehouse_simple"))[0].name
+    taken = build_furniture(layout_of("warehouse_simple"))[0].name
     box = BoxSpec(name=taken, min_m=(7.0, 1.0, 0.0), max_m=(8.0, 2.0, 1.0))
-    (problem,) = problems_of_layout(layout_of("warehouse_simple", obstacles=(box,)), WindSpec())
+    (problem,) = find_layout_problems(layout_of("warehouse_simple", obstacles=(box,)), WindSpec())
     assert (problem.path, problem.found) == ("environment.layout.obstacles[0].name", taken)

@@ -6,7 +6,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gslcosim.environment.layouts.pieces import Area, circle, free_places, strips, turned, wall_with_gaps
+from gslcosim.environment.layouts.pieces import (
+    Area,
+    circle_corners,
+    free_places,
+    rotated_corners,
+    split_into_strips,
+    wall_with_gaps,
+)
 
 
 def area_of(boxes):
@@ -15,14 +22,16 @@ def area_of(boxes):
 
 @pytest.mark.parametrize("angle_rad", [0.0, 0.3, math.pi / 4, 1.2, math.pi / 2])
 def test_strips_of_a_turned_rectangle_have_its_area_and_leave_no_gap(angle_rad):
-    boxes = strips("pile", turned((3.0, 2.0), (2.4, 1.2), angle_rad), 0.0, 1.0, (1.0, 1.0, 1.0, 1.0))
+    boxes = split_into_strips(
+        "pile", rotated_corners((3.0, 2.0), (2.4, 1.2), angle_rad), 0.0, 1.0, (1.0, 1.0, 1.0, 1.0)
+    )
     assert area_of(boxes) == pytest.approx(2.4 * 1.2, rel=0.03)
     assert all(a.max_m[0] == pytest.approx(b.min_m[0]) for a, b in pairwise(boxes))
     assert len({box.name for box in boxes}) == len(boxes)
 
 
 def test_strips_of_a_circle_have_its_area():
-    boxes = strips("tank", circle((0.0, 0.0), 2.0), 0.0, 3.0, (1.0, 1.0, 1.0, 1.0))
+    boxes = split_into_strips("tank", circle_corners((0.0, 0.0), 2.0), 0.0, 3.0, (1.0, 1.0, 1.0, 1.0))
     assert area_of(boxes) == pytest.approx(math.pi * 4.0, rel=0.02)
 
 

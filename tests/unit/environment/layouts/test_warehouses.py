@@ -5,9 +5,9 @@ from itertools import combinations
 
 import pytest
 
-from gslcosim.environment.layouts.furnishing import opening_specs
-from gslcosim.environment.layouts.pieces import bounds_of
-from gslcosim.environment.layouts.warehouses import LOADS, N_TYPES, items_of, rack_areas, rack_types, racks_of
+from gslcosim.environment.layouts.layouts import opening_specs
+from gslcosim.environment.layouts.pieces import bounding_area
+from gslcosim.environment.layouts.warehouses import LOADS, N_TYPES, build_items, build_racks, rack_areas, rack_types
 from gslcosim.scenario.models.layouts import ComplexWarehouseSpec, SimpleWarehouseSpec
 
 
@@ -59,7 +59,7 @@ def test_all_nine_types_occur():
 
 def test_racks_stand_on_each_other_up_to_the_ceiling():
     layout = SimpleWarehouseSpec()
-    boxes = racks_of(layout, opening_specs(layout))
+    boxes = build_racks(layout, opening_specs(layout))
     assert max(box.max_m[2] for box in boxes) == 6.0
     assert sum(box.name.endswith("_post_0") for box in boxes) == 16
 
@@ -67,11 +67,11 @@ def test_racks_stand_on_each_other_up_to_the_ceiling():
 def test_items_keep_apart_and_leave_the_openings_clear():
     layout = ComplexWarehouseSpec(seed=3)
     openings = opening_specs(layout)
-    boxes = items_of(layout, openings)
+    boxes = build_items(layout, openings)
     kinds = {"_".join(box.name.split("_")[:2]) for box in boxes}
     assert kinds == {"forklift_0", *(f"pile_{i}" for i in range(5)), *(f"pallet_{i}" for i in range(3))}
     bounds = {
-        kind: bounds_of([c[:2] for box in boxes if box.name.startswith(f"{kind}_") for c in (box.min_m, box.max_m)])
+        kind: bounding_area([c[:2] for box in boxes if box.name.startswith(f"{kind}_") for c in (box.min_m, box.max_m)])
         for kind in kinds
     }
     for a, b in combinations(bounds.values(), 2):

@@ -6,9 +6,9 @@ from math import hypot
 import numpy as np
 import pytest
 
-from gslcosim.environment.layouts.building import build_room
+from gslcosim.environment.layouts.builder import build_layout
 from gslcosim.environment.paths.shortest import clearance_field_m, shortest_level_path_m, shortest_path, shortest_path_m
-from gslcosim.environment.sight_kernels import is_line_of_sight_free
+from gslcosim.environment.ray_kernels import is_line_of_sight_free
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 START_M, GOAL_M = (12.0, 5.0, 2.0), (3.0, 5.0, 2.0)
@@ -16,7 +16,7 @@ START_M, GOAL_M = (12.0, 5.0, 2.0), (3.0, 5.0, 2.0)
 
 def room(*obstacles, size_m=(15.0, 12.0, 4.0), cell_m=0.2):
     specs = tuple(BoxSpec(name=f"box_{i}", min_m=low, max_m=high) for i, (low, high) in enumerate(obstacles))
-    return build_room(LayoutSpec(size_m=size_m, obstacles=specs), WindSpec(solver="uniform", cell_m=cell_m))
+    return build_layout(LayoutSpec(size_m=size_m, obstacles=specs), WindSpec(solver="uniform", cell_m=cell_m))
 
 
 # A wall from floor to ceiling with a passage at y > 9 m.

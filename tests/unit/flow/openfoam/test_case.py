@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, MovingWall, Open, Outlet, Schedule, SlipWall
 from gslcosim.flow.openfoam import write_case
 

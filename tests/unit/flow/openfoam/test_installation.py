@@ -5,7 +5,7 @@ The tools are stand-ins: shell scripts of the same name.
 
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow.openfoam import find_installation
 
 

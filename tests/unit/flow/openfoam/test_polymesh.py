@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, MovingWall, Outlet, SlipWall
-from gslcosim.flow.openfoam.polymesh import WALLS, polymesh_of
-from gslcosim.flow.walls.domain import build_domain
+from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.openfoam.polymesh import WALLS, build_polymesh
 
 CELL_M = 0.5
 SHAPE = (6, 5, 4)  # three different side lengths
@@ -14,7 +14,7 @@ OUTLET = Outlet(min_m=(3, 1.5, 0.5), max_m=(3, 2.5, 2))
 
 
 def mesh_of(free, *patches):
-    return polymesh_of(build_domain(free, CELL_M, [INLET, OUTLET, *patches]))
+    return build_polymesh(build_domain(free, CELL_M, [INLET, OUTLET, *patches]))
 
 
 @pytest.fixture

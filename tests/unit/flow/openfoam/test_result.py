@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet
 from gslcosim.flow.openfoam import read_wind, write_case
-from gslcosim.flow.openfoam.dictionary import write_labels
+from gslcosim.flow.openfoam.case import write_labels
 
 SHAPE = (4, 3, 2)
 PATCHES = (

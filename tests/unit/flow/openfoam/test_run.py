@@ -8,7 +8,7 @@ import os
 import numpy as np
 import pytest
 
-from gslcosim.errors import FlowError
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet
 from gslcosim.flow.openfoam import Installation, run_case, write_case
 

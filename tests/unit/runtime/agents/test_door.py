@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.runtime.agents.door import GONE, MAX_COMMAND_BYTES, MAX_EARLY, MAX_FAULTS, Door
+from gslcosim.runtime.agents.validator import (
+    AGENT_LOST_REASON,
+    MAX_COMMAND_BYTES,
+    MAX_EARLY_ANSWERS,
+    MAX_FAULTS,
+    CommandValidator,
+)
 
 
 def observation(tick, *, awaiting=True):
@@ -30,7 +36,7 @@ def waypoint(tick):
 
 def test_a_valid_answer_passes_unchanged():
     """The command that was asked for goes through, without a fault."""
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     assert door.observed(observation(5)) == []
     assert door.received(codec.encode(waypoint(5))) == [waypoint(5)]
     assert door.faults == []
@@ -39,7 +45,7 @@ def test_a_valid_answer_passes_unchanged():
 
 def test_an_answer_that_overtakes_its_observation_is_kept():
     """Two links have no order between them: the early answer passes when its observation arrives."""
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     assert door.received(codec.encode(waypoint(5))) == []
     assert door.observed(observation(4, awaiting=False)) == []
     assert door.observed(observation(5)) == [waypoint(5)]
@@ -68,7 +74,7 @@ BAD_ANSWERS = {
 def test_a_bad_answer_becomes_a_hold_and_a_fault(name):
     """The vehicle holds, the run goes on, and the fault says what was expected."""
     payload, expected = BAD_ANSWERS[name]
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(observation(5))
     (command,) = door.received(payload)
     assert (command.tick, command.kind) == (5, "hold")
@@ -78,7 +84,7 @@ def test_a_bad_answer_becomes_a_hold_and_a_fault(name):
 
 def test_a_repeated_answer_is_ignored_without_a_fault():
     """After a lost message an agent repeats itself; that is not wrong."""
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(observation(5))
     door.received(codec.encode(waypoint(5)))
     assert door.received(codec.encode(waypoint(5))) == []
@@ -90,30 +96,30 @@ def test_a_repeated_answer_is_ignored_without_a_fault():
 
 def test_a_flood_is_counted_not_kept():
     """Memory stays bounded however much an agent sends."""
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(observation(5, awaiting=False))
     for tick in range(1000):
         assert door.received(codec.encode(waypoint(100 + tick))) == []
-    assert door.n_faults == 1000 - MAX_EARLY
+    assert door.n_faults == 1000 - MAX_EARLY_ANSWERS
     assert len(door.faults) == MAX_FAULTS
 
 
 def test_an_agent_that_is_gone_fails_where_it_owes_an_answer():
     """`failed` passes at the pending tick, or at the next one, and nothing after it."""
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     assert door.lost("was killed") == []
     (command,) = door.observed(observation(5))
-    assert (command.tick, command.kind, command.reason) == (5, "failed", GONE)
+    assert (command.tick, command.kind, command.reason) == (5, "failed", AGENT_LOST_REASON)
     assert door.observed(observation(6)) == []
     assert door.received(codec.encode(waypoint(6))) == []
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(observation(3))
     assert door.lost("was killed")[0].tick == 3
 
 
 def test_in_latency_mode_several_answers_may_be_open():
     """Later observations come before earlier answers; each answer finds its own."""
-    door = Door("beetle", may_overlap=True)
+    door = CommandValidator("beetle", may_overlap=True)
     for tick in range(3):
         door.observed(observation(tick))
     assert door.received(codec.encode(waypoint(1))) == [waypoint(1)]
@@ -127,7 +133,7 @@ def test_in_latency_mode_several_answers_may_be_open():
 @given(st.lists(st.one_of(st.binary(max_size=40), st.integers(0, 12)), max_size=30))
 def test_one_command_for_each_question(events):
     """For any mixture of garbage, repeated, early and right answers, no tick is answered twice, none unasked."""
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     passed = []
     tick = 0
     for event in events:
@@ -145,7 +151,7 @@ def test_one_command_for_each_question(events):
 def test_an_unreadable_answer_that_overtakes_its_observation_is_one_too(name):
     """The question is answered with a hold; waiting for a second answer would be waiting for ever."""
     payload, expected = BAD_ANSWERS[name]
-    door = Door("beetle")
+    door = CommandValidator("beetle")
     door.observed(observation(1, awaiting=False))
     assert door.received(payload) == []
     assert door.observed(observation(2, awaiting=False)) == []

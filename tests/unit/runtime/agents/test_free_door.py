@@ -2,10 +2,10 @@
 
 import pytest
 
+from gslcosim.base.errors import RunFolderError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Declaration, Observation, RadioMessage
-from gslcosim.errors import RunFolderError
-from gslcosim.runtime.agents.free_door import FreeDoor
+from gslcosim.runtime.agents.validator import FreeRunningValidator
 
 
 def observation(tick, *, awaiting=False):
@@ -33,7 +33,7 @@ def said(door, *commands):
 
 
 def test_one_command_passes_at_each_tick_whether_or_not_one_has_come():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     assert door.observed(observation(0)) == [noop(0)]
     said(door, waypoint(0, 2.0))
     assert door.observed(observation(1)) == [waypoint(1, 2.0)]
@@ -42,35 +42,35 @@ def test_one_command_passes_at_each_tick_whether_or_not_one_has_come():
 
 
 def test_a_question_is_not_waited_for():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     assert door.observed(observation(4, awaiting=True)) == [noop(4)]
     assert door.pending == ()
 
 
 @pytest.mark.parametrize("told_tick", [0, 3, 99])
 def test_a_command_gets_the_tick_at_which_it_passes(told_tick):
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     said(door, waypoint(told_tick, 2.0))
     assert door.observed(observation(7)) == [waypoint(7, 2.0)]
     assert not door.faults
 
 
 def test_the_last_of_several_passes_and_a_noop_replaces_none():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     said(door, waypoint(0, 1.0), waypoint(0, 2.0), noop(0))
     assert door.observed(observation(1)) == [waypoint(1, 2.0)]
     assert door.observed(observation(2)) == [noop(2)]
 
 
 def test_a_declaration_is_made_whatever_follows_it():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     said(door, declaration(0), waypoint(0, 1.0), waypoint(0, 2.0))
     assert door.observed(observation(1)) == [declaration(1)]
     assert door.observed(observation(2)) == [waypoint(2, 2.0)]
 
 
 def test_texts_of_a_replaced_command_are_sent():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     texts = [RadioMessage(channel="air", text=text) for text in ("first", "second")]
     said(door, waypoint(0, 1.0, outgoing=(texts[0],)), waypoint(0, 2.0, outgoing=(texts[1],)))
     (passed,) = door.observed(observation(1))
@@ -78,7 +78,7 @@ def test_texts_of_a_replaced_command_are_sent():
 
 
 def test_what_is_said_twice_byte_for_byte_counts_once():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     said(door, waypoint(3, 1.0))
     door.observed(observation(4))
     said(door, waypoint(3, 1.0))
@@ -94,7 +94,7 @@ def test_what_is_said_twice_byte_for_byte_counts_once():
     ],
 )
 def test_a_bad_command_becomes_a_hold_and_a_fault(payload, expected):
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     door.received(payload)
     (passed,) = door.observed(observation(3))
     assert (passed.kind, passed.tick) == ("hold", 3)
@@ -102,14 +102,14 @@ def test_a_bad_command_becomes_a_hold_and_a_fault(payload, expected):
 
 
 def test_an_agent_that_is_gone_fails_at_the_next_tick_and_nothing_follows():
-    door = FreeDoor("moth")
+    door = FreeRunningValidator("moth")
     assert door.lost("it left") == []
     assert [command.kind for command in door.observed(observation(3))] == ["failed"]
     assert door.observed(observation(4)) == []
 
 
 def test_the_past_passes_until_the_fork_and_then_what_comes():
-    door = FreeDoor("moth", past={0: noop(0), 1: waypoint(1, 5.0)}, until_tick=2)
+    door = FreeRunningValidator("moth", past={0: noop(0), 1: waypoint(1, 5.0)}, until_tick=2)
     assert door.observed(observation(0)) == [noop(0)]
     said(door, waypoint(0, 2.0))
     assert door.observed(observation(1)) == [waypoint(1, 5.0)]
@@ -119,6 +119,6 @@ def test_the_past_passes_until_the_fork_and_then_what_comes():
 
 
 def test_a_past_with_a_hole_is_told():
-    door = FreeDoor("moth", past={}, until_tick=2)
+    door = FreeRunningValidator("moth", past={}, until_tick=2)
     with pytest.raises(RunFolderError, match="expected a command of moth for tick 0"):
         door.observed(observation(0))

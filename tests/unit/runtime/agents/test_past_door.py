@@ -2,10 +2,10 @@
 
 import pytest
 
+from gslcosim.base.errors import RunFolderError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.errors import RunFolderError
-from gslcosim.runtime.agents.past_door import PastDoor
+from gslcosim.runtime.agents.validator import ReplayValidator
 
 
 def hold(tick, hold_s=0.0):
@@ -20,7 +20,7 @@ def observation(tick):
 
 
 def door(*past, until_tick=10, **others):
-    return PastDoor("moth", past={command.tick: command for command in past}, until_tick=until_tick, **others)
+    return ReplayValidator("moth", past={command.tick: command for command in past}, until_tick=until_tick, **others)
 
 
 def test_answers_count_from_the_fork_on():

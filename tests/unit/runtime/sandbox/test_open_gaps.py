@@ -2,10 +2,10 @@
 
 import pytest
 
-from gslcosim.cli.health import check_sandbox
-from gslcosim.runtime.sandbox import choosing, landlock, seccomp
-from gslcosim.runtime.sandbox.bubblewrap import why_not
-from gslcosim.runtime.sandbox.choosing import is_sandboxed, open_gaps, sandboxes_of
+from gslcosim.cli.doctor_checks import check_sandbox
+from gslcosim.runtime.processes.sandbox import landlock, seccomp, selection
+from gslcosim.runtime.processes.sandbox.bubblewrap import find_bubblewrap_failure
+from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes, is_sandboxed, open_gaps
 from gslcosim.scenario import load_scenario
 
 
@@ -18,12 +18,12 @@ def test_the_result_says_what_an_older_kernel_leaves_open(monkeypatch):
     """In words that still say that there was a sandbox."""
     scenario = load_scenario("tiny_room", overrides=["agents[0].sandbox=landlock"]).scenario
     monkeypatch.setattr(seccomp, "is_possible", lambda: True)
-    monkeypatch.setattr(landlock, "version", lambda: 5)
-    told = sandboxes_of(scenario, is_one_process=False)["beetle"]
+    monkeypatch.setattr(landlock, "read_version", lambda: 5)
+    told = describe_sandboxes(scenario, is_one_process=False)["beetle"]
     assert told.startswith("landlock 5 (open: other processes of the user can be signalled")
     assert is_sandboxed(told)
-    monkeypatch.setattr(landlock, "version", lambda: 6)
-    assert sandboxes_of(scenario, is_one_process=False)["beetle"] == "landlock 6"
+    monkeypatch.setattr(landlock, "read_version", lambda: 6)
+    assert describe_sandboxes(scenario, is_one_process=False)["beetle"] == "landlock 6"
 
 
 def test_bubblewrap_has_no_filter_on_rare_processors(monkeypatch):
@@ -33,10 +33,10 @@ def test_bubblewrap_has_no_filter_on_rare_processors(monkeypatch):
 
 
 def test_doctor_says_what_is_open(monkeypatch):
-    why_not.cache_clear()
-    monkeypatch.setattr(choosing, "why_not", lambda: "bubblewrap is not installed")
+    find_bubblewrap_failure.cache_clear()
+    monkeypatch.setattr(selection, "find_bubblewrap_failure", lambda: "bubblewrap is not installed")
     monkeypatch.setattr(seccomp, "is_possible", lambda: True)
-    monkeypatch.setattr(landlock, "version", lambda: 3)
+    monkeypatch.setattr(landlock, "read_version", lambda: 3)
     (found,) = check_sandbox()
     assert "landlock, as bubblewrap is not installed; open: with door: tcp any port can be reached" in found.text
     assert "sockets of other programs that have a path" in found.text

@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from gslcosim.errors import ScenarioError
-from gslcosim.fields.gas_setup import GasSetup, gas_field_of_block
-from gslcosim.generation.recipe_hash import recipe_hash
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.base.errors import ScenarioError
+from gslcosim.environment.generation.recipe_hash import recipe_hash
+from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.gas import GasSpec
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec
+from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block
 
 MODULE = """
 from typing import Literal
@@ -65,7 +65,7 @@ def test_a_block_without_a_builder_is_refused():
 
     scenario = load_scenario("tiny_room").scenario
     with pytest.raises(ScenarioError, match="expected a builder for Nobody, was none"):
-        gas_field_of_block(Nobody(sources=scenario.gas.sources), GasSetup(scenario=scenario, environment=None))
+        build_gas_field_from_block(Nobody(sources=scenario.gas.sources), GasSetup(scenario=scenario, environment=None))
 
 
 def test_settings_and_code_of_the_package_decide_its_environments(package):

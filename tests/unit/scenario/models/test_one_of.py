@@ -2,9 +2,9 @@
 
 import pytest
 
-from gslcosim.errors import ScenarioError
-from gslcosim.scenario.dumping import dump_resolved, plain_values
-from gslcosim.scenario.loading import load_scenario
+from gslcosim.base.errors import ScenarioError
+from gslcosim.scenario.loader import load_scenario
+from gslcosim.scenario.serialization import dump_resolved, plain_values
 
 
 @pytest.mark.parametrize(

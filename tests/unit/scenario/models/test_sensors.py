@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS, sensor_of
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS, make_sensor_spec
 
 EVERY_KEY = sorted({key for block in SENSOR_BLOCKS.values() for key in block.model_fields} - {"model", "name"})
 # Values that differ from all defaults.
@@ -18,7 +18,7 @@ VALUES = {
 @pytest.mark.parametrize("model", SENSORS)
 def test_the_settings_of_a_model_are_kept(model):
     settings = {key: VALUES.get(key, 7.0) for key in EVERY_KEY if key in SENSOR_BLOCKS[model].model_fields}
-    sensor = sensor_of(model=model, name="s", **settings)
+    sensor = make_sensor_spec(model=model, name="s", **settings)
     assert sensor.model_dump(exclude_unset=True) == {"model": model, "name": "s", **settings}
 
 
@@ -26,7 +26,7 @@ def test_the_settings_of_a_model_are_kept(model):
 def test_the_settings_of_other_models_are_refused(model):
     others = {key: VALUES.get(key, 7.0) for key in EVERY_KEY if key not in SENSOR_BLOCKS[model].model_fields}
     with pytest.raises(ValidationError) as refusal:
-        sensor_of(model=model, name="s", **others)
+        make_sensor_spec(model=model, name="s", **others)
     refused = {(error["type"], error["loc"]) for error in refusal.value.errors()}
     assert refused == {("extra_forbidden", (model, key)) for key in others}
 
@@ -43,7 +43,7 @@ def test_the_settings_of_other_models_are_refused(model):
 )
 def test_a_setting_without_a_meaning_is_refused_even_at_its_default(model, settings):
     with pytest.raises(ValidationError):
-        sensor_of(model=model, name="s", **settings)
+        make_sensor_spec(model=model, name="s", **settings)
 
 
 def test_each_setting_says_what_it_means():

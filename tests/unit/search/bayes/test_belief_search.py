@@ -9,7 +9,7 @@ from briefings import briefing, observation
 
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.puff_tracing import PuffModel, displacements_m, footprint
-from gslcosim.search.moving.declaring import Estimate
+from gslcosim.search.motion.declaration import Estimate
 
 SETTINGS = {
     "cell_m": 0.5, "max_cells": 5000, "wall_margin_m": 0.5, "clearance_m": 0.3, "step_m": 1.0, "planner": "moth",

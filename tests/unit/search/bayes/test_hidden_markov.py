@@ -9,6 +9,8 @@ import pytest
 from gslcosim.search.bayes.hidden_markov import (
     PlumePath,
     arrivals,
+    axis_chances,
+    hop_chances,
     hops_per,
     likeliest_path,
     marginals,
@@ -17,9 +19,7 @@ from gslcosim.search.bayes.hidden_markov import (
     plume_in_wind,
     shares,
 )
-from gslcosim.search.bayes.hidden_markov_kernels import axis_chances, hop_chances
-from gslcosim.search.bayes.puff_tracing import PuffModel, partial_sums_m
-from gslcosim.search.bayes.puff_tracing_kernels import trace_puffs
+from gslcosim.search.bayes.puff_tracing import PuffModel, partial_sums_m, trace_puffs
 from gslcosim.search.beliefs import normalised
 from gslcosim.search.grids import CellGrid
 

@@ -8,11 +8,12 @@ import pytest
 from gslcosim.contract.messages import Bounds
 from gslcosim.search.bayes.particle_filter import (
     ParticleCloud,
-    find,
+    log_miss_of_particles,
     puff_variances_m2,
+    systematic_indices,
+    update_particles,
     wind_spread_m_sqrt_s,
 )
-from gslcosim.search.bayes.particle_filter_kernels import log_miss_of_particles, systematic_indices
 from gslcosim.search.bayes.puff_tracing import partial_sums_m
 from gslcosim.search.beliefs import normalised
 from gslcosim.search.grids import CellGrid
@@ -69,14 +70,14 @@ def test_many_particles_are_the_map(n, bound):
     """Hits and misses from a uniform prior: total variation to the exact map falls with the number of particles."""
     grid, particles = CellGrid((0.0, 0.0), 0.5, (12, 8)), cloud(n)
     for sensor_m, is_hit in FINDINGS:
-        find(particles, sensor_m, TRAVELLED_M, VARIANCE_M2, is_hit=is_hit)
+        update_particles(particles, sensor_m, TRAVELLED_M, VARIANCE_M2, is_hit=is_hit)
     assert 0.5 * np.abs(particles.probability(grid) - exact_map(grid)).sum() < bound
 
 
 def test_resampling_between_findings_keeps_the_map():
     grid, particles = CellGrid((0.0, 0.0), 0.5, (12, 8)), cloud(100_000, seed=4)
     for sensor_m, is_hit in FINDINGS:
-        find(particles, sensor_m, TRAVELLED_M, VARIANCE_M2, is_hit=is_hit)
+        update_particles(particles, sensor_m, TRAVELLED_M, VARIANCE_M2, is_hit=is_hit)
         particles.resample(jitter_m=0.0)
     assert particles.n_effective() == pytest.approx(100_000)
     assert 0.5 * np.abs(particles.probability(grid) - exact_map(grid)).sum() < 0.04
@@ -85,7 +86,7 @@ def test_resampling_between_findings_keeps_the_map():
 def test_particles_are_born_upwind_of_the_first_detection():
     particles = cloud(4000, scattered=False)
     assert not particles.is_born
-    find(particles, (4.0, 2.0), TRAVELLED_M, VARIANCE_M2, is_hit=True)
+    update_particles(particles, (4.0, 2.0), TRAVELLED_M, VARIANCE_M2, is_hit=True)
     assert not particles.is_born
     one, variance = TRAVELLED_M[3:4], VARIANCE_M2[3:4]
     particles.bear((4.0, 2.0), one, variance)
@@ -180,7 +181,7 @@ def test_the_same_seed_gives_the_same_cloud():
     def run(seed):
         particles = cloud(200, seed, scattered=False)
         particles.bear((4.0, 2.0), TRAVELLED_M, VARIANCE_M2)
-        find(particles, (3.0, 2.0), TRAVELLED_M, VARIANCE_M2, is_hit=True)
+        update_particles(particles, (3.0, 2.0), TRAVELLED_M, VARIANCE_M2, is_hit=True)
         particles.resample()
         particles.resample_by_copies()
         return particles.places_m

@@ -11,9 +11,10 @@ from gslcosim.search.bayes.puff_tracing import (
     SourceMap,
     displacements_m,
     partial_sums_m,
+    trace_back,
+    trace_puffs,
     update,
 )
-from gslcosim.search.bayes.puff_tracing_kernels import trace_back, trace_puffs
 from gslcosim.search.beliefs import normalised, variance_m2
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.senses.instruments import Vane

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.bayes.source_goals import GoalFlights, best_goal, coarser, expected_information_bits, mass_around
+from gslcosim.search.bayes.belief_search import (
+    GoalNavigator,
+    choose_goal,
+    coarsen_belief,
+    expected_information_bits,
+    mass_around,
+)
 from gslcosim.search.beliefs import normalised
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.moving.map_flights import MapFlights
+from gslcosim.search.motion.map_navigation import MapNavigator
 
 GRID = CellGrid((1.0, -1.0), 0.5, (6, 4))
 ALL = np.ones(GRID.shape, bool)
@@ -57,38 +63,38 @@ def test_the_best_goal_is_the_worth_for_the_way():
     worth = np.full(GRID.shape, 0.1)
     worth[5, 3], worth[1, 0] = 1.0, 0.8
     here_m = GRID.centre_m((0, 0))
-    assert best_goal(worth, GRID, ALL, here_m, near_m=math.inf) == pytest.approx(GRID.centre_m((5, 3)))
-    assert best_goal(worth, GRID, ALL, here_m, near_m=1.0) == pytest.approx(GRID.centre_m((1, 0)))
-    assert best_goal(worth, GRID, ALL, here_m, near_m=1.0, least_m=1.0) == pytest.approx(GRID.centre_m((5, 3)))
+    assert choose_goal(worth, GRID, ALL, here_m, near_m=math.inf) == pytest.approx(GRID.centre_m((5, 3)))
+    assert choose_goal(worth, GRID, ALL, here_m, near_m=1.0) == pytest.approx(GRID.centre_m((1, 0)))
+    assert choose_goal(worth, GRID, ALL, here_m, near_m=1.0, least_m=1.0) == pytest.approx(GRID.centre_m((5, 3)))
 
 
 def test_only_allowed_cells_are_goals_and_near_ones_are_when_there_are_no_others():
     worth, allowed = np.zeros(GRID.shape), np.zeros(GRID.shape, bool)
     worth[5, 3], allowed[2, 2] = 1.0, True
     here_m = GRID.centre_m((2, 2))
-    assert best_goal(worth, GRID, allowed, here_m, near_m=1.0, least_m=0.4) == pytest.approx(here_m)
+    assert choose_goal(worth, GRID, allowed, here_m, near_m=1.0, least_m=0.4) == pytest.approx(here_m)
 
 
 def test_equal_goals_go_to_the_first():
     worth = np.ones(GRID.shape)
-    assert best_goal(worth, GRID, ALL, (0.0, 0.0), near_m=math.inf) == pytest.approx(GRID.centre_m((0, 0)))
+    assert choose_goal(worth, GRID, ALL, (0.0, 0.0), near_m=math.inf) == pytest.approx(GRID.centre_m((0, 0)))
 
 
 def test_coarser_cells_hold_the_mass_of_their_block():
     p = normalised(RNG.uniform(size=(7, 5)))
-    summed, grid = coarser(p, CellGrid((0.0, 0.0), 0.2, (7, 5)), least_cell_m=0.5)
+    summed, grid = coarsen_belief(p, CellGrid((0.0, 0.0), 0.2, (7, 5)), least_cell_m=0.5)
     assert grid.shape == (3, 2)
     assert grid.cell_m == pytest.approx(0.6)
     assert summed[0, 0] == pytest.approx(p[:3, :3].sum())
     assert summed[2, 1] == pytest.approx(p[6:, 3:].sum())
-    same, _ = coarser(p, CellGrid((0.0, 0.0), 0.5, (7, 5)), least_cell_m=0.5)
+    same, _ = coarsen_belief(p, CellGrid((0.0, 0.0), 0.5, (7, 5)), least_cell_m=0.5)
     assert np.array_equal(same, p)
 
 
 def flights(known_map=None, **options):
     told = briefing(known_map=known_map)
-    made = MapFlights(told, Draws(1), cell_m=0.5, max_cells=5000, clearance_m=0.3, margin_m=0.5)
-    return GoalFlights(made, step_m=1.0, **options)
+    made = MapNavigator(told, Draws(1), cell_m=0.5, max_cells=5000, clearance_m=0.3, margin_m=0.5)
+    return GoalNavigator(made, step_m=1.0, **options)
 
 
 def test_a_leg_goes_a_step_towards_the_goal_or_to_it():

@@ -5,15 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.bayes.source_terms import TERMS, PlumeSensor, Prior, SourceTermFilter, Spread, kernel_width
-from gslcosim.search.bayes.source_terms_kernels import (
+from gslcosim.search.bayes.source_terms import (
     GAUSSIAN_PLUME,
     ISOTROPIC,
     LOG_NORMAL,
     NORMAL,
+    TERMS,
+    PlumeSensor,
+    SourcePrior,
+    SourceTermFilter,
+    TermPrior,
     expected_gain_bits,
     gaussian_plume,
     isotropic_plume,
+    kernel_width,
     log_first_arrival,
     log_likelihood_of_reading,
     log_likelihoods,
@@ -25,16 +30,16 @@ from gslcosim.search.grids import CellGrid
 # x, y, z, rate, speed, direction (to the north-east), diffusivity, lifetime.
 TERM_SET = np.array([3.0, 2.0, 1.5, 5.0, 0.8, math.pi / 4, 0.5, 20.0])
 # The demonstration of AutoSTE: 25 x 25 x 4 m, wind 2 m/s to the north-east.
-DEMO = Prior(
+DEMO = SourcePrior(
     {
-        "x_m": Spread(kind="uniform", a=0.0, b=25.0),
-        "y_m": Spread(kind="uniform", a=0.0, b=25.0),
-        "z_m": Spread(kind="uniform", a=0.0, b=5.0),
-        "rate": Spread(kind="gamma", a=2.0, b=5.0),
-        "speed": Spread(kind="normal", a=2.0, b=2.0),
-        "direction_rad": Spread(kind="normal", a=math.pi / 4, b=math.radians(10.0)),
-        "diffusivity_m2_s": Spread(kind="uniform", a=2.0, b=4.0),
-        "lifetime_s": Spread(kind="uniform", a=8.0, b=10.0),
+        "x_m": TermPrior(kind="uniform", a=0.0, b=25.0),
+        "y_m": TermPrior(kind="uniform", a=0.0, b=25.0),
+        "z_m": TermPrior(kind="uniform", a=0.0, b=5.0),
+        "rate": TermPrior(kind="gamma", a=2.0, b=5.0),
+        "speed": TermPrior(kind="normal", a=2.0, b=2.0),
+        "direction_rad": TermPrior(kind="normal", a=math.pi / 4, b=math.radians(10.0)),
+        "diffusivity_m2_s": TermPrior(kind="uniform", a=2.0, b=4.0),
+        "lifetime_s": TermPrior(kind="uniform", a=8.0, b=10.0),
     }
 )
 
@@ -167,9 +172,9 @@ def test_the_time_of_first_arrival_is_a_distribution_with_the_mean_of_the_way_ov
 @pytest.mark.parametrize(
     ("spread", "mean", "inside", "outside"),
     [
-        (Spread(kind="uniform", a=1.0, b=3.0), 2.0, 2.5, 3.5),
-        (Spread(kind="log_uniform", a=0.1, b=10.0), (10.0 - 0.1) / math.log(100.0), 1.0, 11.0),
-        (Spread(kind="gamma", a=2.0, b=5.0), 10.0, 1.0, -1.0),
+        (TermPrior(kind="uniform", a=1.0, b=3.0), 2.0, 2.5, 3.5),
+        (TermPrior(kind="log_uniform", a=0.1, b=10.0), (10.0 - 0.1) / math.log(100.0), 1.0, 11.0),
+        (TermPrior(kind="gamma", a=2.0, b=5.0), 10.0, 1.0, -1.0),
     ],
 )
 def test_priors_draw_what_their_density_says(spread, mean, inside, outside):

@@ -8,19 +8,19 @@ import pytest
 from briefings import PLUME, briefing, observation, open_map
 
 from gslcosim.scenario.models.success import DeclarationSuccess
-from gslcosim.search.bayes.encounters_kernels import likelihoods_into
+from gslcosim.search.bayes.encounter_model import likelihoods_into
 from gslcosim.search.beliefs import best_ball, entropy_bits, mass_within
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information import gains_kernels as information_kernels
-from gslcosim.search.information.gains import infotaxis_cost
+from gslcosim.search.information import objectives as information_kernels
 from gslcosim.search.information.grid_search import (
     GridSearch,
     arrival_radius_m,
+    assumed_dispersal,
     direction_spread_rad,
-    dispersal_of,
-    most_in_a_box,
+    max_box_probability,
 )
-from gslcosim.sensing.briefings import mission_text
+from gslcosim.search.information.objectives import infotaxis_cost
+from gslcosim_services.sensing.briefing import mission_text
 
 WEST_RAD = math.pi  # the wind comes from -x and blows to +x
 PID = (("pid", "nose"), ("anemometer", "vane"))
@@ -236,8 +236,8 @@ def test_the_mission_s_sentence_tells_whether_arrival_ends_the_run(make_scenario
 
 def test_a_granted_plume_replaces_the_frozen_figures():
     settings = SimpleNamespace(**SETTINGS)
-    frozen = dispersal_of(briefing(sensors=PID), settings, 2)
-    granted = dispersal_of(briefing(sensors=PID, plume=PLUME), settings, 2)
+    frozen = assumed_dispersal(briefing(sensors=PID), settings, 2)
+    granted = assumed_dispersal(briefing(sensors=PID, plume=PLUME), settings, 2)
     assert (frozen.diffusivity_m2_s, frozen.hits_at_1m) == (0.05, 1.0)
     assert granted.diffusivity_m2_s == pytest.approx(0.0025)
     assert granted.room_length_m == frozen.room_length_m == 15.0
@@ -257,14 +257,14 @@ def test_the_fullest_box_is_that_of_all_boxes_and_holds_every_ball(shape):
     p /= p.sum()
     reach = 1
     boxes = [p[tuple(slice(max(0, i - reach), i + reach + 1) for i in index)].sum() for index in np.ndindex(shape)]
-    assert most_in_a_box(p, reach) == pytest.approx(max(boxes))
+    assert max_box_probability(p, reach) == pytest.approx(max(boxes))
     grid = CellGrid((0.0,) * len(shape), 1.0, shape)
-    assert best_ball(p, grid, 1.5)[1] <= most_in_a_box(p, reach) + 1e-12
+    assert best_ball(p, grid, 1.5)[1] <= max_box_probability(p, reach) + 1e-12
 
 
 def test_nothing_compiles_after_the_briefing():
     search = searcher()
-    kernels = (information_kernels.foresee_into, likelihoods_into)
+    kernels = (information_kernels.predict_stops_into, likelihoods_into)
     before = [len(kernel.signatures) for kernel in kernels]
     smell(search, (7.0, 5.0, 2.0), 1.0)
     assert [len(kernel.signatures) for kernel in kernels] == before

@@ -5,12 +5,12 @@ import pytest
 
 from gslcosim.search.information.pomdp import (
     Pomdp,
-    backed_up,
-    beliefs_met,
-    improved_by_perseus,
-    moved,
-    solved_by_value_iteration,
-    updated,
+    backup_at_belief,
+    improve_by_perseus,
+    predict_belief,
+    sample_beliefs,
+    solve_by_value_iteration,
+    update_belief,
 )
 
 LISTEN, OPEN_LEFT, OPEN_RIGHT = range(3)
@@ -42,25 +42,25 @@ def tiger(discount: float = 1.0) -> Pomdp:
 
 
 def test_a_corridor_is_worth_the_discount_to_the_power_of_the_steps_still_to_go():
-    q = solved_by_value_iteration(corridor())
+    q = solve_by_value_iteration(corridor())
     assert q[1, :4] == pytest.approx([G**3, G**2, G, 1.0])
     assert q[0, :4] == pytest.approx([G**4, G**4, G**3, G**2])
     assert q[:, 4] == pytest.approx([0.0, 0.0])
 
 
 def test_who_sees_the_tiger_opens_the_other_door_at_once():
-    q = solved_by_value_iteration(tiger(discount=0.5))
+    q = solve_by_value_iteration(tiger(discount=0.5))
     assert q[:, 0] == pytest.approx([-1.0 + 0.5 * 10.0, -100.0, 10.0])
     assert q[:, 1] == pytest.approx([-1.0 + 0.5 * 10.0, 10.0, -100.0])
 
 
 def test_a_growl_moves_the_belief_as_bayes_says_and_opening_ends_it():
     even = np.array([0.5, 0.5, 0.0])
-    after, probability = updated(even, tiger(), LISTEN, 0)
+    after, probability = update_belief(even, tiger(), LISTEN, 0)
     assert after == pytest.approx([0.85, 0.15, 0.0])
     assert probability == pytest.approx(0.5)
-    assert moved(even, tiger(), OPEN_LEFT) == pytest.approx([0.0, 0.0, 1.0])
-    nothing, never = updated(even, tiger(), OPEN_LEFT, 0)
+    assert predict_belief(even, tiger(), OPEN_LEFT) == pytest.approx([0.0, 0.0, 1.0])
+    nothing, never = update_belief(even, tiger(), OPEN_LEFT, 0)
     assert never == 0.0
     assert not nothing.any()
 
@@ -71,8 +71,8 @@ def test_beliefs_stay_distributions_whatever_is_observed():
     belief = np.append(rng.dirichlet(np.ones(5)), 0.0)
     for _ in range(20):
         action = int(rng.integers(2))
-        each = [updated(belief, problem, action, level) for level in (0, 1)]
-        ended = moved(belief, problem, action)[-1]
+        each = [update_belief(belief, problem, action, level) for level in (0, 1)]
+        ended = predict_belief(belief, problem, action)[-1]
         assert sum(probability for _, probability in each) == pytest.approx(1.0 - ended)
         belief, probability = each[int(rng.integers(2))]
         if probability == 0.0:
@@ -95,7 +95,7 @@ def test_three_backups_of_the_tiger_are_those_done_by_hand():
                         [0.7225 / 0.745, 0.0225 / 0.745, 0.0], [0.0225 / 0.745, 0.7225 / 0.745, 0.0]])  # fmt: skip
     vectors, values, actions = np.zeros((1, 3)), [], []
     for _ in range(3):
-        each = [backed_up(belief, problem, vectors) for belief in beliefs]
+        each = [backup_at_belief(belief, problem, vectors) for belief in beliefs]
         vectors = np.array([vector for vector, _ in each])
         values.append(vectors[0] @ beliefs[0])
         actions.append([action for _, action in each])
@@ -109,10 +109,10 @@ def test_stages_of_perseus_never_lower_a_value_and_stay_below_what_a_seeing_sear
     share = np.linspace(0.0, 1.0, 41)
     beliefs = np.stack([share, 1.0 - share, 0.0 * share], axis=1)
     vectors, actions = np.array([[-100.0, -100.0, 0.0]]), np.array([LISTEN])
-    seeing = solved_by_value_iteration(problem).max(axis=0)
+    seeing = solve_by_value_iteration(problem).max(axis=0)
     last = (beliefs @ vectors.T).max(axis=1)
     for _ in range(30):
-        vectors, actions = improved_by_perseus(problem, beliefs, vectors, actions, rng)
+        vectors, actions = improve_by_perseus(problem, beliefs, vectors, actions, rng)
         now = (beliefs @ vectors.T).max(axis=1)
         assert (now >= last - 1e-9).all()
         last = now
@@ -129,16 +129,16 @@ def test_a_converged_value_repeats_itself_when_it_is_backed_up():
     beliefs = np.stack([share, 1.0 - share, 0.0 * share], axis=1)
     vectors, actions = np.array([[-100.0, -100.0, 0.0]]), np.array([LISTEN])
     for _ in range(120):
-        vectors, actions = improved_by_perseus(problem, beliefs, vectors, actions, rng)
+        vectors, actions = improve_by_perseus(problem, beliefs, vectors, actions, rng)
     for belief in beliefs[::10]:
-        vector, _ = backed_up(belief, problem, vectors)
+        vector, _ = backup_at_belief(belief, problem, vectors)
         assert vector @ belief == pytest.approx((vectors @ belief).max(), abs=1e-4)
 
 
 def test_beliefs_that_a_searcher_meets_are_distributions_over_places_where_it_goes_on():
     problem, rng = corridor(6), np.random.default_rng(4)
-    q = solved_by_value_iteration(problem)
-    met = beliefs_met(problem, lambda _: np.array([0.2] * 5 + [0.0]), q, rng, n_beliefs=50, n_steps=8)
+    q = solve_by_value_iteration(problem)
+    met = sample_beliefs(problem, lambda _: np.array([0.2] * 5 + [0.0]), q, rng, n_beliefs=50, n_steps=8)
     assert met.shape == (50, 6)
     assert met.sum(axis=1) == pytest.approx(np.ones(50))
     assert not met[:, -1].any()

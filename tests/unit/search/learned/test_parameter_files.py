@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.learned.parameter_files import (
     PARAMETERS_FILE,
     load_parameters,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import Observation, Reading
-from gslcosim.search.maps.gas_mapping import ReadingsOnTheWay, most_worth
+from gslcosim.search.maps.gas_mapping import ReadingCollector, choose_next_cell
 from gslcosim.search.maps.kernel_dm import GasMaps
 from gslcosim.search.senses.instruments import Nose, Vane
 
@@ -28,7 +28,7 @@ def observation(tick: int, *, x_m: float = 0.0, ppm: float = 1.0, speed_m_s: flo
 
 
 def test_readings_are_taken_every_so_often_and_put_where_the_vehicle_was_a_lag_before():
-    on_the_way = ReadingsOnTheWay(NOSE, every_s=1.0, lag_s=0.5)
+    on_the_way = ReadingCollector(NOSE, every_s=1.0, lag_s=0.5)
     readings = [on_the_way.add(observation(tick, x_m=0.1 * tick, ppm=float(tick))) for tick in range(31)]
     taken = [reading for reading in readings if reading is not None]
     assert [reading.value for reading in taken] == [0.0, 10.0, 20.0, 30.0]
@@ -38,14 +38,14 @@ def test_readings_are_taken_every_so_often_and_put_where_the_vehicle_was_a_lag_b
 
 def test_the_wind_is_that_of_the_air_while_the_vehicle_flies_with_it():
     """The anemometer feels 0.5 m/s from the east, the vehicle flies west at 0.7 m/s: the air goes west at 1.2 m/s."""
-    on_the_way = ReadingsOnTheWay(NOSE, VANE, every_s=1.0, lag_s=0.0)
+    on_the_way = ReadingCollector(NOSE, VANE, every_s=1.0, lag_s=0.0)
     reading = on_the_way.add(observation(0, speed_m_s=-0.7))
     assert reading is not None
     assert reading.wind_m_s == pytest.approx((-1.2, 0.0))
 
 
 def test_a_sensor_that_warms_up_gives_no_reading_and_a_tick_counts_once():
-    on_the_way = ReadingsOnTheWay(NOSE, every_s=0.0, lag_s=0.0)
+    on_the_way = ReadingCollector(NOSE, every_s=0.0, lag_s=0.0)
     assert on_the_way.add(observation(0, warms_up=True)) is None
     assert on_the_way.add(observation(1)) is not None
     assert on_the_way.add(observation(1)) is None
@@ -59,13 +59,13 @@ def maps(mean, confidence) -> GasMaps:
 def test_gas_draws_and_so_does_what_is_unknown():
     everywhere, near = np.ones((3, 1), bool), np.zeros((3, 1))
     known = maps([[0.0], [2.0], [1.0]], [[1.0], [1.0], [0.0]])
-    assert most_worth(known, everywhere, near, curiosity=0.4, travel_per_m=0.0) == (1, 0)
-    assert most_worth(known, everywhere, near, curiosity=0.6, travel_per_m=0.0) == (2, 0)
+    assert choose_next_cell(known, everywhere, near, curiosity=0.4, travel_per_m=0.0) == (1, 0)
+    assert choose_next_cell(known, everywhere, near, curiosity=0.6, travel_per_m=0.0) == (2, 0)
 
 
 def test_of_equal_places_the_nearest_that_can_be_flown_to_is_chosen():
     flyable = np.array([[True], [True], [False], [True]])
     way_m = np.array([[5.0], [3.0], [1.0], [np.inf]])
     empty = maps(np.zeros((4, 1)), np.zeros((4, 1)))
-    assert most_worth(empty, flyable, way_m, curiosity=1.0, travel_per_m=0.1) == (1, 0)
-    assert most_worth(empty, flyable, np.full((4, 1), np.inf), curiosity=1.0, travel_per_m=0.1) is None
+    assert choose_next_cell(empty, flyable, way_m, curiosity=1.0, travel_per_m=0.1) == (1, 0)
+    assert choose_next_cell(empty, flyable, np.full((4, 1), np.inf), curiosity=1.0, travel_per_m=0.1) is None

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings
-from gslcosim.search.maps.gr_gsl_kernels import information_gain_nats
+from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, information_gain_nats
 
 EAST, NORTH, WEST = 0.0, 0.5 * math.pi, math.pi
 

@@ -7,8 +7,7 @@ from gslcosim.search.beliefs import mass_within
 from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.maps.backward_plume import PlumeModel
-from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings
-from gslcosim.search.maps.pmfs_kernels import add_log_score_inplace, disagreement
+from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings, add_log_score_inplace, disagreement
 
 CALM = (0.0, 0.0)
 

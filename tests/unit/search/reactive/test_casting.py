@@ -4,14 +4,14 @@ import math
 import pytest
 
 from gslcosim.search.draws import Draws
-from gslcosim.search.reactive.casting import (
+from gslcosim.search.reactive.cast_and_surge import (
     BlankMemory,
     CastSequence,
     PlaneCastSequence,
     cast_length_m,
     cast_offset_m,
     crosswind_unit,
-    side_of,
+    find_side,
     side_or_random,
 )
 
@@ -51,7 +51,7 @@ def test_a_cast_stays_on_the_line_across_the_wind_that_it_began_with(upwind_rad,
     for i, (x_m, y_m) in enumerate(turns_of(cast(upwind_rad=upwind_rad, side=side))):
         along_m = (x_m - 3.0) * math.cos(upwind_rad) + (y_m - 4.0) * math.sin(upwind_rad)
         assert along_m == pytest.approx(0.0, abs=1e-12)
-        assert side_of((x_m, y_m), (3.0, 4.0), upwind_rad) == (side if i % 2 == 0 else -side)
+        assert find_side((x_m, y_m), (3.0, 4.0), upwind_rad) == (side if i % 2 == 0 else -side)
 
 
 def test_left_of_a_wind_from_the_east_is_north():
@@ -86,7 +86,7 @@ def test_a_cast_in_the_plane_keeps_to_the_plane_and_may_dip_first():
 @pytest.mark.parametrize("upwind_rad", [0.0, 0.7, math.pi, -2.0])
 def test_a_place_on_the_line_upwind_is_on_neither_side(upwind_rad):
     on_line_m = (5.0 * math.cos(upwind_rad), 5.0 * math.sin(upwind_rad))
-    assert side_of(on_line_m, (0.0, 0.0), upwind_rad) == 0
+    assert find_side(on_line_m, (0.0, 0.0), upwind_rad) == 0
     assert {side_or_random(on_line_m, (0.0, 0.0), upwind_rad, Draws(seed)) for seed in range(20)} == {1, -1}
 
 

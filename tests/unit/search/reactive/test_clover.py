@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from gslcosim.search.reactive.clover import Clover
+from gslcosim.search.reactive.spirals import Clover
 
 
 def places(*, radius_m=1.0, upwind_rad=0.5, side=1, n_per_leaf=4):

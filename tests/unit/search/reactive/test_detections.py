@@ -2,13 +2,13 @@ import math
 
 import pytest
 
-from gslcosim.search.reactive.detections import LastDetections
+from gslcosim.search.reactive.reactive_searcher import LossPoints
 
 WEST_RAD = math.pi  # the wind comes from -x, the source is where x is least
 
 
 def detections(places, *, n=3, spread_m=1.0, upwind_rad=WEST_RAD):
-    found = LastDetections(n=n, spread_m=spread_m)
+    found = LossPoints(n=n, spread_m=spread_m)
     for place in places:
         found.add(place, upwind_rad)
     return found

@@ -12,8 +12,8 @@ from gslcosim.search.reactive.recovery import (
     Backtrack,
     CastSurge,
     Circling,
-    opposite_of,
-    recovery_named,
+    make_recovery,
+    opposite_move,
 )
 
 
@@ -27,7 +27,7 @@ def place_after(made):
 
 @pytest.mark.parametrize("move", range(4))
 def test_a_move_and_its_opposite_lead_back(move):
-    assert place_after([move, opposite_of(move)]) == (0, 0)
+    assert place_after([move, opposite_move(move)]) == (0, 0)
 
 
 def test_backtracking_leads_to_where_the_gas_was_and_then_anywhere():
@@ -49,14 +49,14 @@ def test_circling_runs_1_2_3_steps_and_turns_to_one_side(seed):
 
 def test_circling_begins_in_any_direction_and_turns_to_either_side():
     assert {tuple(moves(Circling(Draws(seed)), 3)[:2]) for seed in range(64)} == {
-        (a, b) for a in range(4) for b in range(4) if b not in (a, opposite_of(a))
+        (a, b) for a in range(4) for b in range(4) if b not in (a, opposite_move(a))
     }
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_cast_surge_runs_1_2_4_steps_across_with_one_upwind_between(seed):
     first, *rest = moves(CastSurge(Draws(seed)), 10)
-    other = opposite_of(first)
+    other = opposite_move(first)
     assert first in (LEFT, RIGHT)
     assert rest == [UPWIND, other, other, UPWIND, first, first, first, first, UPWIND]
 
@@ -65,4 +65,4 @@ def test_cast_surge_runs_1_2_4_steps_across_with_one_upwind_between(seed):
     ("name", "expected"), [("backtrack", Backtrack), ("circling", Circling), ("cast_surge", CastSurge)]
 )
 def test_a_recovery_is_found_by_its_name(name, expected):
-    assert isinstance(recovery_named(name, Draws(1), []), expected)
+    assert isinstance(make_recovery(name, Draws(1), []), expected)

@@ -2,8 +2,8 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.search.draws import Draws
-from gslcosim.search.reactive.scout import Scout, ScoutSettings
-from gslcosim.search.senses.contacts import Contact
+from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.senses.plume_contact import Contact
 
 SETTINGS = {
     "margin_m": 1.0, "hold_s": None, "explore_hold_s": 0.0, "explore_step_m": 1.8, "threshold_ppm": 0.1,
@@ -13,7 +13,7 @@ SETTINGS = {
 
 def scout(mode="on_request", **changes):
     told = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
-    return Scout(told, ScoutSettings(**(SETTINGS | changes)), Draws(1))
+    return ReactiveSearcher(told, ReactiveSettings(**(SETTINGS | changes)), Draws(1))
 
 
 def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding"):

@@ -6,7 +6,7 @@ import pytest
 from gslcosim.search.draws import Draws
 from gslcosim.search.reactive.spirals import (
     ArchimedeanSpiral,
-    SpiralCourse,
+    SpiralPath,
     SquareSpiral,
     arc_turn_rad,
     random_side,
@@ -103,7 +103,7 @@ def test_legs_that_grow_each_time_are_1_2_3_4():
 
 
 def course(is_free, n_skips=3, **changes):
-    return SpiralCourse(square(**changes), (3.0, 4.0), is_free=is_free, n_skips=n_skips)
+    return SpiralPath(square(**changes), (3.0, 4.0), is_free=is_free, n_skips=n_skips)
 
 
 def test_blocked_corners_are_left_out_and_the_spiral_goes_on_behind_them():

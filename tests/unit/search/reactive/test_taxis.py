@@ -3,12 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.reactive.taxis import (
     RecentReadings,
     fit_gradient,
     lateral_pair,
-    place_of_mount_m,
+    mount_position_m,
     speed_and_turn,
     wheel_speeds_m_s,
 )
@@ -89,7 +89,7 @@ def test_old_and_far_readings_are_left_out():
 
 
 def test_a_mount_turns_with_the_vehicle():
-    assert place_of_mount_m((1.0, 2.0, 3.0), math.pi / 2, (0.5, 0.2, 0.1)) == pytest.approx((0.8, 2.5))
+    assert mount_position_m((1.0, 2.0, 3.0), math.pi / 2, (0.5, 0.2, 0.1)) == pytest.approx((0.8, 2.5))
 
 
 def test_the_outermost_noses_are_the_pair():

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gslcosim.base.frames import quaternion_from_rotation, rotation_from_rpy
 from gslcosim.contract.messages import CameraImage
-from gslcosim.frames import quaternion_from_rotation, rotation_from_rpy
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.senses.vision import (
     SeenObject,
-    SeenThings,
+    SeenObjects,
     Viewpoint,
-    colour_of,
+    classify_colours,
+    decode_pixels,
+    find_patches,
+    floor_positions,
     labels,
-    patches_of,
-    pixels_of,
-    places_on_floor,
     prior_from_objects,
     seen_objects,
 )
@@ -66,12 +66,12 @@ def test_what_is_projected_into_a_picture_comes_back(yaw_rad, floor_m):
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         place_m = (3.0 + c * ahead_m - s * left_m, 2.0 + s * ahead_m + c * left_m)
         point_px = projected(image, view, (*place_m, floor_m))
-        assert places_on_floor(image, view, point_px[None], floor_m=floor_m)[0] == pytest.approx(place_m)
+        assert floor_positions(image, view, point_px[None], floor_m=floor_m)[0] == pytest.approx(place_m)
 
 
 def test_lines_of_sight_to_the_sky_meet_no_floor():
     image = picture(plain(), pitch_rad=0.0)
-    assert np.isnan(places_on_floor(image, VIEW, np.array([[24.0, 5.0], [24.0, 20.0]]))).all()
+    assert np.isnan(floor_positions(image, VIEW, np.array([[24.0, 5.0], [24.0, 20.0]]))).all()
 
 
 @pytest.mark.parametrize(
@@ -84,12 +84,12 @@ def test_lines_of_sight_to_the_sky_meet_no_floor():
 def test_a_colour_has_its_name_however_bright_it_is_lit(rgb, name):
     for share in (1.0, 0.6, 0.3):
         dimmed = np.array([[[round(share * channel) for channel in rgb]]], np.uint8)
-        assert labels()[int(colour_of(dimmed)[0, 0])] == name
+        assert labels()[int(classify_colours(dimmed)[0, 0])] == name
 
 
 def test_grey_white_and_black_have_no_colour():
     for rgb in (GREY, (219, 219, 214), (255, 255, 255), (0, 0, 0), (3, 9, 2)):
-        assert colour_of(np.array([[rgb]], np.uint8))[0, 0] == -1
+        assert classify_colours(np.array([[rgb]], np.uint8))[0, 0] == -1
 
 
 def test_patches_hang_together_and_small_ones_are_left_out():
@@ -99,7 +99,7 @@ def test_patches_hang_together_and_small_ones_are_left_out():
     pixels[5:8, 30:40] = BLUE
     pixels[30, 30] = BLUE
     pixels[20:22, 5:10], pixels[22:24, 10:15] = BLUE, BLUE  # touch in a corner only
-    found = [(label, int(mask.sum())) for label, mask in patches_of(colour_of(pixels))]
+    found = [(label, int(mask.sum())) for label, mask in find_patches(classify_colours(pixels))]
     assert found == [("blue", 25), ("blue", 30), ("orange", 20), ("blue", 10), ("blue", 10)]
 
 
@@ -152,7 +152,7 @@ def test_what_stands_too_far_away_is_not_believed():
 
 def test_depths_are_no_colours():
     with pytest.raises(ValueError, match="depths"):
-        pixels_of(picture(plain(), encoding="depth_png"))
+        decode_pixels(picture(plain(), encoding="depth_png"))
 
 
 def thing(label, x_m, y_m, range_m=2.0):
@@ -160,7 +160,7 @@ def thing(label, x_m, y_m, range_m=2.0):
 
 
 def test_a_thing_seen_twice_is_one_and_the_nearer_view_counts():
-    seen = SeenThings(merge_m=0.8)
+    seen = SeenObjects(merge_m=0.8)
     assert seen.add([thing("blue", 2.0, 2.0, 4.0), thing("orange", 2.1, 2.0, 4.0)])
     assert not seen.add([thing("blue", 2.3, 2.0, 5.0)])
     assert seen.add([thing("blue", 2.5, 2.0, 1.0)])

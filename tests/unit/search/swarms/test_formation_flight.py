@@ -5,10 +5,10 @@ import pytest
 
 from gslcosim.agent_kit import Briefing, Observation, RadioReception, Reading
 from gslcosim.contract.messages import Bounds, ChannelDescription, SensorDescription
-from gslcosim.search.moving.declaring import Estimate
+from gslcosim.search.motion.declaration import Estimate
 from gslcosim.search.swarms.formation_flight import FormationFlight
 from gslcosim.search.swarms.formations import formation
-from gslcosim.search.swarms.radio import Best, Report, encode
+from gslcosim.search.swarms.radio_reports import Best, Report, encode
 
 NAMES = ("ada", "bob", "cyd")
 SETTINGS = {

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from gslcosim.search.draws import Draws
-from gslcosim.search.moving.legs import Room
+from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.swarms.glowworms import (
     OdourGlow,
     SpiralSearch,
     attraction,
     brighter_neighbours,
-    chosen,
+    choose_by_probability,
     circling_m,
     in_forbidden,
     next_luciferin,
@@ -18,7 +18,7 @@ from gslcosim.search.swarms.glowworms import (
     step_towards,
 )
 
-ROOM = Room(min_m=(1.0, 1.0, 0.5), max_m=(9.0, 7.0, 2.5))
+ROOM = LegSpace(min_m=(1.0, 1.0, 0.5), max_m=(9.0, 7.0, 2.5))
 
 
 def at(*metres: float) -> np.ndarray:
@@ -56,8 +56,10 @@ def test_probabilities_sum_to_one_whatever_the_unit(seed, scale):
 
 
 def test_a_draw_falls_on_each_with_its_probability():
-    assert [chosen(at(0.25, 0.75), draw) for draw in (0.0, 0.249, 0.25, 0.999)] == [0, 0, 1, 1]
-    assert chosen(at(0.1, 0.2, 0.7) * (1 - 1e-12), 1.0 - 1e-16) == 2  # rounding must not fall off the end
+    assert [choose_by_probability(at(0.25, 0.75), draw) for draw in (0.0, 0.249, 0.25, 0.999)] == [0, 0, 1, 1]
+    assert (
+        choose_by_probability(at(0.1, 0.2, 0.7) * (1 - 1e-12), 1.0 - 1e-16) == 2
+    )  # rounding must not fall off the end
 
 
 def test_a_step_has_its_length_and_leads_to_the_neighbour():
@@ -84,7 +86,7 @@ def test_radii_stay_between_nothing_and_the_sight_in_a_whole_swarm(seed):
             if seen:
                 probabilities = attraction(glow[i], glow[seen])
                 assert probabilities.sum() == pytest.approx(1.0)
-                goal = places[seen[chosen(probabilities, draws.fraction())]]
+                goal = places[seen[choose_by_probability(probabilities, draws.fraction())]]
                 places[i] = step_towards(places[i], goal, min(0.1, math.dist(places[i], goal)))
             radii[i] = next_radius_m(radii[i], len(seen), wanted=2, gain_m=0.3, sight_m=8.0)
             assert 0.0 <= radii[i] <= 8.0

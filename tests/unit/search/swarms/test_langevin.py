@@ -6,12 +6,12 @@ import pytest
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.swarms.langevin import (
     LEAST_P,
+    belief_potential,
     langevin_step_m,
-    potential_of,
     potential_slope,
-    settled_roles,
+    settle_roles,
     swap_probability,
-    swapped_roles,
+    swap_roles,
     temperature_ladder,
 )
 
@@ -26,7 +26,7 @@ def bell(centre_m=(3.0, 2.0), sigma_m=1.0):
 
 
 def test_the_potential_falls_where_the_belief_rises_and_is_bounded_where_there_is_none():
-    potential = potential_of(np.array([0.5, 0.1, 0.0]))
+    potential = belief_potential(np.array([0.5, 0.1, 0.0]))
     assert potential == pytest.approx([math.log(2.0), math.log(10.0), -math.log(LEAST_P)])
 
 
@@ -44,7 +44,7 @@ def test_a_grid_of_one_cell_has_no_slope():
 @pytest.mark.parametrize("start_m", [(0.6, 0.6), (5.4, 0.9), (4.6, 4.4), (3.2, 0.3)])
 def test_the_drift_leads_to_higher_probability(start_m):
     p = bell()
-    slope = potential_slope(potential_of(p), GRID, start_m)
+    slope = potential_slope(belief_potential(p), GRID, start_m)
     step = langevin_step_m(slope, np.zeros(2), temperature=1.0, mobility_m2=0.5, longest_m=0.6)
     end_m = np.array(start_m) + step
     assert math.dist(end_m, (3.0, 2.0)) < math.dist(start_m, (3.0, 2.0))
@@ -106,14 +106,14 @@ def test_the_ladder_rises_by_equal_factors():
 
 
 def test_nobody_shares_a_role_and_who_has_one_of_its_own_keeps_it():
-    assert settled_roles({"b": 2, "a": 0, "c": 1}, 3) == {"a": 0, "b": 2, "c": 1}
-    assert settled_roles({"a": 1, "b": 1, "c": 7}, 4) == {"a": 1, "b": 0, "c": 2}
+    assert settle_roles({"b": 2, "a": 0, "c": 1}, 3) == {"a": 0, "b": 2, "c": 1}
+    assert settle_roles({"a": 1, "b": 1, "c": 7}, 4) == {"a": 1, "b": 0, "c": 2}
 
 
 def swapped(potentials, *, is_odd=False, fraction=0.5, attempt=1.0):
     roles = {"a": 0, "b": 1, "c": 2}
     fractions = dict.fromkeys(roles, fraction)
-    return swapped_roles(roles, potentials, fractions, LADDER, is_odd=is_odd, attempt=attempt)
+    return swap_roles(roles, potentials, fractions, LADDER, is_odd=is_odd, attempt=attempt)
 
 
 def test_neighbours_swap_in_turns_when_the_colder_stands_worse():
@@ -133,5 +133,5 @@ def test_roles_are_only_exchanged_never_lost():
     roles = {name: i for i, name in enumerate("abcde")}
     for i in range(50):
         potentials, fractions = ({name: float(rng.random()) for name in roles} for _ in range(2))
-        roles = swapped_roles(roles, potentials, fractions, ladder, is_odd=bool(i % 2))
+        roles = swap_roles(roles, potentials, fractions, ladder, is_odd=bool(i % 2))
         assert sorted(roles.values()) == [0, 1, 2, 3, 4]

@@ -7,19 +7,19 @@ from gslcosim.search.swarms.particle_swarm import (
     Charge,
     Sighting,
     Stagnation,
-    Weights,
+    SwarmWeights,
     angle_to_downwind_rad,
     better,
     charge_velocity,
-    faded,
-    limited,
+    fade_amount,
+    limit_length,
     pso_velocity,
     repelled_velocity,
-    slowed_downwind,
-    turned_out_of_downwind,
+    rotate_out_of_downwind,
+    shorten_downwind,
 )
 
-WEIGHTS = Weights(inertia=0.5, own=1.0, swarm=2.0)
+WEIGHTS = SwarmWeights(inertia=0.5, own=1.0, swarm=2.0)
 ROOM_CHARGE = Charge(squared_m3=1.0, core_m=1.0, reach_m=5.0)
 EAST = np.array([1.0, 0.0])
 
@@ -66,8 +66,8 @@ def test_a_particle_at_both_bests_only_coasts():
 
 
 def test_a_long_step_is_cut_to_a_leg_and_a_short_one_kept():
-    assert limited(at(3, 4), 1.0) == pytest.approx([0.6, 0.8])
-    assert limited(at(0.3, 0.4), 1.0).tolist() == [0.3, 0.4]
+    assert limit_length(at(3, 4), 1.0) == pytest.approx([0.6, 0.8])
+    assert limit_length(at(0.3, 0.4), 1.0).tolist() == [0.3, 0.4]
 
 
 def test_neighbours_push_in_place_of_the_swarm():
@@ -117,26 +117,26 @@ def test_angles_are_counted_from_downwind_to_the_left():
     ("angle_deg", "expected_deg"), [(0, 60), (20, 60), (-20, -60), (61, 61), (-100, -100), (180, 180)]
 )
 def test_a_step_into_the_forbidden_cone_turns_to_its_edge(angle_deg, expected_deg):
-    turned = turned_out_of_downwind(step_at(angle_deg), EAST, math.radians(60))
+    turned = rotate_out_of_downwind(step_at(angle_deg), EAST, math.radians(60))
     assert degrees(turned) == pytest.approx(expected_deg)
     assert np.linalg.norm(turned) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(("angle_deg", "share"), [(0, 0.0), (90, 0.5), (-90, 0.5), (180, 1.0), (60, 0.25)])
 def test_a_step_down_the_wind_is_slowed(angle_deg, share):
-    assert slowed_downwind(step_at(angle_deg), EAST) == pytest.approx(share * step_at(angle_deg), abs=1e-12)
+    assert shorten_downwind(step_at(angle_deg), EAST) == pytest.approx(share * step_at(angle_deg), abs=1e-12)
 
 
 def test_calm_air_and_no_step_change_nothing():
-    for rule in (slowed_downwind, lambda v, w: turned_out_of_downwind(v, w, math.radians(60))):
+    for rule in (shorten_downwind, lambda v, w: rotate_out_of_downwind(v, w, math.radians(60))):
         assert rule(at(1, 2), at(0, 0)).tolist() == [1.0, 2.0]
         assert rule(at(0, 0), EAST).tolist() == [0.0, 0.0]
 
 
 def test_bests_fade_by_e_in_their_time_and_not_at_all_without_one():
-    assert faded(5.0, 60.0, 60.0) == pytest.approx(5.0 / math.e)
-    assert faded(5.0, 1e6, 0.0) == 5.0
-    assert faded(5.0, -10.0, 60.0) == 5.0
+    assert fade_amount(5.0, 60.0, 60.0) == pytest.approx(5.0 / math.e)
+    assert fade_amount(5.0, 1e6, 0.0) == 5.0
+    assert fade_amount(5.0, -10.0, 60.0) == 5.0
 
 
 def test_a_best_stays_where_it_was_after_a_worse_reading():

@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.agent_kit import Briefing, Observation, RadioReception, Reading
 from gslcosim.contract.messages import Bounds, ChannelDescription, SensorDescription
-from gslcosim.search.senses.instruments import noses_of, vanes_of
+from gslcosim.search.senses.instruments import find_noses, find_vanes
 from gslcosim.search.swarms.rounds import Rounds
 
 NAMES = ("ada", "bob", "cyd")
@@ -23,7 +23,7 @@ def rounds_of(name: str, *, members=NAMES, **settings) -> Rounds:
         latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
         search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=SENSORS, channels=(channel,) if members else (),
     )  # fmt: skip
-    return Rounds(told, noses_of(told)[0], vanes_of(told)[0], **settings)
+    return Rounds(told, find_noses(told)[0], find_vanes(told)[0], **settings)
 
 
 class Station:

@@ -4,13 +4,13 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.bayes.encounters import Dispersal
+from gslcosim.search.bayes.encounter_model import PlumeAssumption
 from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.gains import foresee, infotaxis_cost
+from gslcosim.search.information.objectives import infotaxis_cost, predict_stops
 from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 
 GRID = CellGrid((0.0, 0.0), 1.0, (9, 7))
-DISPERSAL = Dispersal(
+DISPERSAL = PlumeAssumption(
     dimensions=2, hits_at_1m=2.0, diffusivity_m2_s=0.1, lifetime_s=60.0, room_length_m=9.0, detector_m=0.1,
     correlation_s=5.0, stop_s=2.0,
 )  # fmt: skip
@@ -95,7 +95,7 @@ def test_with_no_plans_of_others_it_is_infotaxis():
     known.add(FINDINGS[1])
     own = known.prospect([(3.0, 3.0), (6.0, 2.0)], WIND, 0.2)
     p = known.p.reshape(-1)
-    assert assigned_costs(p, own, []) == pytest.approx(infotaxis_cost(foresee(p, own)))
+    assert assigned_costs(p, own, []) == pytest.approx(infotaxis_cost(predict_stops(p, own)))
 
 
 @pytest.mark.parametrize("plans", [[(4.0, 3.0)], [(4.0, 3.0), (2.5, 5.0)]])

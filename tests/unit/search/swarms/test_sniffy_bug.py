@@ -3,19 +3,19 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.contract.arrays import NumericArray
+from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Bounds, Briefing, SensorDescription
-from gslcosim.errors import MethodError
+from gslcosim.contract.record import NumericArray
 from gslcosim.search.swarms.sniffy_bug import (
     TABLES,
     Bug,
-    Table,
+    BugParameters,
+    avoidance_direction,
     beam_direction,
     bracketing_beams,
-    force,
-    four_ranges_of,
-    kept_off,
+    find_four_ranges,
     off_line_m,
+    remove_blocked_parts,
     searching_waypoint,
     tracking_waypoint,
 )
@@ -29,8 +29,8 @@ def at(*metres: float) -> np.ndarray:
     return np.array(metres, dtype=np.float64)
 
 
-def table(**changes: float) -> Table:
-    return Table(**{**vars(MANUAL), **changes})
+def table(**changes: float) -> BugParameters:
+    return BugParameters(**{**vars(MANUAL), **changes})
 
 
 def test_a_searching_waypoint_is_the_sum_worked_out_by_hand():
@@ -73,19 +73,19 @@ def test_left_of_the_line_is_positive():
 
 def test_robots_and_walls_push_and_the_waypoint_pulls():
     """Pull (1, 0); a robot 0.3 m to the right pushes by 15 * 0.5 to the left: (1, 7.5), as a unit vector."""
-    away = force(at(0, 0), at(1, 0), OPEN, 0.0, [at(0, -0.3)], MANUAL)
+    away = avoidance_direction(at(0, 0), at(1, 0), OPEN, 0.0, [at(0, -0.3)], MANUAL)
     assert away == pytest.approx(at(1, 7.5) / math.hypot(1, 7.5))
     # A wall 1 m ahead pushes back by 5 * 0.5.
-    assert force(at(0, 0), at(1, 0), (1.0, 9.0, 9.0, 9.0), 0.0, [], MANUAL) == pytest.approx([-1.0, 0.0])
+    assert avoidance_direction(at(0, 0), at(1, 0), (1.0, 9.0, 9.0, 9.0), 0.0, [], MANUAL) == pytest.approx([-1.0, 0.0])
 
 
 def test_forces_that_balance_are_no_direction():
-    assert force(at(0, 0), at(0, 0), OPEN, 0.0, [], MANUAL).tolist() == [0.0, 0.0]
+    assert avoidance_direction(at(0, 0), at(0, 0), OPEN, 0.0, [], MANUAL).tolist() == [0.0, 0.0]
 
 
 def test_nothing_is_flown_into_what_is_too_near():
-    assert kept_off(at(0.6, 0.8), (0.2, 9.0, 9.0, 9.0), 0.0, 0.3) == pytest.approx([0.0, 0.8])
-    assert kept_off(at(0.6, 0.8), (9.0, 9.0, 0.2, 0.2), 0.0, 0.3) == pytest.approx([0.6, 0.8])
+    assert remove_blocked_parts(at(0.6, 0.8), (0.2, 9.0, 9.0, 9.0), 0.0, 0.3) == pytest.approx([0.0, 0.8])
+    assert remove_blocked_parts(at(0.6, 0.8), (9.0, 9.0, 0.2, 0.2), 0.0, 0.3) == pytest.approx([0.6, 0.8])
 
 
 def test_it_flies_along_one_beam_at_a_time_and_keeps_to_the_line():
@@ -126,7 +126,7 @@ def ranges_in(place, boxes) -> tuple[float, ...]:
     return tuple(found)
 
 
-def flown(boxes, start, goal, *, parameters: Table, within_m: float = 0.6, seconds: int = 240):
+def flown(boxes, start, goal, *, parameters: BugParameters, within_m: float = 0.6, seconds: int = 240):
     """Fly at 0.5 m/s in steps of 0.1 m; return whether it arrived, and the least distance to any box or wall seen."""
     bug, place, least = Bug(parameters, past_m=0.5), at(*start), 9.0
     bug.aim(place, at(*goal))
@@ -136,7 +136,7 @@ def flown(boxes, start, goal, *, parameters: Table, within_m: float = 0.6, secon
         assert not any(b[0] <= place[0] <= b[2] and b[1] <= place[1] <= b[3] for b in boxes), f"in a box at {place}"
         if math.dist(place, goal) < within_m:
             return True, least
-        place = place + 0.1 * kept_off(bug.direction(place, ranges, 0.0, []), ranges, 0.0, 0.3)
+        place = place + 0.1 * remove_blocked_parts(bug.direction(place, ranges, 0.0, []), ranges, 0.0, 0.3)
     return False, least
 
 
@@ -194,9 +194,9 @@ def briefing_with(*directions) -> Briefing:
 
 
 def test_the_four_range_finders_are_found_among_others():
-    assert four_ranges_of(briefing_with([[1.0, 0.0, 0.0]], FOUR)).name == "ranges_1"
+    assert find_four_ranges(briefing_with([[1.0, 0.0, 0.0]], FOUR)).name == "ranges_1"
 
 
 def test_one_beam_is_not_enough_and_the_remedy_is_told():
     with pytest.raises(MethodError, match="four_range_finders"):
-        four_ranges_of(briefing_with([[1.0, 0.0, 0.0]]))
+        find_four_ranges(briefing_with([[1.0, 0.0, 0.0]]))

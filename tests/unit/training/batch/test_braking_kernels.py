@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.fields.reading.concentration import sums_of_solids
 from gslcosim.training.batch import batch_records
-from gslcosim.training.batch.braking_kernels import longest_stop_s
-from gslcosim.training.batch.space_kernels import is_edge_ahead, is_open_ahead
-from gslcosim.world.paths.quickest_kernels import plan_inplace
+from gslcosim.training.batch.space import is_edge_ahead, is_open_ahead, longest_stop_s
+from gslcosim_services.fields.concentration.mixing_ratio import build_solid_sums
+from gslcosim_services.world.paths.trajectory import plan_quickest_inplace
 
 RADIUS_M = 0.15
 LIMITS = {"max_speed_m_s": 1.2, "max_acceleration_m_s2": 2.0}
@@ -20,7 +19,7 @@ def room_and_occupancy():
     """Return a record of a room of 10 x 7 x 3 m with shelves, and the array that it points into."""
     occupancy = np.zeros((40, 28, 12), np.uint8)
     occupancy[10:12, 4:20, :8] = occupancy[25:27, 8:28, :5] = 1
-    sums = sums_of_solids(occupancy)
+    sums = build_solid_sums(occupancy)
     room = np.zeros((), batch_records.ROOM)
     room["origin_m"], room["max_m"], room["cell_m"], room["shape"] = (1, -2, 0), (11, 5, 3), 0.25, occupancy.shape
     room["occupancy"], room["solid_sums"] = occupancy.ctypes.data, sums.ctypes.data
@@ -46,7 +45,7 @@ def test_where_nothing_is_seen_on_the_way_the_quickest_stop_is_no_edge(room_and_
     n_known = n_open = n_edges = 0
     for state in drawn_states(np.random.default_rng(2), 4000):
         longest_s = longest_stop_s(case[()], state[1], state[2])
-        stop_s = plan_inplace(coefficients, state, at_rest, True, *LIMITS.values(), 0.0, 0.0)
+        stop_s = plan_quickest_inplace(coefficients, state, at_rest, True, *LIMITS.values(), 0.0, 0.0)
         stop_m = np.array([np.polyval(coefficients[axis, ::-1], stop_s) for axis in range(3)])
         is_edge = is_edge_ahead(room, RADIUS_M, stop_m, state[1])
         assert stop_s <= longest_s

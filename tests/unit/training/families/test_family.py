@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gslcosim.benchmark.tuning.deriving import seeds_of_bundled_suites
-from gslcosim.errors import ScenarioError, UsageError
+from gslcosim.base.errors import ScenarioError, UsageError
+from gslcosim.bench.studies.disjoint_seeds import collect_bundled_seeds
 from gslcosim.training.families import bundled_families, load_family
 
 SEEDS = "seeds: {training: {first: 10, count: 5}, validation: {first: 20, count: 5}, test: {first: 30, count: 5}}"
@@ -63,7 +63,7 @@ def test_overlapping_seeds_are_refused(tmp_path):
 
 
 def test_a_seed_of_a_suite_is_refused(tmp_path):
-    taken = max(seeds_of_bundled_suites())
+    taken = max(collect_bundled_seeds())
     text = told(tmp_path, seeds=SEEDS.replace("{first: 30, count: 5}", f"{{first: {taken - 2}, count: 5}}"))
     assert "seeds.test" in text
     assert f"with {taken} of a suite among them" in text
@@ -123,7 +123,7 @@ def test_without_doping_all_cases_come_equally_often(tmp_path):
 
 @pytest.mark.parametrize("name", sorted(bundled_families()))
 def test_cases_of_bundled_families_can_be_batched(name):
-    from gslcosim.training.batch.preparing import refusal_of
+    from gslcosim.training.batch.case_builder import refusal_of
 
     for split in ("training", "validation", "test"):
         assert refusal_of(load_family(name).case(split, 0).scenario) is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.training.learning.checkpoints import CHECKPOINT, Checkpoint, load_checkpoint, save_checkpoint
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.training.trainers.evolution import Evolution
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from toy_hall import NAMES, ToyHall
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.search.learned.policies.policy import ActionSettings
-from gslcosim.training.trainers.ppo_network import advantages, forward, load_jax
-from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo
+from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo, advantages, forward, load_jax
 
 pytestmark = pytest.mark.extras
 

@@ -1,8 +1,8 @@
 """When an agent is asked for which time does not wait."""
 
-from gslcosim.world.guidance.guide import ASK_AGAIN_S
+from gslcosim_services.world.guidance.autopilot import REQUEST_PERIOD_S
 
-ASK_AGAIN_TICKS = round(ASK_AGAIN_S / 0.1)
+ASK_AGAIN_TICKS = round(REQUEST_PERIOD_S / 0.1)
 
 
 def test_it_is_asked_once_and_again_when_it_has_said_nothing_for_long(make_pilot):

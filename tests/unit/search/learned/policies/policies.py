@@ -2,10 +2,16 @@
 
 import numpy as np
 
-from gslcosim.search.learned.policies.action_values import Change, Level, Sector, Since, ValueTable
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
-from gslcosim.search.learned.policies.gated import GruPolicy
+from gslcosim.search.learned.policies.gru import GruPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.search.learned.policies.value_table import (
+    ChangeFeature,
+    LevelFeature,
+    SectorFeature,
+    SinceFeature,
+    ValueTable,
+)
 
 NAMES = ("refused", "nose.amount", "wind.from_sin", "wind.from_cos")
 VELOCITY = ActionSettings(kind="velocity", speed_m_s=0.5, hold_s=0.5)
@@ -37,10 +43,10 @@ def gru(action=VELOCITY, m=8, h=5, names=NAMES):
 
 def table(names=NAMES):
     digits = [
-        Level(observation="refused", cuts=(0.5,)),
-        Since(observation="nose.amount", above=0.1, cuts=(1.0, 4.0)),
-        Change(observation="nose.amount", cuts=(-0.01, 0.01)),
-        Sector(sin="wind.from_sin", cos="wind.from_cos", n_sectors=4),
+        LevelFeature(observation="refused", cuts=(0.5,)),
+        SinceFeature(observation="nose.amount", above=0.1, cuts=(1.0, 4.0)),
+        ChangeFeature(observation="nose.amount", cuts=(-0.01, 0.01)),
+        SectorFeature(sin="wind.from_sin", cos="wind.from_cos", n_sectors=4),
     ]
     values = drawn(np.random.default_rng(3), 2 * 3 * 3 * 4, 9)
     return ValueTable(names, HEADING, digits=digits, values=values, turns_with=("wind.from_sin", "wind.from_cos"))

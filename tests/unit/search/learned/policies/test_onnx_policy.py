@@ -8,7 +8,7 @@ import pytest
 import yaml
 from policies import NAMES, seen
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.search.learned.policies.onnx_policy import METADATA_KEY
 from gslcosim.search.learned.policies.policy import PolicyError
 from gslcosim.search.learned.policies.policy_files import load_policy, save_policy

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from policies import EVERY_KIND, HEADING, NAMES, VELOCITY, ctrnn, gru, seen, table
 
-from gslcosim.search.learned.policies.action_values import Level, ValueTable, WindPlace
 from gslcosim.search.learned.policies.policy import ActionSettings, PolicyError
+from gslcosim.search.learned.policies.value_table import LevelFeature, ValueTable, WindPositionFeature
 
 every_kind = pytest.mark.parametrize("make", EVERY_KIND.values(), ids=EVERY_KIND)
 
@@ -106,7 +106,7 @@ def test_a_table_looks_up_the_state_that_its_digits_make():
 
 def test_a_place_is_seen_upwind_whatever_the_wind():
     """A quarter of the room ahead and to the left of the middle is the same class in each of the eight winds."""
-    digit = WindPlace(x="x", y="y", sin="sin", cos="cos", cuts=(0.0, 0.9))
+    digit = WindPositionFeature(x="x", y="y", sin="sin", cos="cos", cuts=(0.0, 0.9))
     angles = 2 * np.pi * np.arange(8) / 8
     x, y = 0.5 * np.cos(angles) - 0.4 * np.sin(angles), 0.5 * np.sin(angles) + 0.4 * np.cos(angles)
     seen = [part.astype(np.float32) for part in (x, y, np.sin(angles + 0.2), np.cos(angles + 0.2))]
@@ -120,7 +120,7 @@ def test_a_place_is_seen_upwind_whatever_the_wind():
 def test_headings_of_a_table_turn_with_the_wind_and_to_hold_does_not():
     values = np.zeros((2, 9), np.float32)
     values[0, 1], values[1, 8] = 1.0, 1.0  # 45 degrees left of upwind; to hold where the last was refused
-    policy = ValueTable(NAMES, HEADING, digits=[Level(observation="refused", cuts=(0.5,))], values=values,
+    policy = ValueTable(NAMES, HEADING, digits=[LevelFeature(observation="refused", cuts=(0.5,))], values=values,
                         turns_with=("wind.from_sin", "wind.from_cos"))  # fmt: skip
     wind = [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, -1.0], [1.0, 0.0, 1.0, 0.0]]
     actions, _ = policy.act(np.array(wind, np.float32), policy.memory(4))
@@ -129,7 +129,7 @@ def test_headings_of_a_table_turn_with_the_wind_and_to_hold_does_not():
 
 def test_after_each_refusal_the_next_best_choice_follows():
     values = np.array([[0.1, 0.5, 0.3, *[0.0] * 6]], np.float32)
-    policy = ValueTable(NAMES, HEADING, digits=[Level(observation="nose.amount", cuts=())], values=values,
+    policy = ValueTable(NAMES, HEADING, digits=[LevelFeature(observation="nose.amount", cuts=())], values=values,
                         yields_with="refused")  # fmt: skip
     memory, chosen = policy.memory(1), []
     for is_refused in (0, 1, 1, 1, 0, 1):
@@ -150,7 +150,9 @@ def test_a_spread_moves_the_outputs_of_a_network_by_as_much():
 
 def test_a_share_of_choices_is_drawn_by_the_bits_of_what_is_observed():
     values = np.zeros((1, 9), np.float32)
-    policy = ValueTable(NAMES, HEADING, digits=[Level(observation="nose.amount", cuts=())], values=values, explores=0.5)
+    policy = ValueTable(
+        NAMES, HEADING, digits=[LevelFeature(observation="nose.amount", cuts=())], values=values, explores=0.5
+    )
     (observations,) = seen(4000, 1)
     actions, _ = policy.act(observations, policy.memory(4000))
     again, _ = policy.act(observations, policy.memory(4000))
@@ -171,4 +173,6 @@ def test_wrong_settings_are_told():
     with pytest.raises(PolicyError, match="expected one with choices"):
         ValueTable(NAMES, VELOCITY, digits=table().digits, values=table().values)
     with pytest.raises(PolicyError, match=r"expected names among observation_names, was vx"):
-        ValueTable(NAMES, HEADING, digits=[Level(observation="vx", cuts=(0.5,))], values=np.zeros((2, 9), np.float32))
+        ValueTable(
+            NAMES, HEADING, digits=[LevelFeature(observation="vx", cuts=(0.5,))], values=np.zeros((2, 9), np.float32)
+        )

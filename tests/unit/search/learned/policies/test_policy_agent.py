@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "agents"))
 
 from briefings import briefing, observation
 
-from gslcosim.errors import MethodError
+from gslcosim.base.errors import MethodError
 from gslcosim.search.learned.policies.policy_files import save_policy
 from gslcosim_agents.learned.agent import Learned
 

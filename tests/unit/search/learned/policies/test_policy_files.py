@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from policies import EVERY_KIND, NAMES, ctrnn, gru, seen, table
 
-from gslcosim.errors import UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.search.learned.policies.policy import PolicyError
-from gslcosim.search.learned.policies.policy_files import CARD, card_of_policy, load_policy, save_policy
+from gslcosim.search.learned.policies.policy_files import CARD, load_policy, read_policy_card, save_policy
 
 
 def changed(path, *, told=None, drop=(), **arrays):
@@ -34,7 +34,7 @@ def test_a_saved_policy_acts_as_before_and_keeps_its_card(make, tmp_path):
         assert np.array_equal(before, after)
         assert np.array_equal(first, second, equal_nan=True)
         memory = first, second
-    card = card_of_policy(tmp_path / "new" / "p.npz")
+    card = read_policy_card(tmp_path / "new" / "p.npz")
     assert (card["seed"], card["kind"], tuple(card["observation_names"])) == (3, policy.kind, NAMES)
 
 

@@ -1,0 +1,102 @@
+"""Hashes of code: comments, docstrings and layout of the text do not count."""
+
+import ast
+import hashlib
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
+
+# Beside gslcosim's own code, what computes flights.
+COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack", "msgspec")
+# Code that shows flights, or counts over them, decides none.
+_IRRELEVANT_FOLDERS = (
+    "gslcosim/cli",
+    "gslcosim/bench/report",
+    "gslcosim/bench/statistics",
+    "gslcosim/bench/tuning",
+    "gslcosim/conformance",
+    "gslcosim/contract/publish",
+    "gslcosim_services/recorder",
+)
+_DIGEST_BYTES = 16
+
+
+def hash_result_code() -> str:
+    """Return a hash that changes when any code that decides the results of a run does."""
+    paths = [path for root in get_code_roots().values() for path in sorted(root.rglob("*.py"))]
+    return hash_code([path for path in paths if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)])
+
+
+def _name_in_package(path: Path) -> str:
+    for package, root in get_code_roots().items():
+        if path.is_relative_to(root):
+            return f"{package}/{path.relative_to(root).as_posix()}"
+    raise ValueError(f"expected a file of {' or '.join(get_code_roots())}, was {path}")
+
+
+def list_package_files(*parts: str) -> list[Path]:
+    """Return the modules in folders, with all below them, and files; each part from a package's name on.
+
+    A folder with a trailing `/*` counts without the folders below it.
+    """
+    paths: list[Path] = []
+    for part in parts:
+        package, _, rest = part.removesuffix("/*").partition("/")
+        path = get_code_roots()[package] / rest
+        if path.is_dir():
+            paths += sorted(path.glob("*.py") if part.endswith("/*") else path.rglob("*.py"))
+        else:
+            paths.append(path)
+    return paths
+
+
+def hash_code(paths: Sequence[Path]) -> str:
+    """Return 32 hexadecimal digits that change when the code of any of some modules of our packages does.
+
+    Reading the text of code takes a while, so the answer is kept for files with the same bytes.
+
+    Args:
+        paths: Files of Python in our packages; their order counts.
+    """
+    contents = [(_name_in_package(path), path.read_bytes()) for path in paths]
+    raw = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+    for name, content in contents:
+        raw.update(f"{name}:{len(content)}:".encode())
+        raw.update(content)
+    kept = get_cache_root() / "code" / raw.hexdigest()
+    try:
+        return kept.read_text(encoding="ascii")
+    except OSError:
+        said = _hash_syntax(contents)
+        _store(kept, said)
+        return said
+
+
+def _hash_syntax(contents: Sequence[tuple[str, bytes]]) -> str:
+    digest = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+    for name, content in contents:
+        digest.update(name.encode())
+        digest.update(ast.dump(_drop_docstrings(ast.parse(content))).encode())
+    return digest.hexdigest()
+
+
+def _drop_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
+            node.body = node.body[1:]
+    return tree
+
+
+# Whole or not at all; a cache that cannot be written to costs time and nothing else.
+def _store(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(handle, "w", encoding="ascii") as file:
+            file.write(text)
+        Path(name).replace(path)
+    except OSError:
+        return

@@ -1,0 +1,302 @@
+"""Cache of compiled numba kernels: outside the checkout, never stale, and loaded only where signed by our process.
+
+Numba's index and data files are pickles, which run code when they are loaded. Each has a signature behind it, whose key
+lies in gslcosim's cache, which no agent in a sandbox can read or write. A file that is not ours, that others may write
+to, or whose signature is wrong counts as absent: its kernel is compiled again.
+"""
+
+import contextlib
+import errno
+import hashlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import os
+import stat
+import sys
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+PACKAGE_DIR = Path(__file__).resolve().parents[1]
+NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
+# Set for agents in a sandbox, which have a cache of their own that is thrown away, and no key.
+UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
+_CACHING = "numba.core.caching"
+# Versions that lay out files otherwise share none.
+_LAYOUT = b"signed/1"
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
+_SIGNATURE_BYTES = 32
+_KEY_BYTES = 32
+_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+
+
+def get_cache_root() -> Path:
+    """Return the folder for everything gslcosim computes once and keeps.
+
+    `GSLCOSIM_CACHE` overrides it; otherwise `$XDG_CACHE_HOME/gslcosim` or `~/.cache/gslcosim`.
+    """
+    if chosen := os.environ.get("GSLCOSIM_CACHE"):
+        return Path(chosen).expanduser()
+    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "gslcosim"
+
+
+def use_kernel_cache() -> None:
+    """Point numba at a cache folder that changes whenever a kernel does, and let it load only signed files.
+
+    Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would keep the old
+    callee. A hash of all files with kernels is therefore part of the folder's name.
+    """
+    if NUMBA_VARIABLE not in os.environ:
+        os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels()))
+    if UNCHECKED_VARIABLE in os.environ:
+        return
+    if (loaded := sys.modules.get(_CACHING)) is not None:
+        _sign_files(loaded)
+    elif not any(isinstance(finder, _CachingFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _CachingFinder())
+
+
+def is_trusted(status: os.stat_result) -> bool:
+    """Return whether a file or folder belongs to who may change our code anyway, and nobody else may write to it."""
+    if not hasattr(os, "geteuid"):
+        return True
+    owners = (os.geteuid(), 0, PACKAGE_DIR.stat().st_uid)
+    return status.st_uid in owners and not status.st_mode & _WRITABLE_BY_OTHERS
+
+
+def get_key_path() -> Path:
+    """Return the file with the key of the signatures."""
+    return get_cache_root() / "kernels.key"
+
+
+@cache
+def get_code_roots() -> dict[str, Path]:
+    """Return the folders of our packages by their names."""
+    services = importlib.util.find_spec("gslcosim_services")
+    places = services.submodule_search_locations if services is not None else None
+    roots = {"gslcosim": PACKAGE_DIR}
+    if places:
+        roots["gslcosim_services"] = Path(places[0]).resolve()
+    return roots
+
+
+def _hash_kernels() -> str:
+    digest = hashlib.blake2b(_LAYOUT, digest_size=8)
+    for package, root in get_code_roots().items():
+        for path in sorted(_iter_modules(str(root))):
+            with open(path, "rb") as file:  # noqa: PTH123 - a path of 700
+                content = file.read()
+            if b"numba" in content or b"njit" in content:
+                digest.update(f"{package}{path.removeprefix(str(root))}\0".encode())
+                digest.update(content)
+    return digest.hexdigest()
+
+
+# Twice as fast as Path.rglob, and every command waits for it.
+def _iter_modules(folder: str) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.endswith(".py"):
+                yield entry.path
+            elif entry.is_dir(follow_symlinks=False) and entry.name != "__pycache__":
+                yield from _iter_modules(entry.path)
+
+
+# A folder that somebody else has made first, as one of a user whose home root uses, is left to them.
+def _choose_folder(folder: Path) -> Path:
+    try:
+        status = folder.lstat()
+    except OSError:
+        return folder
+    if stat.S_ISDIR(status.st_mode) and is_trusted(status):
+        return folder
+    if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid():
+        folder.chmod(stat.S_IMODE(status.st_mode) & ~_WRITABLE_BY_OTHERS)
+        return folder
+    return folder.with_name(f"{folder.name}-{os.geteuid()}")
+
+
+class _CachingFinder(importlib.abc.MetaPathFinder):
+    # Numba takes a third of a second to import, which most commands do not need, so its class is replaced as it comes.
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != _CACHING:
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _CachingLoader(spec.loader)
+        return spec
+
+
+class _CachingLoader(importlib.abc.Loader):
+    def __init__(self, loader: importlib.abc.Loader) -> None:
+        self._loader = loader
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType | None:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        self._loader.exec_module(module)
+        _sign_files(module)
+        # When it was last used says when it may go.
+        with contextlib.suppress(OSError):
+            os.utime(os.environ[NUMBA_VARIABLE])
+
+
+def _sign_files(caching: Any) -> None:
+    if not hasattr(caching.IndexDataCacheFile, "is_signed"):
+        caching.IndexDataCacheFile = _build_signed_class(caching.IndexDataCacheFile)
+        chosen = _locator_class(caching.UserProvidedCacheLocator)
+        caching.CacheImpl._locator_classes = [chosen, *caching.CacheImpl._locator_classes]
+
+
+# Numba passes over a folder that it cannot write to, also where all kernels are there to be read, and writes beside the
+# sources, or gives up.
+def _locator_class(plain: type[Any]) -> type[Any]:
+    class ReadableCacheLocator(plain):
+        """Numba's locator of the folder that is set for its cache, whether it can be written or not."""
+
+        def ensure_cache_path(self) -> None:
+            with contextlib.suppress(OSError):
+                super().ensure_cache_path()
+
+    return ReadableCacheLocator
+
+
+def _build_signed_class(plain: type[Any]) -> type[Any]:
+    import pickle
+
+    class SignedCacheFile(plain):
+        """Numba's index and data files with a signature behind each, which numba's own class ignores."""
+
+        is_signed = True
+
+        def _load_index(self) -> dict[Any, str]:
+            body = _read_signed(self._index_path)
+            version = pickle.dumps(self._version, protocol=-1)
+            if body is None or not body.startswith(version):
+                return {}
+            stamp, overloads = pickle.loads(body[len(version) :])
+            return overloads if stamp == self._source_stamp else {}
+
+        def _save_index(self, overloads: dict[Any, str]) -> None:
+            version = pickle.dumps(self._version, protocol=-1)
+            _write_signed(self._index_path, version + self._dump((self._source_stamp, overloads)))
+
+        def _load_data(self, name: str) -> Any:
+            body = _read_signed(self._data_path(name))
+            if body is None:
+                # Numba compiles again what has gone.
+                raise FileNotFoundError(self._data_path(name))
+            return pickle.loads(body)
+
+        def _save_data(self, name: str, data: Any) -> None:
+            _write_signed(self._data_path(name), self._dump(data))
+
+    return SignedCacheFile
+
+
+def _read_signed(path: str) -> bytes | None:
+    import hmac
+
+    key, data = _load_or_create_key(get_key_path()), _read_trusted(path)
+    if data is None:
+        return None
+    body, signature = data[:-_SIGNATURE_BYTES], data[-_SIGNATURE_BYTES:]
+    if key is None:
+        return body if _is_of_the_system(path) else None
+    return body if hmac.compare_digest(signature, _sign(key, path, body)) else None
+
+
+# In a cache that root has filled for others, whose key they cannot read.
+def _is_of_the_system(path: str) -> bool:
+    return hasattr(os, "geteuid") and os.geteuid() != 0 and os.lstat(path).st_uid == 0
+
+
+# Without a key nobody could load it again. Where nothing can be written, the kernel is compiled again next time.
+def _write_signed(path: str, body: bytes) -> None:
+    if (key := _load_or_create_key(get_key_path())) is not None:
+        try:
+            _replace(path, body + _sign(key, path, body), 0o644)
+        except OSError as error:
+            if error.errno not in _CANNOT_BE_WRITTEN:
+                raise
+
+
+# With the file's name, so that none can be put in place of another.
+def _sign(key: bytes, path: str, body: bytes) -> bytes:
+    place = Path(path)
+    hasher = hashlib.blake2b(f"{place.parent.name}/{place.name}\0".encode(), key=key, digest_size=_SIGNATURE_BYTES)
+    hasher.update(body)
+    return hasher.digest()
+
+
+# None where there is none and none can be made: then each process compiles its kernels.
+@cache
+def _load_or_create_key(path: Path) -> bytes | None:
+    if (kept := _read_key(path)) is not None:
+        return kept
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink() or path.exists():
+            # A key that others have written, or may know, signs nothing.
+            _replace(str(path), os.urandom(_KEY_BYTES), 0o600)
+        else:
+            _link_new(path, os.urandom(_KEY_BYTES))
+    return _read_key(path)
+
+
+def _read_key(path: Path) -> bytes | None:
+    key = _read_trusted(str(path))
+    return key if key is not None and len(key) == _KEY_BYTES else None
+
+
+def _read_trusted(path: str) -> bytes | None:
+    try:
+        descriptor = os.open(path, _READ)
+    except OSError:
+        return None
+    with os.fdopen(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        return file.read() if stat.S_ISREG(status.st_mode) and is_trusted(status) else None
+
+
+def _replace(path: str, data: bytes, mode: int) -> None:
+    beside = _write_temporary(path, data, mode)
+    try:
+        beside.replace(path)
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+# Of several processes that begin at once one makes the key, and all read that.
+def _link_new(path: Path, data: bytes) -> None:
+    beside = _write_temporary(str(path), data, 0o600)
+    try:
+        path.hardlink_to(beside)
+    except FileExistsError:
+        return
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _write_temporary(path: str, data: bytes, mode: int) -> Path:
+    beside = Path(f"{path}.tmp.{os.urandom(8).hex()}")
+    descriptor = os.open(beside, _CREATE, mode)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise
+    return beside

@@ -1,0 +1,67 @@
+"""Plugins that installed packages offer by entry points, imported when they are named and not before."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import TypeVar
+
+from gslcosim.base.errors import ScenarioError
+
+AnyPlugin = TypeVar("AnyPlugin")
+
+
+class PluginError(ScenarioError):
+    """An installed package offers something that cannot be used; who made the package corrects it."""
+
+    def __init__(self, *, expected: str, found: str, remedy: str) -> None:
+        super().__init__(f"expected {expected}, was {found}. {remedy}")
+        self.expected, self.found, self.remedy = expected, found, remedy
+
+
+@dataclass(frozen=True, kw_only=True)
+class EntryPoints:
+    """Plugins in the group of entry points `group`; `what` is the word for one of them in errors."""
+
+    group: str
+    what: str
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all that is offered, in alphabetical order."""
+        return tuple(sorted(entry_points(group=self.group).names))
+
+    def loaded(self, name: str, accept: Callable[[object], AnyPlugin | None], expected: str) -> AnyPlugin:
+        """Return what is offered under a name, one of `names`.
+
+        Args:
+            name: The name.
+            accept: Returns what is wanted from the object of the entry point, or None where it is something else.
+            expected: What the object should be, for the error: `the SensorKind 'clicks'`.
+
+        Raises:
+            PluginError: two packages offer the name, the package cannot be imported, or it offers something else.
+        """
+        values = sorted({point.value for point in entry_points(group=self.group, name=name)})
+        if len(values) > 1:
+            raise PluginError(
+                expected=f"one package that offers the {self.what} {name!r}",
+                found=" and ".join(values),
+                remedy="Uninstall one of them.",
+            )
+        (point, *_) = entry_points(group=self.group, name=name)
+        try:
+            offered: object = point.load()
+        # A package of somebody else may raise anything when it is imported.
+        except Exception as error:
+            raise PluginError(
+                expected=f"{point.value} to be imported for the {self.what} {name!r}",
+                found=repr(error),
+                remedy="Correct the package.",
+            ) from error
+        accepted = accept(offered)
+        if accepted is None:
+            raise PluginError(
+                expected=f"{point.value} to be {expected}",
+                found=f"{offered!s:.60}",
+                remedy="Correct the entry point of the package.",
+            )
+        return accepted

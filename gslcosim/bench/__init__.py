@@ -1,0 +1,32 @@
+"""Benchmark of search methods: suites of runs, their rows, statistics and reports.
+
+`suite` turns a file into trials, `execution` flies them, `store` keeps their rows, `metrics` are figures of one flight,
+`statistics` are figures of many rows, `report` shows them. Nothing below this package knows of it.
+
+For one's own studies there are `load_suite`, `run`, `Results` and `compare`; docs/benchmark/python.ipynb uses them.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gslcosim.bench.api import run
+    from gslcosim.bench.cases.suite_files import load_suite
+    from gslcosim.bench.results import Comparison, Results, compare
+
+__all__ = ["Comparison", "Results", "compare", "load_suite", "run"]
+
+_HOMES = {
+    "Comparison": "results",
+    "Results": "results",
+    "compare": "results",
+    "load_suite": "cases.suite_files",
+    "run": "api",
+}
+
+
+# The parts import each other through this package: loading all of them here would go round in a circle.
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -1,0 +1,198 @@
+"""Frozen models of a suite file: every field with its meaning, default and range."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from gslcosim.contract.messages import ParameterValue
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error
+from gslcosim.scenario.models.scenario import KnowledgeSpec, StartSpec
+from gslcosim.scenario.models.sensors import Sensor
+
+SCHEMA = "gslcosim/suite/1"
+LOWER_ANCHOR, UPPER_ANCHOR = "oracle", "random_walker"
+
+Values = dict[str, Any]
+"""Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
+
+
+class DrawSpec(Spec):
+    """As many whole numbers as `draw` says, drawn by the suite's seed: for layouts and other seeds."""
+
+    draw: Annotated[int, Field(ge=1, le=10_000)]
+
+
+class ScenarioSpec(Spec):
+    """A scenario of the suite: a file or a bundled name, and values that replace its own.
+
+    `name` is what it is called here, its own if absent; `family` is the group of cases that it is counted in, its name
+    if absent.
+    """
+
+    source: str
+    name: Name | None = None
+    family: Name | None = None
+    set: Values = {}  # noqa: RUF012 - pydantic copies it
+
+
+class EntrySpec(Spec):
+    """A method under a name: a program, its parameters, and what it gets.
+
+    What is absent is the scenario's: `sensors` and `mode` of its first agent. `sensors: by_method` gives those that the
+    card of the method asks for. `knows` is what the method's card asks for if absent. With several `robots` the first
+    stands where the scenario's does and the others around it; a Python program flies all of them as one team. `radio`
+    gives them a channel; absent: when the card asks for one. `parameters_in` are parameters for single scenarios.
+    """
+
+    name: Name
+    start: StartSpec
+    parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - as above
+    parameters_in: dict[Name, dict[Name, ParameterValue]] = {}  # noqa: RUF012 - as above
+    sensors: Literal["by_method"] | Annotated[tuple[Sensor, ...], Field(min_length=1)] | None = None
+    mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] | None = (
+        None
+    )
+    knows: KnowledgeSpec | None = None
+    robots: Annotated[int, Field(ge=1, le=100)] = 1
+    radio: bool | None = None
+
+    @model_validator(mode="after")
+    def _check_start(self) -> Self:
+        if self.start.process_of is not None or self.start.attach:
+            raise broken_rule_error(
+                key="start",
+                expected="a program that the benchmark starts: python or command",
+                found="process_of" if self.start.process_of else "attach",
+                remedy="Several robots of one program are robots: N.",
+            )
+        if self.start.command is not None and not self.start.is_behind_gateway:
+            raise broken_rule_error(
+                key="start",
+                expected="door: stdio, tcp or unix for a program that is started with command",
+                found="door: zenoh",
+                remedy="Add door: stdio to the start.",
+            )
+        return self
+
+
+class ControlsSpec(Spec):
+    """Flights without gas: how many of them for each flight with it."""
+
+    no_source_frac: Annotated[float, Field(ge=0, le=1)] = 0.0
+
+
+class RecordSpec(Spec):
+    """Choice of runs that are repeated with a recording when all have ended."""
+
+    keep: tuple[Literal["first_failure", "median", "slowest"], ...] = ()
+
+
+class LimitsSpec(Spec):
+    """Limits of a trial before it is ended and reported: wall time and memory."""
+
+    wall_s: Positive = 600.0
+    memory_mb: Positive = 4096.0
+
+
+def _scenario_of_text(value: Any) -> Any:
+    return {"source": value} if isinstance(value, str) else value
+
+
+ScenarioEntry = Annotated[ScenarioSpec, BeforeValidator(_scenario_of_text)]
+
+
+class Suite(Spec):
+    """A whole suite file.
+
+    Every combination of a scenario with the values of `vary` is a case; each is flown `repetitions` times by every
+    entry. `vary` multiplies; within one of its items the lists go together. `set` replaces values in all scenarios.
+    `when: places_are_free` leaves out cases in which a vehicle or a source would stand in something solid; otherwise
+    they are errors. `gas_seeds` is how many plumes each scenario has, as many as repetitions if absent. `include` takes
+    the cases of other suites, and their entries where this one has none. `anchors` are flown beside the entries.
+    `sandbox: required` flies every agent of these cases as a process in a sandbox, Python agents too, wherever the
+    suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
+    trusts.
+    """
+
+    schema_: Literal["gslcosim/suite/1"] = Field(alias="schema")
+    name: Name
+    title: str = ""
+    question: str = ""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
+    include: tuple[str, ...] = ()
+    scenarios: tuple[ScenarioEntry, ...] = ()
+    set: Values = {}  # noqa: RUF012 - as above
+    vary: tuple[dict[str, DrawSpec | Annotated[tuple[Any, ...], Field(min_length=1)]], ...] = ()
+    when: Literal["places_are_free"] | None = None
+    move_starts_up_to_m: NonNegative = 0.0
+    repetitions: Annotated[int, Field(ge=1, le=100_000)] = 1
+    gas_seeds: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    entries: tuple[EntrySpec, ...] = ()
+    anchors: tuple[Literal["oracle", "random_walker"], ...] = (LOWER_ANCHOR, UPPER_ANCHOR)
+    controls: ControlsSpec = ControlsSpec()
+    record: RecordSpec = RecordSpec()
+    limits: LimitsSpec = LimitsSpec()
+    sandbox: Literal["optional", "required"] = "optional"
+
+    @property
+    def entries_with_anchors(self) -> tuple[EntrySpec, ...]:
+        """The entries, and the anchors that are not among them by name."""
+        names = {entry.name for entry in self.entries}
+        robots = max((entry.robots for entry in self.entries), default=1)
+        least = min((entry.robots for entry in self.entries), default=1)
+        anchors = (
+            EntrySpec(name=name, start=StartSpec(python=name), robots=robots if robots == least else 1)
+            for name in self.anchors
+            if name not in names
+        )
+        return (*self.entries, *anchors)
+
+    @model_validator(mode="after")
+    def _check_cases(self) -> Self:
+        if not self.scenarios and not self.include:
+            raise broken_rule_error(
+                key="scenarios",
+                expected="at least one scenario, or include",
+                found="none",
+                remedy="For example scenarios: [gsl_bench_1].",
+            )
+        if not self.scenarios and (self.vary or self.set):
+            raise broken_rule_error(
+                key="vary" if self.vary else "set",
+                expected="scenarios that it is about: cases of included suites stay as they are",
+                found="none",
+                remedy="Leave it out, or list the scenarios.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        names = [entry.name for entry in self.entries]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise broken_rule_error(
+                key="entries", expected="a name of its own for each", found=f"{twice} twice", remedy="Rename one."
+            )
+        if not self.entries_with_anchors and not self.include:
+            raise broken_rule_error(
+                key="entries", expected="at least one entry", found="none",
+                remedy="For example entries: [{name: dung_beetle, start: {python: dung_beetle}}].",
+            )  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
+    def _check_vary(self) -> Self:
+        for i, axis in enumerate(self.vary):
+            lengths = {key: n_values(values) for key, values in axis.items()}
+            if len(set(lengths.values())) > 1:
+                raise broken_rule_error(
+                    key=f"vary[{i}]",
+                    expected="lists of one length: within an item they go together",
+                    found=", ".join(f"{key} with {n}" for key, n in lengths.items()),
+                    remedy="Write what multiplies as items of its own.",
+                )
+        return self
+
+
+def n_values(values: "DrawSpec | tuple[Any, ...]") -> int:
+    """Return how many values an axis has."""
+    return values.draw if isinstance(values, DrawSpec) else len(values)

@@ -1,0 +1,400 @@
+"""Plan of a suite: its axes expanded into cases, and the cases into trials with all that decides them."""
+
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gslcosim.base.errors import ScenarioError
+from gslcosim.base.files import read_regular_file
+from gslcosim.bench.cases.agent_setup import apply_entry, build_environment, close_sources, find_card
+from gslcosim.bench.cases.hashes import agent_hash, case_hash, software_hash, trial_id
+from gslcosim.bench.cases.models import DrawSpec, EntrySpec, ScenarioSpec, n_values
+from gslcosim.bench.cases.suite_files import LoadedSuite
+from gslcosim.bench.cases.trials import Case, DroppedCase, MovedStart, Trial, derive_seed
+from gslcosim.environment.build.geometry_source import find_folder
+from gslcosim.environment.build.position_checks import can_start_at, find_position_problems, nearest_start_m
+from gslcosim.environment.build.random_positions import draw_positions
+from gslcosim.environment.generation.recipe_hash import recipe_hash
+from gslcosim.environment.store import load_environment
+from gslcosim.methods.card import MethodCard
+from gslcosim.scenario import Scenario, load_scenario
+from gslcosim.scenario.loader import find_scenario, resolve_values
+from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, ProblemLike, locate
+from gslcosim.scenario.serialization import plain_values
+from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim_services.sensing.method_checks import find_method_problems
+
+_UNITS = ("_m_s", "_m2_s", "_m", "_s", "_frac", "_per_s")
+
+
+def expand_cases(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
+    """Yield the cases of a suite, with the suite that each comes from: those of included suites first.
+
+    Raises:
+        ScenarioError: two scenarios have one name, or a scenario is not there.
+    """
+    seen: dict[str, str] = {}
+    for owner, case in _cases(loaded, is_sandboxed=False):
+        if case.name in seen:
+            raise ScenarioError(
+                f"{loaded.shown_path}: scenarios: expected cases with names of their own, was {case.name} twice "
+                f"(in {seen[case.name]} and {owner.suite.name}). Give one of the scenarios a name."
+            )
+        seen[case.name] = owner.suite.name
+        yield owner, case
+
+
+def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedSuite, Case]]:
+    suite = loaded.suite
+    is_sandboxed = is_sandboxed or suite.sandbox == "required"
+    for inner in loaded.included:
+        yield from _cases(inner, is_sandboxed=is_sandboxed)
+    for i, spec in enumerate(suite.scenarios):
+        source = _source(spec, loaded)
+        name = spec.name or _name_in(source)
+        for varied in _combinations(loaded):
+            values = {**suite.set, **spec.set, **varied}
+            yield (
+                loaded,
+                Case(
+                    name="/".join([name, *_labels(varied)]),
+                    scenario=name,
+                    family=spec.family or name,
+                    source=source,
+                    varied=varied,
+                    overrides=tuple(f"{path}={json.dumps(value)}" for path, value in values.items()),
+                    suite_seed=suite.seed,
+                    repetitions=suite.repetitions,
+                    gas_seeds=suite.gas_seeds or suite.repetitions,
+                    no_source_frac=suite.controls.no_source_frac,
+                    is_sandboxed=is_sandboxed,
+                    set_in=f"{loaded.shown_path}: scenarios[{i}] {name}",
+                ),
+            )
+
+
+def _source(spec: ScenarioSpec, loaded: LoadedSuite) -> Path:
+    beside = loaded.directory / spec.source
+    try:
+        return find_scenario(beside if beside.is_file() else spec.source)
+    except ScenarioError as error:
+        raise ScenarioError(f"{loaded.shown_path}: scenarios: {error}") from error
+
+
+def _name_in(path: Path) -> str:
+    block = read_yaml(read_regular_file(path).decode("utf-8-sig"), source=str(path)).block
+    return str((block or {}).get("name", path.stem))
+
+
+def _combinations(loaded: LoadedSuite) -> Iterator[dict[str, Any]]:
+    axes = [
+        [{path: _value(loaded, path, values, k) for path, values in axis.items()} for k in range(_length(axis))]
+        for axis in loaded.suite.vary
+    ]
+    for choice in itertools.product(*axes):
+        yield {path: value for part in choice for path, value in part.items()}
+
+
+def _length(axis: dict[str, Any]) -> int:
+    return n_values(next(iter(axis.values()))) if axis else 1
+
+
+def _value(loaded: LoadedSuite, path: str, values: "DrawSpec | tuple[Any, ...]", k: int) -> Any:
+    if isinstance(values, DrawSpec):
+        return derive_seed(loaded.suite.seed, "draw", path, k)
+    return values[k]
+
+
+# `agents[0].vehicle.start_m: [3, 3, 0.2]` becomes `start=3,3,0.2`.
+def _labels(varied: dict[str, Any]) -> Iterator[str]:
+    for path, value in varied.items():
+        key = path.rpartition(".")[2].partition("[")[0]
+        ending = next((unit for unit in _UNITS if key.endswith(unit)), "")
+        yield f"{key.removesuffix(ending)}={_short(value)}"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ",".join(_short(item) for item in value)
+    if isinstance(value, dict):
+        return ",".join(f"{key}:{_short(inner)}" for key, inner in value.items())
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+Progress = Callable[[int], None]
+"""Is told how many trials have been planned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedEntry:
+    """An entry of a plan: its name, its hash, and what its card says."""
+
+    spec: EntrySpec
+    directory: Path
+    agent_hash: str
+    card: MethodCard | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All trials of a suite in order, and what was left out or moved.
+
+    `suite_hash` is equal for all who meet the same cases, whatever they enter.
+    """
+
+    loaded: LoadedSuite
+    cases: tuple[Case, ...]
+    trials: tuple[Trial, ...]
+    dropped: tuple[DroppedCase, ...]
+    moved: tuple[MovedStart, ...]
+    entries: tuple[PlannedEntry, ...]
+    suite_hash: str
+    software_hash: str
+
+    @property
+    def sim_s(self) -> float:
+        """Simulated time if every trial took as long as it may [s]."""
+        limits_s = {case.name: 0.0 for case in self.cases}
+        for trial in self.trials:
+            if not limits_s[trial.case]:
+                limits_s[trial.case] = trial.resolved.referee.stop.time_limit_s
+        return sum(limits_s[trial.case] for trial in self.trials)
+
+
+def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan:
+    """Return the plan of a suite.
+
+    Args:
+        loaded: The suite.
+        progress: Is told how far it is.
+
+    Raises:
+        ScenarioError: a scenario, value or entry is wrong, with the place in the suite.
+    """
+    owned = list(expand_cases(loaded))
+    sources = (*_suite_files(loaded), *(case.source.absolute() for _, case in owned))
+    planner = _Planner(tuple(dict.fromkeys(sources)))
+    trials: list[Trial] = []
+    cases: list[Case] = []
+    dropped: list[DroppedCase] = []
+    for owner, case in owned:
+        found = planner.trials_of(loaded, owner, case, first_index=len(trials))
+        if isinstance(found, DroppedCase):
+            dropped.append(found)
+            continue
+        cases.append(case)
+        trials += found
+        progress(len(trials))
+    if not trials:
+        reasons = f" The first: {dropped[0].case}: {dropped[0].reason}" if dropped else ""
+        raise ScenarioError(f"{loaded.shown_path}: expected at least one case, was none.{reasons}")
+    return Plan(
+        loaded=loaded,
+        cases=tuple(cases),
+        trials=tuple(trials),
+        dropped=tuple(dropped),
+        moved=tuple(planner.moved),
+        entries=tuple(planner.entries.values()),
+        suite_hash=_hash_of_texts(sorted({trial.case_hash for trial in trials})),
+        software_hash=software_hash(),
+    )
+
+
+def _suite_files(loaded: LoadedSuite) -> Iterator[Path]:
+    yield loaded.path
+    for inner in loaded.included:
+        yield from _suite_files(inner)
+
+
+class _Planner:
+    """Plans cases one after the other and remembers rooms and entries."""
+
+    def __init__(self, sources: tuple[Path, ...]) -> None:
+        self.entries: dict[str, PlannedEntry] = {}
+        self._sources = sources
+        self.moved: list[MovedStart] = []
+        self._rooms: dict[str, str] = {}
+
+    def trials_of(
+        self, loaded: LoadedSuite, owner: LoadedSuite, case: Case, *, first_index: int
+    ) -> "list[Trial] | DroppedCase":
+        giver = loaded if loaded.suite.entries or owner is loaded else owner
+        entries = [self._entry(spec, giver) for spec in giver.suite.entries_with_anchors]
+        trials: list[Trial] = []
+        resolved: _Resolved | None = None
+        for repetition in range(case.repetitions):
+            seed = derive_seed(case.suite_seed, case.name, repetition)
+            if resolved is None or resolved.has_random_places:
+                scenario, directory = _load(case, seed)
+                scenario = self._with_free_starts(case, scenario, directory, owner.suite.move_starts_up_to_m)
+                if problems := find_position_problems(scenario, scenario_dir=directory):
+                    if owner.suite.when == "places_are_free":
+                        return DroppedCase(case=case.name, reason=_text_of(problems[0]))
+                    raise InvalidScenarioError(locate(problems, Marks(Place(source=case.set_in))), name=case.set_in)
+                resolved = _Resolved(case, scenario, directory, self._room_key(scenario, directory))
+            gas_seed = derive_seed(case.suite_seed, "gas", case.scenario, repetition % case.gas_seeds)
+            for is_control in (False, True) if repetition < case.n_controls else (False,):
+                shared = case_hash(
+                    _with_seeds(resolved.scenario, seed, gas_seed), resolved.room,
+                    is_control=is_control, repetition=repetition,
+                )  # fmt: skip
+                trials += [
+                    self._trial(
+                        resolved, entry, _with_seeds(resolved.flown(entry, is_control=is_control), seed, gas_seed),
+                        shared, repetition=repetition, is_control=is_control, index=first_index + len(trials) + i,
+                    )
+                    for i, entry in enumerate(entries)
+                ]  # fmt: skip
+        return trials
+
+    def _trial(
+        self,
+        resolved: "_Resolved",
+        entry: PlannedEntry,
+        flown: Scenario,
+        shared: str,
+        *,
+        repetition: int,
+        is_control: bool,
+        index: int,
+    ) -> Trial:
+        case = resolved.case
+        return Trial(
+            id=trial_id(flown, resolved.room, entry.spec.name, entry.agent_hash),
+            index=index,
+            case=case.name,
+            scenario=case.scenario,
+            family=case.family,
+            varied=json.dumps(dict(case.varied)),
+            repetition=repetition,
+            entry=entry.spec.name,
+            is_control=is_control,
+            scenario_json=json.dumps(plain_values(flown)),
+            directory=resolved.directory,
+            room=resolved.room,
+            tape=_tape_key(flown, resolved.room) if flown.gas.tape else None,
+            case_hash=shared,
+            sources=self._sources,
+        )
+
+    def _entry(self, spec: EntrySpec, giver: LoadedSuite) -> PlannedEntry:
+        planned = self.entries.get(spec.name)
+        if planned is None:
+            planned = PlannedEntry(
+                spec=spec,
+                directory=giver.directory,
+                agent_hash=agent_hash(spec, giver.directory),
+                card=find_card(spec, giver.directory),
+            )
+            self.entries[spec.name] = planned
+        elif planned.spec != spec:
+            raise ScenarioError(
+                f"{giver.shown_path}: entries: expected one meaning of {spec.name} in all suites that are included, "
+                "was several. List the entries in the outer suite."
+            )
+        return planned
+
+    def _with_free_starts(self, case: Case, scenario: Scenario, directory: Path, up_to_m: float) -> Scenario:
+        if not up_to_m:
+            return scenario
+        room, agents = build_environment(scenario, directory), list(scenario.agents)
+        for i, agent in enumerate(agents):
+            start_m = agent.vehicle.start_m
+            if can_start_at(start_m, agent.vehicle, room):
+                continue
+            to_m = nearest_start_m(agent.vehicle, room)
+            if to_m is not None and math.dist(start_m, to_m) <= up_to_m:
+                vehicle = agent.vehicle.model_copy(update={"start_m": to_m})
+                agents[i] = agent.model_copy(update={"vehicle": vehicle})
+                self.moved.append(MovedStart(case=case.name, agent=agent.name, from_m=start_m, to_m=to_m))
+        return scenario.model_copy(update={"agents": tuple(agents)})
+
+    def _room_key(self, scenario: Scenario, directory: Path) -> str:
+        environment, wind = scenario.environment, scenario.wind
+        text = f"{directory}\n{environment.model_dump_json()}\n{wind.model_dump_json()}"
+        if text not in self._rooms:
+            self._rooms[text] = (
+                load_environment(find_folder(environment, directory)).content_hash
+                if environment.path is not None
+                else recipe_hash(environment, wind, scenario_dir=directory)
+            )
+        return self._rooms[text]
+
+
+class _Resolved:
+    """A case as resolved, and what each entry flies in it; seeds are put in afterwards."""
+
+    def __init__(self, case: Case, scenario: Scenario, directory: Path, room: str) -> None:
+        self.case = case
+        self.scenario = scenario
+        self.directory = directory
+        self.room = room
+        self.has_random_places = _has_random_places(case, scenario)
+        self._flown: dict[tuple[str, bool], Scenario] = {}
+
+    def flown(self, entry: PlannedEntry, *, is_control: bool) -> Scenario:
+        """Return what an entry flies."""
+        key = (entry.spec.name, is_control)
+        if key not in self._flown:
+            self._flown[key] = self._flown_by(entry, is_control=is_control)
+        return self._flown[key]
+
+    def _flown_by(self, entry: PlannedEntry, *, is_control: bool) -> Scenario:
+        where = f"{self.case.set_in}: entry {entry.spec.name}"
+        try:
+            values = apply_entry(
+                self.scenario,
+                self.case.scenario,
+                entry.spec,
+                card=entry.card,
+                directory=entry.directory,
+                scenario_dir=self.directory,
+                is_sandboxed=self.case.is_sandboxed,
+            )
+            if is_control:
+                close_sources(values)
+        except InvalidScenarioError:
+            raise
+        except ScenarioError as error:
+            raise ScenarioError(f"{where}: {error}") from error
+        values["recording"]["enabled"] = False
+        return resolve_values(values, self.directory, source=where, checks=(find_method_problems,))
+
+
+def _text_of(problem: ProblemLike) -> str:
+    return f"{problem.path}: expected {problem.expected}, was {problem.found}."
+
+
+def _load(case: Case, seed: int) -> tuple[Scenario, Path]:
+    loaded = load_scenario(case.source, overrides=case.overrides, seed=seed, placer=draw_positions, set_in=case.set_in)
+    return loaded.scenario, loaded.directory
+
+
+# Drawn places differ from seed to seed.
+def _has_random_places(case: Case, scenario: Scenario) -> bool:
+    return "random" in f"{case.source.read_text()}{case.overrides}" and _places(_load(case, scenario.seed ^ 1)[0]) != (
+        _places(scenario)
+    )
+
+
+def _places(scenario: Scenario) -> list[Any]:
+    return [*(s.position_m for s in scenario.gas.sources), *(agent.vehicle.start_m for agent in scenario.agents)]
+
+
+def _with_seeds(scenario: Scenario, seed: int, gas_seed: int) -> Scenario:
+    gas = scenario.gas.model_copy(update={"seed": gas_seed})
+    return scenario.model_copy(update={"seed": seed, "gas": gas})
+
+
+def _tape_key(scenario: Scenario, room: str) -> str:
+    gas = scenario.gas.model_dump_json()
+    return _hash_of_texts([room, gas, f"{scenario.tick_ms}/{scenario.referee.stop.time_limit_s}"])
+
+
+def _hash_of_texts(texts: Sequence[str]) -> str:
+    return hashlib.blake2b("\n".join(texts).encode(), digest_size=12).hexdigest()

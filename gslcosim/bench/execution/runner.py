@@ -1,0 +1,402 @@
+"""Suite runner: environments and tapes first and once, then trials, each row on disk before the next begins."""
+
+import math
+import statistics
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from gslcosim.base.disk_cache import mark_used
+from gslcosim.base.errors import SimulationFault
+from gslcosim.bench.cases.plan import Plan
+from gslcosim.bench.cases.suite_files import write_suite
+from gslcosim.bench.cases.trials import Trial
+from gslcosim.bench.execution.machine_speed import save_pace
+from gslcosim.bench.execution.manifest import build_manifest
+from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, Pool, iterate_results
+from gslcosim.bench.execution.preparation import ALL_CASES, map_keys
+from gslcosim.bench.execution.scoring import COMPLETED, Row, row_without_result
+from gslcosim.bench.execution.selection import Selection
+from gslcosim.bench.execution.trial import TrialResult
+from gslcosim.bench.store.folder import Journal, JournalEntry, ResultsFolder
+from gslcosim.environment.store import load_environment
+
+
+def select_recorded_trials(trials: Sequence[Trial], rows: Mapping[str, Row], keep: Sequence[str]) -> list[Trial]:
+    """Return the trials of each entry that a suite keeps recordings of, in the order of the suite.
+
+    `first_failure` is its first flight without success, `slowest` its slowest success, `median` the one in the middle
+    of its successes by time. Controls and flights without result are left out.
+
+    Args:
+        trials: All that were flown.
+        rows: Their rows by id.
+        keep: Words of `record.keep`.
+    """
+    chosen: set[str] = set()
+    for entry in dict.fromkeys(trial.entry for trial in trials):
+        flown = [t for t in trials if t.entry == entry and not t.is_control and rows[t.id]["status"] == COMPLETED]
+        failed = [t for t in flown if not rows[t.id]["success"]]
+        found = sorted((t for t in flown if rows[t.id]["success"]), key=lambda t: (rows[t.id]["time_s"], t.index))
+        if "first_failure" in keep and failed:
+            chosen.add(failed[0].id)
+        if "slowest" in keep and found:
+            chosen.add(found[-1].id)
+        if "median" in keep and found:
+            chosen.add(found[math.ceil(len(found) / 2) - 1].id)
+    return [trial for trial in trials if trial.id in chosen]
+
+
+_TRIES = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """Progress of a run: the current work, how much of it is done, and the outcomes so far."""
+
+    phase: str
+    done: int
+    total: int
+    elapsed_s: float
+    successes: dict[str, int] = field(default_factory=dict[str, int])
+    flown: dict[str, int] = field(default_factory=dict[str, int])
+    n_without_result: int = 0
+    lost: tuple[str, ...] = ()
+    """Trials that are flown again, each with what happened to its worker."""
+
+    @property
+    def rate_per_s(self) -> float:
+        """Trials a second since the phase began."""
+        return self.done / self.elapsed_s if self.elapsed_s > 0 else 0.0
+
+    @property
+    def left_s(self) -> float | None:
+        """Time until the phase is over at this rate [s]; nobody knows before the first is done."""
+        return (self.total - self.done) / self.rate_per_s if self.done else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """Summary of a suite run."""
+
+    folder: Path
+    n_planned: int
+    n_chosen: int
+    n_flown_before: int
+    n_flown: int
+    n_without_result: int
+    is_interrupted: bool
+    put_aside: Path | None
+    wall: dict[str, Any]
+
+
+class SuiteRun:
+    """One call of `bench run`: goes on where an earlier one stopped."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        folder: ResultsFolder,
+        start_pool: Callable[[], Pool],
+        *,
+        selection: Selection,
+        flies_failures_again: bool = False,
+        report: Callable[[Progress], None] = lambda _: None,
+    ) -> None:
+        """Prepare to run.
+
+        Args:
+            plan: What to fly.
+            folder: Where results go.
+            start_pool: Starts the workers; not called when there is nothing to fly.
+            selection: Which of the plan's trials.
+            flies_failures_again: Whether trials without result are flown again.
+            report: Is told how it goes.
+        """
+        self._plan = plan
+        self._folder = folder
+        self._start_pool = start_pool
+        self._chosen = [trial for trial in plan.trials if selection.takes(trial)]
+        self._flies_failures_again = flies_failures_again
+        self._report = report
+        self._entries: dict[str, JournalEntry] = {}
+        self._flown: Counter[str] = Counter()
+        self._found: Counter[str] = Counter()
+        self._n_without_result = 0
+        self._lost: list[str] = []
+        self._environments: dict[str, Path] = {}
+        self._hashes: dict[str, str] = {}
+        self._is_interrupted = False
+        self._busy_s = 0.0
+        self._flying_s = 0.0
+
+    def fly(self) -> RunSummary:
+        """Fly what is missing, write the tables, and return what was done.
+
+        An interruption ends the workers and leaves whole tables of what was flown.
+
+        Raises:
+            GslCosimError: the folder cannot be used or written, or a room or tape cannot be made.
+        """
+        began, started_at = time.perf_counter(), datetime.now(UTC)
+        with self._folder.locked():
+            aside = self._take_over()
+            todo = [trial for trial in self._chosen if trial.id not in self._entries]
+            n_before = len(self._chosen) - len(todo)
+            write_suite(self._plan.loaded, self._folder.path)
+            # Before anything flies, so that a report can be made of rows whose run was killed.
+            self._write_manifest({})
+            wall: dict[str, Any] = {}
+            if todo or self._missing_recordings():
+                wall = self._fly_with_pool(todo)
+            wall = {
+                "started_at": started_at.isoformat(timespec="seconds"),
+                "total_s": time.perf_counter() - began,
+                **wall,
+            }
+            self._write(wall)
+        new = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
+        return RunSummary(
+            folder=self._folder.path,
+            n_planned=len(self._plan.trials),
+            n_chosen=len(self._chosen),
+            n_flown_before=n_before,
+            n_flown=len(new),
+            n_without_result=sum(row["status"] != COMPLETED for row in new),
+            is_interrupted=self._is_interrupted,
+            put_aside=aside,
+            wall=wall,
+        )
+
+    # Rows of another version of the software or the suite are never mixed in; they are kept beside.
+    def _take_over(self) -> Path | None:
+        found = self._folder.entries()
+        ids = {trial.id for trial in self._plan.trials}
+        valid = {key: entry for key, entry in found.items() if key in ids}
+        aside = self._folder.put_aside() if len(valid) < len(found) else None
+        if aside is not None:
+            with Journal(self._folder.journal) as journal:
+                for entry in valid.values():
+                    journal.append(entry)
+        if self._flies_failures_again:
+            valid = {key: entry for key, entry in valid.items() if entry.row["status"] == COMPLETED}
+        self._entries = valid
+        for entry in valid.values():
+            self._count(entry.row)
+        if not valid:
+            # Of a run that was killed before its first row, perhaps by other software.
+            self._folder.maps.unlink(missing_ok=True)
+        return aside
+
+    def _fly_with_pool(self, todo: Sequence[Trial]) -> dict[str, Any]:
+        pool = self._start_pool()
+        wall: dict[str, Any] = {"jobs": pool.n_workers}
+        began = prepared = time.perf_counter()
+        try:
+            self._prepare(pool, todo)
+            prepared = time.perf_counter()
+            self._fly_all(pool, todo)
+            flown = time.perf_counter()
+            self._record(pool)
+        except KeyboardInterrupt:
+            self._is_interrupted = True
+            flown = time.perf_counter()
+            prepared = flown if prepared == began else prepared
+        finally:
+            pool.close()
+        rows = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
+        taken_s = flown - prepared
+        wall |= {"preparing_s": prepared - began, "flying_s": taken_s, "n_trials": len(rows)}
+        if rows and taken_s > 0:
+            wall["busy_share"] = self._busy_s / (taken_s * pool.n_workers)
+            wall["flying_share"] = self._flying_s / (taken_s * pool.n_workers)
+            save_pace(sim_s=sum(row["end_s"] or 0.0 for row in rows), busy_s=self._busy_s)
+        wall["peak_worker_mb"] = pool.peak_mb
+        if pool.reference_loops_s:
+            wall["reference_loop_s"] = statistics.median(pool.reference_loops_s)
+        return wall
+
+    def _prepare(self, pool: Pool, todo: Sequence[Trial]) -> None:
+        unmapped = self._unmapped()
+        rooms = _firsts([*todo, *(trial for trial, _ in unmapped)], lambda trial: trial.room)
+        jobs = [Job(key=room, kind="room", trial=trial) for room, trial in rooms.items()]
+        for ended in self._all_done(pool, jobs, "rooms"):
+            self._environments[ended.job.key] = ended.result
+            # The worker that has made it may end.
+            mark_used(ended.result)
+        for room, folder in self._environments.items():
+            self._hashes[room] = load_environment(folder).content_hash
+        tapes = _firsts(todo, lambda trial: trial.tape)
+        # One of each plume first, for the maps need them too.
+        jobs = [
+            Job(key=tape, kind="tape", trial=trial, environment_dir=self._environments[trial.room])
+            for tape, trial in tapes.items()
+        ]
+        list(self._all_done(pool, jobs, "plumes"))
+        self._draw_maps(pool, unmapped)
+
+    def _maps(self) -> dict[tuple[str, str], dict[str, Any]]:
+        maps = self._folder.read_json(self._folder.maps).get("maps", [])
+        return {(each["scenario"], each["varied"]): each for each in maps}
+
+    def _unmapped(self) -> list[tuple[Trial, str]]:
+        known = self._maps()
+        chosen = {(trial.scenario, varied) for trial in self._chosen for varied in (trial.varied, ALL_CASES)}
+        return [
+            (trial, varied)
+            for trial, varied in map_keys(self._plan.trials)
+            if (trial.scenario, varied) in chosen and (trial.scenario, varied) not in known
+        ]
+
+    def _draw_maps(self, pool: Pool, unmapped: Sequence[tuple[Trial, str]]) -> None:
+        maps = self._maps()
+        jobs = [
+            Job(
+                key=f"map {trial.id}", kind="map", trial=trial,
+                environment_dir=self._environments[trial.room], varied=varied,
+            )
+            for trial, varied in unmapped
+        ]  # fmt: skip
+        for ended in self._all_done(pool, jobs, "maps"):
+            maps[ended.result["scenario"], ended.result["varied"]] = ended.result
+        if jobs:
+            self._folder.write_json(self._folder.maps, {"schema": "gslcosim/maps/1", "maps": list(maps.values())})
+
+    def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[JobResult]:
+        began = time.perf_counter()
+
+        def tell(n_done: int) -> None:
+            elapsed_s = time.perf_counter() - began
+            self._report(Progress(phase=phase, done=n_done, total=len(jobs), elapsed_s=elapsed_s))
+
+        if jobs:
+            tell(0)
+        for i, ended in enumerate(iterate_results(pool, jobs)):
+            if ended.failure is not None:
+                raise SimulationFault(
+                    f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
+                )
+            tell(i + 1)
+            yield ended
+
+    def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
+        began = time.perf_counter()
+        tries = Counter[str]()
+        place_of = {room: i for i, room in enumerate(self._environments)}
+        for trial in sorted(todo, key=lambda trial: place_of[trial.room]):
+            self._submit(pool, trial)
+        left = len(todo)
+        with Journal(self._folder.journal) as journal:
+            while left:
+                self._tell(len(todo) - left, len(todo), began)
+                for ended in pool.wait(POLL_PERIOD_S):
+                    trial = ended.job.trial
+                    tries[trial.id] += 1
+                    self._busy_s += ended.taken_s
+                    entry = self._entry_of(ended)
+                    if entry.row["status"] != COMPLETED and tries[trial.id] < _TRIES:
+                        self._submit(pool, trial)
+                        self._lost.append(f"{trial.id}: {ended.text} It is flown again.")
+                        continue
+                    # Before it is journalled: who interrupts that must not lose it.
+                    self._entries[trial.id] = entry
+                    journal.append(entry)
+                    self._count(entry.row)
+                    self._flying_s += entry.row["wall_flying_s"] or 0.0
+                    left -= 1
+            self._tell(len(todo), len(todo), began)
+
+    def _submit(self, pool: Pool, trial: Trial) -> None:
+        pool.submit(Job(key=trial.id, kind="fly", trial=trial, environment_dir=self._environments[trial.room]))
+
+    def _entry_of(self, ended: JobResult) -> JournalEntry:
+        trial = ended.job.trial
+        if ended.failure is None:
+            flown: TrialResult = ended.result
+            return JournalEntry(flown.row | {"wall_worker": ended.worker}, flown.tracks)
+        row = row_without_result(trial, self._hashes[trial.room], status=ended.failure, fault=ended.text)
+        return JournalEntry(row | {"wall_worker": ended.worker}, None)
+
+    # Counted as they come: a suite has tens of thousands, and is looked at twice a second.
+    def _count(self, row: Row) -> None:
+        self._n_without_result += row["status"] != COMPLETED
+        if not row["is_control"]:
+            self._flown[row["entry"]] += 1
+            self._found[row["entry"]] += bool(row["success"])
+
+    def _tell(self, done: int, total: int, began: float) -> None:
+        self._report(
+            Progress(
+                phase="trials",
+                done=done,
+                total=total,
+                elapsed_s=time.perf_counter() - began,
+                successes=dict(self._found),
+                flown=dict(self._flown),
+                n_without_result=self._n_without_result,
+                lost=tuple(self._lost),
+            )
+        )
+
+    def _kept(self) -> list[Trial]:
+        keep = self._plan.loaded.suite.record.keep
+        if not keep or any(trial.id not in self._entries for trial in self._chosen):
+            return []
+        return select_recorded_trials(self._chosen, {key: entry.row for key, entry in self._entries.items()}, keep)
+
+    def _missing_recordings(self) -> list[Trial]:
+        return [trial for trial in self._kept() if not (self._folder.recordings / trial.id).is_dir()]
+
+    def _record(self, pool: Pool) -> None:
+        for trial in (missing := self._missing_recordings()):
+            if trial.room not in self._environments:
+                job = Job(key=trial.room, kind="room", trial=trial)
+                self._environments[trial.room] = next(iter(self._all_done(pool, [job], "rooms"))).result
+        jobs = [
+            Job(
+                key=f"record {trial.id}", kind="record", trial=trial,
+                environment_dir=self._environments[trial.room], runs_dir=self._folder.recordings,
+            )
+            for trial in missing
+        ]  # fmt: skip
+        for ended in self._all_done(pool, jobs, "recordings"):
+            if faults := [] if ended.result.result["valid"] else ended.result.result["faults"]:
+                raise SimulationFault(
+                    f"recording of {ended.job.trial.case}, {ended.job.trial.entry}: expected to be made, was ended by "
+                    f"{faults[0].get('participant')}: {faults[0]['text']}"
+                )
+            digest = ended.result.result.get("digest")
+            expected = self._entries[ended.job.trial.id].row["digest"]
+            if digest != expected:
+                raise SimulationFault(
+                    f"{ended.job.trial.case}, {ended.job.trial.entry}: expected the digest {expected} when flown again "
+                    f"with a recording, was {digest}. Trial: {ended.job.trial.id}"
+                )
+            ended.result.run_dir.rename(self._folder.recordings / ended.job.trial.id)
+
+    def _write(self, wall: dict[str, Any]) -> None:
+        trials = [trial for trial in self._plan.trials if trial.id in self._entries]
+        if self._folder.journal.is_file() or not self._folder.trials.is_file():
+            self._folder.write_tables([self._entries[trial.id] for trial in trials])
+            self._folder.journal.unlink(missing_ok=True)
+        self._write_manifest(wall)
+
+    def _write_manifest(self, wall: dict[str, Any]) -> None:
+        before = self._folder.read_json(self._folder.manifest)
+        sessions = [*before.get("sessions", []), *([wall] if wall.get("n_trials") else [])]
+        recorded = [path.name for path in sorted(self._folder.recordings.glob("*")) if path.name in self._entries]
+        manifest = build_manifest(self._plan, sessions, recorded=recorded)
+        self._folder.write_json(self._folder.manifest, manifest)
+
+
+def _firsts(trials: Iterable[Trial], key_of: Callable[[Trial], str | None]) -> dict[str, Trial]:
+    firsts: dict[str, Trial] = {}
+    for trial in trials:
+        key = key_of(trial)
+        if key is not None:
+            firsts.setdefault(key, trial)
+    return firsts

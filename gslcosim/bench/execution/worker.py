@@ -1,0 +1,59 @@
+"""Worker process that does one job after the other; the pool starts it."""
+
+import os
+import sys
+import threading
+import time
+import traceback
+from multiprocessing.connection import Connection
+
+from gslcosim.base.errors import GslCosimError
+from gslcosim.bench.execution.machine_speed import reference_loop_s
+from gslcosim.bench.execution.pool import Job
+from gslcosim.bench.execution.trial import EnvironmentCache
+
+# One flight in so many is preceded by the loop that says how fast the machine is.
+REFERENCE_EVERY = 25
+
+
+def main() -> None:
+    """Do what comes over the connection whose number is the first argument, until it is closed."""
+    connection: Connection[object, object] = Connection(int(sys.argv[1]))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    rooms = EnvironmentCache()
+    n_flown = 0
+    while True:
+        try:
+            job = connection.recv()
+        except EOFError:
+            return
+        assert isinstance(job, Job)
+        connection.send(("started", job.key, None))
+        n_flown += job.kind == "fly"
+        if n_flown % REFERENCE_EVERY == 1:
+            connection.send(("reference", job.key, reference_loop_s()))
+        began = time.perf_counter()
+        kind, result = _done(job, rooms, connection)
+        connection.send((kind, job.key, (result, time.perf_counter() - began)))
+
+
+def _done(job: Job, rooms: EnvironmentCache, connection: "Connection[object, object]") -> tuple[str, object]:
+    try:
+        return "done", job.do(rooms, lambda text, fraction: connection.send(("progress", job.key, (text, fraction))))
+    except MemoryError:
+        return "failed", ("out_of_memory", "the worker had no more memory")
+    except GslCosimError as error:
+        return "failed", ("fault", str(error))
+    except Exception:  # told with its trace; the worker goes on
+        return "failed", ("fault", traceback.format_exc())
+
+
+# Nothing is ever written to standard input: it ends when the process that started this one is gone.
+def _end_with_parent() -> None:
+    while os.read(0, 1):
+        continue
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

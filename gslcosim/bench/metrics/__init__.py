@@ -1,0 +1,1 @@
+"""Metrics of one run: pure functions of its track, declarations, belief and the truth."""

@@ -1,0 +1,101 @@
+"""Gas contact metrics: first contact, tracking ratio, and how gas came and went.
+
+All of true mixing ratios at the noses, not of readings. Gas counts when there is more of it than a floor, that of the
+sensor; `gslcosim.referee.case.GAS_CONTACT_PPM` is the referee's. With several noses the strongest counts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gslcosim.base.errors import ShapeError
+from gslcosim.bench.metrics.series import Array, as_series
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasEncounters:
+    """Whiffs, during which gas is above the floor, and the blanks between two of them.
+
+    Means are absent where there is none. What is cut off by the beginning or the end of the series counts as it is
+    seen, except that blanks there are not between two whiffs and do not count.
+    """
+
+    n_whiffs: int
+    mean_whiff_s: float | None
+    n_blanks: int
+    mean_blank_s: float | None
+
+
+def first_contact_s(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> float | None:
+    """Return the first time with gas above the floor at a nose [s]; None without.
+
+    Args:
+        t_s: (n,) times, growing [s].
+        gas_ppm: (n,) or (n, n_noses) true mixing ratios at those times [ppm].
+        floor_ppm: What the sensor's floor is [ppm].
+    """
+    times_s, is_in_gas = _in_gas(t_s, gas_ppm, floor_ppm)
+    return float(times_s[is_in_gas.argmax()]) if is_in_gas.any() else None
+
+
+def tracking_ratio(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> float | None:
+    """Return the share of the time from first contact to the end of the series in gas above the floor.
+
+    Each value stands for the time since the one before it, for a sample is valid at the end of its tick. Times need
+    not be equally far apart.
+
+    Args:
+        t_s: (n,) times, growing [s].
+        gas_ppm: (n,) or (n, n_noses) true mixing ratios at those times [ppm].
+        floor_ppm: What the sensor's floor is [ppm].
+
+    Returns:
+        The share, 0 to 1; None without contact, or with one at the very end.
+    """
+    times_s, is_in_gas = _in_gas(t_s, gas_ppm, floor_ppm)
+    first = int(is_in_gas.argmax())
+    if not is_in_gas[first] or first == len(times_s) - 1:
+        return None
+    spans_s = np.diff(times_s)[first:]
+    return float(spans_s[is_in_gas[first + 1 :]].sum() / spans_s.sum())
+
+
+def find_encounters(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> GasEncounters:
+    """Return how often and for how long gas came and went.
+
+    Each whiff begins at its first value above the floor and ends at the next one that is not; the last one may end
+    with the series. The blank between two whiffs lasts from the end of one to the beginning of the next.
+
+    Args:
+        t_s: (n,) times, growing [s].
+        gas_ppm: (n,) or (n, n_noses) true mixing ratios at those times [ppm].
+        floor_ppm: What the sensor's floor is [ppm].
+
+    Source:
+        Whiffs and blanks as Celani, Villermaux and Vergassola 2014, Odor landscapes in turbulent environments,
+        doi:10.1103/PhysRevX.4.041015.
+    """
+    times_s, is_in_gas = _in_gas(t_s, gas_ppm, floor_ppm)
+    changes = np.diff(np.concatenate([[0], is_in_gas.astype(np.int8), [0]]))
+    begins_s = times_s[changes[:-1] == 1]
+    ends_s = times_s[np.minimum(np.flatnonzero(changes == -1), len(times_s) - 1)]
+    whiffs_s, blanks_s = ends_s - begins_s, begins_s[1:] - ends_s[:-1]
+    return GasEncounters(
+        n_whiffs=len(whiffs_s),
+        mean_whiff_s=float(whiffs_s.mean()) if len(whiffs_s) else None,
+        n_blanks=len(blanks_s),
+        mean_blank_s=float(blanks_s.mean()) if len(blanks_s) else None,
+    )
+
+
+def _in_gas(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> tuple[Array, NDArray[np.bool_]]:
+    times_s = as_series("t_s", t_s)
+    gas = np.asarray(gas_ppm, dtype=np.float64)
+    if gas.ndim not in (1, 2) or len(gas) != len(times_s):
+        raise ShapeError(
+            f"gas_ppm: expected shape ({len(times_s)},) or ({len(times_s)}, n_noses), was {gas.shape}. "
+            "Pass one row for each time."
+        )
+    strongest_ppm = gas.reshape(len(times_s), -1).max(axis=1)
+    return times_s, np.greater(strongest_ppm, floor_ppm)

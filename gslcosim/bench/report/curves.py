@@ -1,0 +1,311 @@
+"""Curves of the report: shares over time, factors, radii and confidence; beliefs over time."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.bench.report.leaderboard import paired_rows, plume_clusters
+from gslcosim.bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
+from gslcosim.bench.statistics.aggregates import mean, stratified_bootstrap
+from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
+from gslcosim.bench.statistics.profiles import performance_profile, runtime_distribution
+from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.roc import Roc, localisation_roc, roc
+from gslcosim.bench.statistics.times import (
+    Curve,
+    cumulative_success,
+    expected_running_time,
+    mean_of_successes,
+    median_time,
+    restricted_mean,
+)
+
+RADII_M = {"5": 5.0, "2": 2.0, "1": 1.0, "05": 0.5}
+_TIMES, _FACTORS, _BINS, _BELIEF_TIMES = 61, 41, 30, 21
+_LARGEST_FACTOR = 50.0
+_FEWER_DRAWS = 500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A line of an entry with its band: (m,) each; `n` trials."""
+
+    entry: int
+    x: Floats
+    value: Floats
+    low: Floats
+    high: Floats
+    n: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeSummary:
+    """Distribution of an entry's times to the source.
+
+    Attributes:
+        restricted_s: Mean in which failures count the limit [s].
+        median_s: Infinite where fewer than half succeed [s].
+        expected_s: With a new start after each failure; infinite without success [s].
+        found_s: Mean of the successes alone [s]: it flatters.
+        bins: Successes in equal parts of the time from 0 to the limit.
+        n_missed: Flights without success.
+    """
+
+    entry: int
+    restricted_s: Estimate
+    median_s: Estimate
+    expected_s: Estimate
+    found_s: Estimate
+    bins: Ints
+    n_missed: int
+    n: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclarationCounts:
+    """Declarations of an entry by outcome: counts of runs, rates, and areas below its curves.
+
+    Attributes:
+        right: Flights with gas whose first declaration was within the success radius.
+        elsewhere: Flights with gas whose first declaration was not.
+        silent: Flights with gas without one.
+        alarms: Flights without gas with one.
+        quiet: Flights without gas without one.
+    """
+
+    entry: int
+    right: int
+    elsewhere: int
+    silent: int
+    alarms: int
+    quiet: int
+    right_frac: Estimate
+    elsewhere_frac: Estimate
+    silent_frac: Estimate
+    alarm_frac: Estimate
+    curve: Roc | None
+    place_curve: Roc | None
+
+
+def rows_by_entry(material: ReportData, within: Flags, *, is_control: bool = False) -> list[tuple[int, Ints]]:
+    """Return the rows of each entry that has some, with gas or without."""
+    rows = material.rows
+    chosen = within & (rows.is_control == is_control)
+    found = ((i, np.flatnonzero(chosen & (rows.entry == i))) for i in range(len(material.entries)))
+    return [(i, some) for i, some in found if some.size]
+
+
+def limit_s(rows: TrialRows) -> float:
+    """Return the longest time limit [s]."""
+    return float(np.max(rows["time_limit_s"], initial=1.0))
+
+
+def success_curves(material: ReportData, within: Flags) -> tuple[Line, ...]:
+    """Return for each entry which share had found the source over time."""
+    rows, at_s = material.rows, np.linspace(0.0, limit_s(material.rows), _TIMES)
+    lines: list[Line] = []
+    for entry, some in rows_by_entry(material, within):
+        c = cumulative_success(rows.time_s[some], rows["success"][some], at_s)
+        lines.append(Line(entry=entry, x=at_s, value=c.value, low=c.low, high=c.high, n=c.n))
+    return tuple(lines)
+
+
+def summarise_times(material: ReportData, within: Flags) -> tuple[TimeSummary, ...]:
+    """Return how the times of each entry are spread."""
+    rows, edges_s = material.rows, np.linspace(0.0, limit_s(material.rows), _BINS + 1)
+    return tuple(_times(rows, entry, some, edges_s) for entry, some in rows_by_entry(material, within))
+
+
+def _times(rows: TrialRows, entry: int, some: Ints, edges_s: Floats) -> TimeSummary:
+    time_s, success, clusters = rows.time_s[some], rows["success"][some], plume_clusters(rows, some)
+    end_s = np.nan_to_num(rows["end_s"][some], nan=0.0)
+    run_s = np.where(success, time_s, np.where(end_s > 0.0, end_s, rows["time_limit_s"][some]))
+    return TimeSummary(
+        entry=entry,
+        restricted_s=restricted_mean(time_s, success, rows["time_limit_s"][some], clusters=clusters),
+        median_s=median_time(time_s, success, clusters=clusters, n_draws=1000),
+        expected_s=expected_running_time(run_s, success, clusters=clusters, n_draws=1000),
+        found_s=mean_of_successes(time_s, success),
+        bins=np.histogram(time_s[success], edges_s)[0],
+        n_missed=int((~success).sum()),
+        n=len(some),
+    )
+
+
+def profile_curves(material: ReportData, within: Flags) -> tuple[Line, ...]:
+    """Return for each entry in which share of pairs it was within a factor of the oracle's time; none without one."""
+    rows, oracle = material.rows, material.index_of_anchor("lower")
+    if oracle is None:
+        return ()
+    factors = np.geomspace(1.0, _LARGEST_FACTOR, _FACTORS)
+    lines: list[Line] = []
+    for entry, _ in rows_by_entry(material, within):
+        own, best = paired_rows(rows, within, entry, oracle)
+        found = rows["success"][best] & (rows.time_s[best] > 0.0)
+        own, best = own[found], best[found]
+        if not own.size:
+            continue
+        p = performance_profile(np.where(rows["success"][own], rows.time_s[own], math.inf), rows.time_s[best], factors)
+        lines.append(Line(entry=entry, x=factors, value=p.value, low=p.low, high=p.high, n=p.n))
+    return tuple(lines)
+
+
+def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[Line, ...]]:
+    """Return which share had come within radii over time: of all radii together (`all`), and of each."""
+    rows, at_s = material.rows, np.linspace(0.0, limit_s(material.rows), _TIMES)
+    names = [f"time_within_{radius}_m_s" for radius in RADII_M]
+    lines: dict[str, list[Line]] = {key: [] for key in ("all", *RADII_M)}
+    for entry, some in rows_by_entry(material, within):
+        met_s = np.stack([rows[name][some] for name in names], axis=1)
+        pooled = runtime_distribution(met_s, at_s, clusters=plume_clusters(rows, some), n_draws=_FEWER_DRAWS)
+        lines["all"].append(_line(entry, pooled))
+        for column, radius in enumerate(RADII_M):
+            reached = np.isfinite(met_s[:, column])
+            time_s = np.where(reached, met_s[:, column], rows["time_limit_s"][some])
+            lines[radius].append(_line(entry, cumulative_success(time_s, reached, at_s)))
+    return {key: tuple(found) for key, found in lines.items()}
+
+
+def _line(entry: int, curve: Curve) -> Line:
+    c = curve
+    return Line(entry=entry, x=c.at_s, value=c.value, low=c.low, high=c.high, n=c.n)
+
+
+def summarise_declarations(material: ReportData, within: Flags) -> tuple[DeclarationCounts, ...]:
+    """Return what those entries declared that declared anything anywhere."""
+    with_gas, without = dict(rows_by_entry(material, within)), dict(rows_by_entry(material, within, is_control=True))
+    declaring = material.rows["declared"] & within
+    return tuple(
+        _declared(material.rows, entry, some, without.get(entry, np.zeros(0, dtype=np.int64)))
+        for entry, some in with_gas.items()
+        if bool(np.any(declaring & (material.rows.entry == entry)))
+    )
+
+
+def _declared(rows: TrialRows, entry: int, some: Ints, controls: Ints) -> DeclarationCounts:
+    declared, near = rows["declared"][some], rows["declared_error_m"][some] <= rows["within_m"][some]
+    right, n = int((declared & near).sum()), len(some)
+    elsewhere, alarms = int((declared & ~near).sum()), int(rows["declared"][controls].sum())
+    both = np.concatenate([some, controls])
+    score = np.nan_to_num(rows["declared_confidence"][both], nan=0.0)
+    positive = ~rows.is_control[both]
+    at_place = np.concatenate([declared & near, np.zeros(len(controls), dtype=bool)])
+    return DeclarationCounts(
+        entry=entry, right=right, elsewhere=elsewhere, silent=n - right - elsewhere, alarms=alarms,
+        quiet=len(controls) - alarms, right_frac=wilson(right, n), elsewhere_frac=wilson(elsewhere, n),
+        silent_frac=wilson(n - right - elsewhere, n), alarm_frac=wilson(alarms, len(controls)),
+        curve=roc(score, positive) if len(controls) else None,
+        place_curve=localisation_roc(score, positive, at_place) if len(controls) else None,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinalBelief:
+    """Means over an entry's flights with gas of the figures of its last belief; fields as the columns `belief_…`."""
+
+    entry: int
+    distance_m: Estimate
+    error_m: Estimate
+    mass_near: Estimate
+    entropy_bits: Estimate
+    minus_log_p: Estimate
+    n: int
+
+
+BELIEF_FIGURES = ("distance_m", "error_m", "mass_near", "entropy_bits", "minus_log_p")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeliefTracks:
+    """Figures of beliefs over time: of each trial at common times; the last one is held after the end of a flight.
+
+    Attributes:
+        at_s: (m,) times [s].
+        mass_near: Of each row index with a belief, (m,).
+        distance_m: As above [m].
+    """
+
+    at_s: Floats
+    mass_near: Mapping[int, Floats]
+    distance_m: Mapping[int, Floats]
+
+
+def belief_tracks(material: ReportData) -> BeliefTracks | None:
+    """Return the figures of all beliefs over time; None without any."""
+    if material.tracks is None:
+        return None
+    index = {trial: i for i, trial in enumerate(material.rows["trial"])}
+    at_s = np.linspace(0.0, limit_s(material.rows), _BELIEF_TIMES)
+    found: dict[str, dict[int, Floats]] = {"belief_mass_near": {}, "belief_distance_m": {}}
+    columns = ["trial", "t_s", *found]
+    for batch in material.tracks.select(columns).to_batches(max_chunksize=512):
+        trials = batch.column(0).to_pylist()
+        lists = [batch.column(i) for i in range(1, 4)]
+        for k, trial in enumerate(trials):
+            row = index.get(trial)
+            if row is None or row in found["belief_mass_near"]:
+                continue
+            t_s, mass, distance_m = (np.asarray(part[k].values, dtype=np.float64) for part in lists)
+            if np.isfinite(mass).any():
+                found["belief_mass_near"][row] = _held(at_s, t_s, mass)
+                found["belief_distance_m"][row] = _held(at_s, t_s, distance_m)
+    if not found["belief_mass_near"]:
+        return None
+    return BeliefTracks(at_s=at_s, mass_near=found["belief_mass_near"], distance_m=found["belief_distance_m"])
+
+
+# The last known value at each time; nan before the first.
+def _held(at_s: Floats, t_s: Floats, values: Floats) -> Floats:
+    known = np.isfinite(values) & np.isfinite(t_s)
+    t_s, values = t_s[known], values[known]
+    place = np.searchsorted(t_s, at_s, side="right") - 1
+    return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+
+
+def summarise_final_beliefs(material: ReportData, within: Flags) -> tuple[FinalBelief, ...]:
+    """Return how good the last beliefs of those entries were that have one."""
+    rows, found = material.rows, list[FinalBelief]()
+    for entry, some in rows_by_entry(material, within):
+        some = some[np.isfinite(rows["belief_distance_m"][some])]
+        if some.size:
+            found.append(FinalBelief(entry=entry, n=some.size, **{key: _mean_of(rows, f"belief_{key}", some)
+                                                               for key in BELIEF_FIGURES}))  # fmt: skip
+    return tuple(found)
+
+
+def _mean_of(rows: TrialRows, column: str, some: Ints) -> Estimate:
+    some = some[np.isfinite(rows[column][some])]
+    return stratified_bootstrap(rows[column][some], rows.cells[some], mean, clusters=plume_clusters(rows, some))
+
+
+def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[Line, ...]]:
+    """Return the means of `mass` (within the radius) and `distance` [m] over time; nan where half have none yet."""
+    return {
+        "mass": _belief_lines(material, within, tracks.at_s, tracks.mass_near),
+        "distance": _belief_lines(material, within, tracks.at_s, tracks.distance_m),
+    }
+
+
+def _belief_lines(material: ReportData, within: Flags, at_s: Floats, series: Mapping[int, Floats]) -> tuple[Line, ...]:
+    lines: list[Line] = []
+    for entry, some in rows_by_entry(material, within):
+        having = np.array([i for i in some.tolist() if i in series], dtype=np.int64)
+        if having.size:
+            values = np.stack([series[i] for i in having.tolist()])
+            points = [_mean_at(values[:, k], material.rows.cells[having]) for k in range(at_s.size)]
+            lines.append(_line_of(entry, at_s, points, having.size))
+    return tuple(lines)
+
+
+def _mean_at(values: Floats, cells: Ints) -> Estimate:
+    known = np.isfinite(values)
+    if known.sum() * 2 < values.size:
+        return UNDEFINED
+    return stratified_bootstrap(values[known], cells[known], mean, n_draws=_FEWER_DRAWS)
+
+
+def _line_of(entry: int, x: Floats, points: Sequence[Estimate], n: int) -> Line:
+    value, low, high = (np.array([getattr(p, part) for p in points]) for part in ("value", "low", "high"))
+    return Line(entry=entry, x=x, value=value, low=low, high=high, n=n)

@@ -1,0 +1,172 @@
+"""Leaderboard: a row of figures for each entry over some of the cases."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gslcosim.bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
+from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, mean, stratified_bootstrap
+from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
+from gslcosim.bench.statistics.lift import lift
+from gslcosim.bench.statistics.ranking import ranks
+from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.times import restricted_mean
+
+# With fewer plumes in a room a bootstrap over plumes would find intervals that are too narrow.
+_FEWEST_PLUMES = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeaderboardRow:
+    """An entry's row: its rank, and its figures over the flights with gas.
+
+    Attributes:
+        rank: From 1 on; entries that share it have not been told apart.
+        score: Interquartile mean over cases of the mean q of each: that of single flights is 0 below 25 % success.
+        normalised: (score - walker) / (oracle - walker), both anchors taken as they are; undefined without them.
+        success: Share of flights.
+        lift: Success less luck in flights without gas; undefined without such flights.
+        time_s: Restricted mean time [s].
+        spl: Mean of SPL.
+        overhead: Median travel overhead of the successes.
+        false_alarms: Share of the flights without gas with a declaration; without such flights, share of the others
+            with a declaration of a wrong place.
+        decision_ms: Median over flights of the median time of a decision [ms of wall clock].
+        n: Flights with gas.
+    """
+
+    entry: int
+    rank: int
+    score: Estimate
+    normalised: Estimate
+    success: Estimate
+    lift: Estimate
+    time_s: Estimate
+    spl: Estimate
+    overhead: Estimate
+    false_alarms: Estimate
+    decision_ms: Estimate
+    n: int
+
+
+def build_leaderboard(material: ReportData, within: Flags) -> tuple[LeaderboardRow, ...]:
+    """Return the rows of all entries that flew, best first.
+
+    Args:
+        material: What was flown.
+        within: (n,) which rows count.
+    """
+    rows = material.rows
+    flown = [(i, np.flatnonzero(within & (rows.entry == i))) for i in range(len(material.entries))]
+    bare = [_standing(rows, i, chosen) for i, chosen in flown if chosen.size]
+    bare = [row for row in bare if row.n]
+    lower = next((r.score.value for r in bare if material.entries[r.entry].anchor == "upper"), None)
+    upper = next((r.score.value for r in bare if material.entries[r.entry].anchor == "lower"), None)
+    ranked = zip(bare, _ranks(rows, within, bare), strict=True)
+    completed = [replace(row, rank=rank, normalised=_normalised(row.score, lower, upper)) for row, rank in ranked]
+    return tuple(sorted(completed, key=lambda row: (row.rank, -row.score.value, row.entry)))
+
+
+def plume_clusters(rows: TrialRows, chosen: Ints) -> Ints | None:
+    """Return which of the chosen rows met one plume and are drawn together; None where rooms have too few plumes.
+
+    Args:
+        rows: All rows.
+        chosen: Indices of some.
+    """
+    rooms, plumes = rows["environment_hash"][chosen], rows.clusters[chosen]
+    counts = [len(set(plumes[rooms == room].tolist())) for room in set(rooms.tolist())]
+    return plumes if counts and min(counts) >= _FEWEST_PLUMES and max(counts) < len(chosen) else None
+
+
+def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
+    controls = chosen[rows.is_control[chosen]]
+    chosen = chosen[~rows.is_control[chosen]]
+    success, clusters, cells = rows["success"][chosen], plume_clusters(rows, chosen), rows.cells[chosen]
+    overhead, decision_ms = rows["travel_overhead"][chosen], rows["wall_decision_p50_ms"][chosen]
+    return LeaderboardRow(
+        entry=entry,
+        rank=0,
+        score=bootstrap_cells(rows.score[chosen], cells, interquartile_mean, clusters=clusters),
+        normalised=UNDEFINED,
+        success=wilson(int(success.sum()), len(chosen)),
+        lift=lift_with_interval(rows, chosen, controls),
+        time_s=restricted_mean(rows.time_s[chosen], success, rows["time_limit_s"][chosen], clusters=clusters)
+        if len(chosen)
+        else UNDEFINED,
+        spl=stratified_bootstrap(np.nan_to_num(rows["spl"][chosen]), cells, mean, clusters=clusters),
+        overhead=median_with_interval(overhead[np.isfinite(overhead)]),
+        false_alarms=_false_alarms(rows, chosen, controls),
+        decision_ms=median_with_interval(decision_ms[np.isfinite(decision_ms)]),
+        n=len(chosen),
+    )
+
+
+def median_with_interval(values: Floats) -> Estimate:
+    """Return the median with its bootstrap interval.
+
+    Args:
+        values: (n,) finite.
+    """
+    return stratified_bootstrap(values, None, lambda drawn: np.median(drawn, axis=-1), n_draws=1000)
+
+
+def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
+    """Return success less luck; paired where every flight has its control.
+
+    Args:
+        rows: All rows.
+        chosen: Flights of an entry with gas.
+        controls: Flights of it without.
+    """
+    if not len(controls) or not len(chosen):
+        return UNDEFINED
+    places = [{(rows["case"][i], rows["repetition"][i]): i for i in some} for some in (chosen, controls)]
+    success = rows["success"]
+    if places[0].keys() == places[1].keys():
+        keys = sorted(places[0])
+        return lift(*(success[[place[key] for key in keys]] for place in places), paired=True)
+    return lift(success[chosen], success[controls], paired=False)
+
+
+def _false_alarms(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
+    if len(controls):
+        return wilson(int(rows["declared"][controls].sum()), len(controls))
+    return wilson(int((rows["n_false_declarations"][chosen] > 0).sum()), len(chosen))
+
+
+def _normalised(score: Estimate, walker: float | None, oracle: float | None) -> Estimate:
+    if walker is None or oracle is None or not oracle > walker:
+        return UNDEFINED
+    low, value, high = ((x - walker) / (oracle - walker) for x in (score.low, score.value, score.high))
+    return Estimate(value, low, high, score.n)
+
+
+def build_matrix(rows: TrialRows, within: Flags, entries: Sequence[int], values: Floats) -> tuple[Floats, Ints]:
+    """Return values by pair and entry, (n_units, n_entries), nan where one has not flown, and a row of each unit.
+
+    Args:
+        rows: All rows.
+        within: (n,) which count; flights without gas do not.
+        entries: Which columns.
+        values: (n,) of all rows.
+    """
+    chosen = np.flatnonzero(within & ~rows.is_control & np.isin(rows.entry, entries))
+    units, first, place = np.unique(rows.unit[chosen], return_index=True, return_inverse=True)
+    column = {entry: k for k, entry in enumerate(entries)}
+    matrix = np.full((len(units), len(entries)), np.nan)
+    matrix[place, [column[entry] for entry in rows.entry[chosen].tolist()]] = values[chosen]
+    return matrix, chosen[first]
+
+
+def _ranks(rows: TrialRows, within: Flags, bare: Sequence[LeaderboardRow]) -> list[int]:
+    matrix, some = build_matrix(rows, within, [row.entry for row in bare], rows.score)
+    return ranks(matrix, lower_is_better=False, clusters=plume_clusters(rows, some), strata=rows.cells[some])
+
+
+def paired_rows(rows: TrialRows, within: Flags, a: int, b: int) -> tuple[Ints, Ints]:
+    """Return the rows of two entries in the same cases and repetitions with gas, in the same order."""
+    some = [np.flatnonzero(within & ~rows.is_control & (rows.entry == entry)) for entry in (a, b)]
+    _, left, right = np.intersect1d(rows.unit[some[0]], rows.unit[some[1]], return_indices=True)
+    return some[0][left], some[1][right]

@@ -1,0 +1,254 @@
+"""HTML page of the report: everything in one file that needs nothing else."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup, escape
+
+from gslcosim.bench.report import number_formats
+from gslcosim.bench.report.analysis import Analysis, ReportView
+from gslcosim.bench.report.curves import RADII_M, Line, limit_s
+from gslcosim.bench.report.plan_drawings import QUANTUM_M, PlanDrawing, encode_plan
+from gslcosim.bench.report.provenance import describe_provenance
+from gslcosim.bench.report.report_data import Floats
+from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.roc import Roc
+from gslcosim.bench.store.columns import TRIAL_COLUMNS
+
+FOLDER = Path(__file__).parent / "page"
+_FEW_ENTRIES, _SHOWN_AT_FIRST = 10, 8
+_COLORS, _DASHES = 7, 4
+_MOST_LISTED = 40
+_ROC_POINTS = 60
+
+
+@dataclass(frozen=True)
+class LineStyle:
+    """Line style of an entry in all plots: number of its colour, -1 oracle, -2 walker; number of its dashes."""
+
+    color: int
+    dashes: int
+    is_on: bool
+
+    @property
+    def css(self) -> str:
+        """The colour as CSS knows it."""
+        return {-1: "var(--lower)", -2: "var(--upper)"}.get(self.color, f"var(--e{self.color})")
+
+
+def render_page(analysis: Analysis) -> str:
+    """Return the page as HTML.
+
+    Args:
+        analysis: What it tells.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    looks = assign_line_styles(analysis)
+    environment.filters |= {
+        "duration": number_formats.format_duration,
+        "breakable": _breakable,
+    }
+    environment.globals |= {
+        "figure": _figure,
+        "range": _range,
+        "formats": number_formats,
+        "isnan": math.isnan,
+        "zip": zip,
+    }
+    return environment.get_template("report.html").render(
+        analysis=analysis,
+        material=analysis.material,
+        manifest=analysis.material.manifest,
+        entries=analysis.material.entries,
+        looks=looks,
+        view=analysis.everything,
+        facts=describe_provenance(analysis),
+        columns=TRIAL_COLUMNS,
+        most_listed=_MOST_LISTED,
+        css=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
+        script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
+        data=Markup(_script_safe(json.dumps(_data(analysis, looks), separators=(",", ":"), allow_nan=False))),
+    )
+
+
+def assign_line_styles(analysis: Analysis) -> tuple[LineStyle, ...]:
+    """Return how each entry is drawn: colours in the order of the leaderboard, so that the first are the plainest."""
+    entries = analysis.material.entries
+    order = [row.entry for row in analysis.everything.standings]
+    order += [i for i in range(len(entries)) if i not in order]
+    colored = [i for i in order if not entries[i].anchor]
+    many = len(entries) > _FEW_ENTRIES
+    looks = {
+        i: LineStyle(-1 if entries[i].anchor == "lower" else -2, 1, is_on=True) for i in order if entries[i].anchor
+    }
+    looks |= {
+        i: LineStyle(k % _COLORS, k // _COLORS % _DASHES, is_on=not many or k < _SHOWN_AT_FIRST)
+        for k, i in enumerate(colored)
+    }
+    return tuple(looks[i] for i in range(len(entries)))
+
+
+# A long name may go on in the next line after an underscore.
+def _breakable(name: str) -> Markup:
+    return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
+
+
+# In a script element nothing may look like markup.
+def _script_safe(text: str) -> str:
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+# A cell of a table: figure, interval, and how many flights it stands on.
+def _figure(estimate: Estimate, form: number_formats.Format, n: int | None = None) -> Markup:
+    if math.isnan(estimate.value):
+        return Markup('<td data-v=""><span class="none">{}</span></td>').format(number_formats.ABSENT)
+    cell = Markup('<td data-v="{}" title="n = {}">{}<span class="ci">{}{}</span></td>')
+    small = f" n {estimate.n}" if n is not None and estimate.n != n else ""
+    v = f"{estimate.value:.6g}" if math.isfinite(estimate.value) else "1e300"
+    return cell.format(
+        v,
+        estimate.n,
+        number_formats.format_value(estimate, form),
+        number_formats.format_interval(estimate, form),
+        small,
+    )
+
+
+# A small picture of a score and its interval, from 0 to 1.
+def _range(estimate: Estimate, look: LineStyle) -> Markup:
+    if math.isnan(estimate.value):
+        return Markup("")
+    at = [4 + 60 * min(1.0, max(0.0, x)) for x in (estimate.low, estimate.value, estimate.high)]
+    low, value, high = (f"{x:.1f}" for x in (at if not math.isnan(at[0]) else [at[1]] * 3))
+    return Markup(
+        '<svg width="68" height="14" viewBox="0 0 68 14" aria-hidden="true"><path class="axis" d="M4 12.5H64"/>'
+        '<path d="M{}  6H{}" stroke="{}" stroke-width="3"/><circle cx="{}" cy="6" r="4" fill="{}"/></svg>'
+    ).format(low, high, look.css, value, look.css)
+
+
+def _data(analysis: Analysis, looks: Sequence[LineStyle]) -> dict[str, Any]:
+    material, rows = analysis.material, analysis.material.rows
+    return {
+        "entries": [
+            {
+                "name": entry.name, "title": entry.name, "c": look.color, "d": look.dashes, "on": look.is_on,
+                "command": material.command_of(i),
+            }
+            for i, (entry, look) in enumerate(zip(material.entries, looks, strict=True))
+        ],
+        "order": [row.entry for row in analysis.everything.standings],
+        "limit": limit_s(rows),
+        "quantum": QUANTUM_M,
+        "views": [_view(view) for view in analysis.views],
+        "rooms": [_room(room) for room in analysis.rooms],
+        "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _told(s.success)] for s in analysis.starts],
+        "tracks": [
+            {
+                "r": track.room, "e": int(rows.entry[track.row]), "s": int(rows["success"][track.row]),
+                "o": rows["outcome"][track.row] or rows["status"][track.row], "t": _number(rows["end_s"][track.row]),
+                "c": f"{rows['case'][track.row]}, repetition {rows['repetition'][track.row]}",
+                "id": rows["trial"][track.row], "p": track.steps.ravel().tolist(),
+            }
+            for track in analysis.tracks
+        ],
+    }  # fmt: skip
+
+
+def _view(view: ReportView) -> dict[str, Any]:
+    return {
+        "key": view.key,
+        "label": view.label,
+        "scenarios": view.scenarios,
+        "curves": {"t": _list(view.curves[0].x, 6), "lines": _lines(view.curves)} if view.curves else None,
+        "times": [
+            {
+                "e": t.entry, "rmst": _told(t.restricted_s), "median": _told(t.median_s), "ert": _told(t.expected_s),
+                "found": _told(t.found_s), "bins": t.bins.tolist(), "missed": t.n_missed, "n": t.n,
+            }
+            for t in view.times
+        ],
+        "profile": {"x": _list(view.profiles[0].x, 4), "lines": _lines(view.profiles)} if view.profiles else None,
+        "runtime": [
+            {"label": _radius(key), "x": _list(lines[0].x, 6), "lines": _lines(lines)}
+            for key, lines in view.runtimes.items()
+            if lines
+        ]
+        or None,
+        "pairs": {
+            "order": [row.entry for row in view.standings],
+            "cells": [
+                [p.a, p.b, p.verdict, _told(p.score), _told(p.success), _told(p.a_better), _number(p.p_holm)]
+                for p in view.pairs
+            ],
+        }
+        if view.pairs
+        else None,
+        "roc": _rocs(view),
+        "beliefs": {key: {"x": _list(lines[0].x, 6), "lines": _lines(lines)} for key, lines in view.beliefs.items()}
+        if view.beliefs.get("mass")
+        else None,
+    }  # fmt: skip
+
+
+def _radius(key: str) -> str:
+    return "all radii together" if key == "all" else f"within {RADII_M[key]:g} m"
+
+
+def _rocs(view: ReportView) -> dict[str, Any] | None:
+    curves = [(d.entry, d.curve, d.place_curve) for d in view.declarations if d.curve and d.place_curve]
+    if not curves:
+        return None
+    return {
+        "roc": [_roc(entry, curve) for entry, curve, _ in curves],
+        "lroc": [_roc(entry, curve) for entry, _, curve in curves],
+    }
+
+
+def _roc(entry: int, curve: Roc) -> dict[str, Any]:
+    x, y = (np.concatenate([[0.0], part]) for part in (curve.false_positive, curve.true_positive))
+    keep = np.unique(np.linspace(0, len(x) - 1, min(_ROC_POINTS, len(x))).round().astype(int))
+    return {
+        "e": entry, "x": _list(x[keep]), "v": _list(y[keep]), "n": curve.n_positive + curve.n_negative,
+        "auc": _told(curve.area),
+    }  # fmt: skip
+
+
+def _lines(lines: Sequence[Line]) -> list[dict[str, Any]]:
+    return [
+        {"e": line.entry, "v": _list(line.value), "l": _list(line.low), "h": _list(line.high), "n": line.n}
+        for line in lines
+    ]
+
+
+def _room(room: PlanDrawing) -> dict[str, Any]:
+    return {
+        "scenario": room.scenario, "label": room.label, "origin": room.origin_m, "extent": room.extent_m,
+        "box": room.box_m, "sources": room.sources_m, "ppm": _number(room.greatest_ppm),
+        "height": None if room.height_m is None else _number(room.height_m),
+        "shape": None if room.cells is None else room.cells.shape,
+        "cells": None if room.cells is None else encode_plan(room.cells),
+    }  # fmt: skip
+
+
+def _told(estimate: Estimate) -> list[float | int | None]:
+    return [_number(estimate.value), _number(estimate.low), _number(estimate.high), estimate.n]
+
+
+def _list(values: Floats, digits: int = 3) -> list[float | int | None]:
+    return [_number(value, digits) for value in values.tolist()]
+
+
+def _number(value: float, digits: int = 4) -> float | int | None:
+    if not math.isfinite(value):
+        return None
+    short = float(f"{value:.{digits}g}")
+    return int(short) if short.is_integer() else short

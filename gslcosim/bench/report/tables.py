@@ -1,0 +1,312 @@
+"""Tables of the report for other programs: CSV, the leaderboard as JSON, a summary in Markdown."""
+
+import csv
+import html
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from gslcosim.bench.report import number_formats
+from gslcosim.bench.report.analysis import Analysis
+from gslcosim.bench.report.curves import BELIEF_FIGURES, Line
+from gslcosim.bench.report.difficulty import DifficultyCauses
+from gslcosim.bench.report.leaderboard import LeaderboardRow
+from gslcosim.bench.report.provenance import describe_provenance
+from gslcosim.bench.statistics.estimates import LEVEL, Estimate
+from gslcosim.bench.store.columns import TRIAL_COLUMNS
+
+LEADERBOARD_SCHEMA = "gslcosim/leaderboard/1"
+
+FIGURES = ("score", "normalised", "success", "lift", "time_s", "spl", "overhead", "false_alarms", "decision_ms")
+"""Figures of an entry's row, each with its interval and its number of flights."""
+
+_COLUMNS = (
+    ("Score", number_formats.format_score),
+    ("Success [%]", number_formats.format_percent),
+    ("Lift [points]", number_formats.format_points),
+    ("Mean time [s]", number_formats.format_three_digits),
+    ("SPL", number_formats.format_score),
+)
+_SUMMED = ("score", "success", "lift", "time_s", "spl")
+
+_NOTES = (
+    "Score: interquartile mean over cases of q = S (1 - 0.5 t / T), halved for each false declaration, 0 after a "
+    "collision.",
+    "Intervals are 95 %.",
+    "Equal ranks: not told apart.",
+)
+
+Table = Iterable[Sequence[Any]]
+
+
+def write_tables(analysis: Analysis, folder: Path) -> None:
+    """Write the CSV tables: numbers in full, a row of names first, empty where there is no value.
+
+    Args:
+        analysis: What they tell.
+        folder: Where to; made if need be.
+    """
+    folder.mkdir(exist_ok=True)
+    tables = {
+        "leaderboard": _leaderboard(analysis),
+        "success_by_start": _starts(analysis),
+        "success_over_time": _lines(analysis, "time_s", lambda view: [("", view.curves)]),
+        "times": _times(analysis),
+        "profile": _lines(analysis, "factor", lambda view: [("", view.profiles)]),
+        "runtime": _lines(analysis, "time_s", lambda view: list(view.runtimes.items()), "radius"),
+        "pairs": _pairs(analysis),
+        "declarations": _declarations(analysis),
+        "roc": _rocs(analysis),
+        "beliefs": _lines(analysis, "time_s", lambda view: list(view.beliefs.items()), "figure"),
+        "last_beliefs": _last_beliefs(analysis),
+        "difficulty": _difficulty(analysis),
+        "failures": _failures(analysis),
+        "trials": _trials(analysis),
+    }
+    for name, rows in tables.items():
+        path = folder / f"{name}.csv"
+        with path.open("w", encoding="utf-8", newline="") as file:
+            written = csv.writer(file)
+            written.writerows([_text(value) for value in row] for row in rows)
+
+
+# As Python writes numbers, which reads back to the bit.
+def _text(value: Any) -> Any:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return value
+
+
+def _heads(name: str) -> list[str]:
+    return [name, f"{name}_low", f"{name}_high", f"{name}_n"]
+
+
+def _parts(estimate: Estimate) -> list[float | int]:
+    return [float(estimate.value), float(estimate.low), float(estimate.high), estimate.n]
+
+
+def _names(analysis: Analysis) -> list[str]:
+    return [entry.name for entry in analysis.material.entries]
+
+
+def _leaderboard(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield ["view", "rank", "entry", "n", *(head for name in FIGURES for head in _heads(name))]
+    names = _names(analysis)
+    for view in analysis.views:
+        for row in view.standings:
+            figures = [part for name in FIGURES for part in _parts(getattr(row, name))]
+            yield [view.key, row.rank, names[row.entry], row.n, *figures]
+
+
+def _starts(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield ["room", "entry", "start_x_m", "start_y_m", *_heads("success")]
+    names = _names(analysis)
+    for start in analysis.starts:
+        room = analysis.rooms[start.room].label
+        yield [room, names[start.entry], start.x_m, start.y_m, *_parts(start.success)]
+
+
+def _lines(analysis: Analysis, x: str, of_view: Any, kind: str = "") -> Iterator[Sequence[Any]]:
+    yield ["view", *([kind] if kind else []), "entry", x, "value", "low", "high", "n"]
+    names = _names(analysis)
+    for view in analysis.views:
+        for label, lines in of_view(view):
+            for line in lines:
+                yield from _points(line, [view.key, *([label] if kind else []), names[line.entry]])
+
+
+def _points(line: Line, before: list[Any]) -> Iterator[Sequence[Any]]:
+    for point in zip(line.x.tolist(), line.value.tolist(), line.low.tolist(), line.high.tolist(), strict=True):
+        yield [*before, *point, line.n]
+
+
+def _times(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    figures = ("restricted_s", "median_s", "expected_s", "found_s")
+    yield ["view", "entry", "n", "n_missed", *(head for name in figures for head in _heads(name))]
+    names = _names(analysis)
+    for view in analysis.views:
+        for t in view.times:
+            parts = [part for name in figures for part in _parts(getattr(t, name))]
+            yield [view.key, names[t.entry], t.n, t.n_missed, *parts]
+
+
+def _pairs(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield ["view", "a", "b", "better", "p_holm", *_heads("score"), *_heads("success"), *_heads("a_better")]
+    names = _names(analysis)
+    for view in analysis.views:
+        for p in view.pairs:
+            better = {1: names[p.a], -1: names[p.b], 0: ""}[p.verdict]
+            parts = [part for estimate in (p.score, p.success, p.a_better) for part in _parts(estimate)]
+            yield [view.key, names[p.a], names[p.b], better, p.p_holm, *parts]
+
+
+def _declarations(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    counts = ("right", "elsewhere", "silent", "alarms", "quiet")
+    rates = ("right_frac", "elsewhere_frac", "silent_frac", "alarm_frac")
+    areas = ("roc_area", "localisation_roc_area")
+    yield ["view", "entry", *counts, *(head for name in (*rates, *areas) for head in _heads(name))]
+    names, nothing = _names(analysis), [math.nan] * 3 + [0]
+    for view in analysis.views:
+        for d in view.declarations:
+            parts = [part for name in rates for part in _parts(getattr(d, name))]
+            for curve in (d.curve, d.place_curve):
+                parts += _parts(curve.area) if curve else nothing
+            yield [view.key, names[d.entry], *(getattr(d, name) for name in counts), *parts]
+
+
+def _rocs(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield ["view", "entry", "curve", "threshold", "false_positive", "true_positive"]
+    names = _names(analysis)
+    for view in analysis.views:
+        for d in view.declarations:
+            for label, curve in (("roc", d.curve), ("localisation_roc", d.place_curve)):
+                if curve is not None:
+                    columns = (curve.threshold, curve.false_positive, curve.true_positive)
+                    for point in zip(*(column.tolist() for column in columns)):
+                        yield [view.key, names[d.entry], label, *point]
+
+
+def _last_beliefs(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield ["view", "entry", "n", *(head for name in BELIEF_FIGURES for head in _heads(name))]
+    names = _names(analysis)
+    for view in analysis.views:
+        for b in view.last_beliefs:
+            yield [
+                view.key,
+                names[b.entry],
+                b.n,
+                *(part for name in BELIEF_FIGURES for part in _parts(getattr(b, name))),
+            ]
+
+
+def _difficulty(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    figures = ("difficulty", "success", "walker", "oracle_s", "contact")
+    heads = [head for name in figures for head in _heads(name)]
+    causes = [field.name for field in fields(DifficultyCauses)]
+    yield ["case", "family", "grade", "is_informative", "shortest_m", *heads, *(f"cause_{name}" for name in causes)]
+    for g in analysis.grades:
+        parts = [part for name in figures for part in _parts(getattr(g, name))]
+        told = [getattr(g.causes, name) for name in causes]
+        yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts, *told]
+
+
+def _failures(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    told = ("entry", "case", "repetition", "is_control", "status", "outcome", "nearest_m", "end_s", "agent_faults",
+            "fault", "trial")  # fmt: skip
+    yield [*told, "command"]
+    material = analysis.material
+    columns = [material.rows[name].tolist() for name in told]
+    for group in analysis.failures:
+        for row in group.rows.tolist():
+            command = material.command_of(int(material.rows.entry[row]))
+            yield [*(column[row] for column in columns), command + columns[-1][row]]
+
+
+def _trials(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    yield [column.name for column in TRIAL_COLUMNS]
+    yield from zip(*(analysis.material.rows[column.name].tolist() for column in TRIAL_COLUMNS))
+
+
+def build_leaderboard_json(analysis: Analysis) -> str:
+    """Return the leaderboard as JSON of the schema `gslcosim/leaderboard/1`: what `bench rank` and web pages read.
+
+    A figure is `{"value", "low", "high", "n"}`; null is undefined.
+    """
+    material, manifest = analysis.material, analysis.material.manifest
+    content = {
+        "schema": LEADERBOARD_SCHEMA,
+        "suite": material.name,
+        "suite_hash": manifest.get("suite_hash"),
+        "title": describe_provenance(analysis).title,
+        "software_hash": manifest.get("software_hash"),
+        "sorted_by": "score",
+        "level": LEVEL,
+        "n_trials": len(material.rows),
+        "n_planned": material.n_planned,
+        "complete": material.n_planned in (None, len(material.rows)),
+        "verified": material.mark.model_dump(include={"same", "sample", "at"})
+        if material.mark is not None and material.mark.sample else None,
+        "views": [
+            {"key": view.key, "kind": view.kind, "label": view.label,
+             "rows": [_json_row(analysis, row) for row in view.standings]}
+            for view in analysis.views
+        ],
+    }  # fmt: skip
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _json_row(analysis: Analysis, row: LeaderboardRow) -> dict[str, Any]:
+    entry = analysis.material.entries[row.entry]
+    told = {
+        "rank": row.rank, "entry": entry.name, "title": entry.title, "family": entry.family,
+        "language": entry.language, "knows": entry.knows, "anchor": entry.anchor or None,
+        "agent_hash": entry.agent_hash or None, "submission": entry.submission or None, "verified": entry.is_verified,
+        "n": row.n,
+    }  # fmt: skip
+    return told | {name: _json_figure(getattr(row, name)) for name in FIGURES}
+
+
+def _json_figure(estimate: Estimate) -> dict[str, float | int | None] | None:
+    if not math.isfinite(estimate.value):
+        return None
+    low, high = (end if math.isfinite(end) else None for end in (estimate.low, estimate.high))
+    return {"value": estimate.value, "low": low, "high": high, "n": estimate.n}
+
+
+def write_summary(analysis: Analysis) -> str:
+    """Return the summary as Markdown: the question, what was flown, the leaderboard, and who beats whom."""
+    facts, view = describe_provenance(analysis), analysis.everything
+    lines = [f"# {_plain(facts.title)}", ""]
+    lines += [f"> {_plain(facts.question)}", ""] if facts.question else []
+    lines += [facts.flown, ""]
+    lines += [*(f"- Note: {warning}" for warning in facts.warnings), ""] if facts.warnings else []
+    if view.standings:
+        lines += _table(analysis)
+        lines += ["", *_NOTES, ""]
+        lines += _verdicts(analysis)
+    lines += ["## How it was made", "", *(f"- {what}: {_plain(how)}" for what, how in facts.made)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _table(analysis: Analysis) -> list[str]:
+    standings = analysis.everything.standings
+    told = [
+        (name, head, form)
+        for name, (head, form) in zip(_SUMMED, _COLUMNS, strict=True)
+        if any(getattr(row, name).n for row in standings)
+    ]
+    lines = ["| # | Entry | " + " | ".join(head for _, head, _ in told) + " | n |"]
+    lines.append("|--:|---|" + "--:|" * (len(told) + 1))
+    for row in standings:
+        cells = [number_formats.format_estimate(getattr(row, name), form) for name, _, form in told]
+        name = _plain(analysis.material.entries[row.entry].name)
+        lines.append(f"| {row.rank} | {name} | " + " | ".join(cells) + f" | {row.n} |")
+    return lines
+
+
+def _verdicts(analysis: Analysis) -> list[str]:
+    view, names = analysis.everything, [_plain(name) for name in _names(analysis)]
+    if not view.pairs:
+        return []
+    lines = ["## Who beats whom", ""]
+    for row in view.standings:
+        beaten = [p.b if p.verdict > 0 else p.a for p in view.pairs if p.verdict and row.entry == _better(p)]
+        if beaten:
+            lines.append(f"- {names[row.entry]}: better than {', '.join(names[i] for i in beaten)}.")
+    if len(lines) == 2:
+        lines.append("No two entries have been told apart.")
+    return [*lines, ""]
+
+
+def _better(pair: Any) -> int:
+    return pair.a if pair.verdict > 0 else pair.b
+
+
+# Nothing of a name may be taken as markup; an underscore within a word is none.
+def _plain(text: str) -> str:
+    escaped = html.escape(" ".join(text.split()), quote=False)
+    return re.sub(r"[\\`*\[\]|#]|(?<!\w)_|_(?!\w)", lambda sign: "\\" + sign[0], escaped)

@@ -1,0 +1,193 @@
+"""Results in Python: tables of pyarrow, arrays by column, and paired comparison of two entries."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import UsageError
+from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.pairs import mcnemar, paired_difference, probability_better, sign_flip
+from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.times import restricted_mean
+from gslcosim.bench.store.columns import TRACKS, TRIALS
+from gslcosim.bench.store.folder import ResultsFolder
+
+_compute: Any = pc
+# Rows that agree in these are flights of the same case, repetition and gas: they make a pair.
+PAIR = ("case", "repetition", "is_control")
+
+
+@dataclass(frozen=True)
+class Results:
+    """The rows of a results folder, all or some of them.
+
+    `trials` has the columns of `gslcosim.bench.store.columns.TRIAL_COLUMNS`. Figures leave controls out; select
+    them with `select(is_control=True)`.
+    """
+
+    folder: Path
+    trials: pa.Table
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Self:
+        """Read a results folder.
+
+        Raises:
+            UsageError: it is none, or a table of it is damaged.
+        """
+        results = ResultsFolder(Path(folder))
+        results.check()
+        return cls(results.path, pa.Table.from_pylist(results.rows(), schema=TRIALS))
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return self.trials.num_rows
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """The names of the entries, in the order of the rows."""
+        return tuple(dict.fromkeys(self.trials["entry"].to_pylist()))
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """The names of the cases, in the order of the rows."""
+        return tuple(dict.fromkeys(self.trials["case"].to_pylist()))
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """Manifest: how the results were made."""
+        folder = ResultsFolder(self.folder)
+        return folder.read_json(folder.manifest)
+
+    def select(self, **columns: Any) -> Self:
+        """Return the rows in which each of the columns has the value, or one of the values, that is given.
+
+        For example `select(entry=["e_coli", "surge_cast"], family="complex", is_control=False)`.
+
+        Raises:
+            UsageError: there is no such column.
+        """
+        table = self.trials
+        for name, value in columns.items():
+            self._check(name)
+            values = value if isinstance(value, list | tuple | set) else [value]
+            allowed = pa.array(list(values), type=TRIALS.field(name).type)
+            table = table.filter(_compute.is_in(table[name], value_set=allowed))
+        return type(self)(self.folder, table)
+
+    def array(self, column: str) -> NDArray[Any]:
+        """Return a column as an array; absent numbers are nan.
+
+        Raises:
+            UsageError: there is no such column.
+        """
+        self._check(column)
+        values = self.trials[column]
+        if pa.types.is_integer(values.type) and values.null_count:
+            values = values.cast(pa.float64())
+        return values.to_numpy(zero_copy_only=False)
+
+    def tracks(self) -> pa.Table:
+        """Return the tracks of these rows, as `gslcosim.bench.store.columns.TRACK_COLUMNS` has them."""
+        table = ResultsFolder(self.folder).track_table()
+        if table is None:
+            return TRACKS.empty_table()
+        return table.filter(_compute.is_in(table["trial"], value_set=self.trials["trial"].combine_chunks()))
+
+    def success(self, entry: str) -> Estimate:
+        """Return the success rate of an entry, with Wilson's interval."""
+        reached = self._of(entry).array("success").astype(bool)
+        return wilson(int(reached.sum()), len(reached))
+
+    def mean_time_s(self, entry: str) -> Estimate:
+        """Return the mean of min(time to source, limit) of an entry [s]; failures count with the limit."""
+        rows = self._of(entry)
+        return restricted_mean(
+            rows.array("time_s"), rows.array("success").astype(bool), rows.array("time_limit_s").astype(float)
+        )
+
+    def paired(self, column: str, a: str, b: str) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return a column of two entries on the flights that both have made, pair by pair.
+
+        Raises:
+            UsageError: they have none in common, or there is no such column.
+        """
+        self._check(column)
+        both = [self._by_pair(entry, column) for entry in (a, b)]
+        keys = [key for key in both[0] if key in both[1]]
+        if not keys:
+            raise UsageError(
+                f"{self.folder}: expected flights of {a} and {b} in the same cases, found none. "
+                f"Entries: {', '.join(self.entries)}."
+            )
+        first, second = (np.array([values[key] for key in keys]) for values in both)
+        return first, second
+
+    def _by_pair(self, entry: str, column: str) -> dict[tuple[Any, ...], Any]:
+        rows = self.select(entry=entry)
+        keys = zip(*(rows.trials[name].to_pylist() for name in PAIR), strict=True)
+        return dict(zip(keys, rows.array(column), strict=True))
+
+    def _of(self, entry: str) -> Self:
+        rows = self.select(entry=entry)
+        if not len(rows):
+            raise UsageError(f"{self.folder}: expected one of the entries {', '.join(self.entries)}, was {entry!r}.")
+        return (
+            rows
+            if rows.trials["is_control"].combine_chunks().true_count == len(rows)
+            else rows.select(is_control=False)
+        )
+
+    def _check(self, column: str) -> None:
+        if column not in TRIALS.names:
+            raise UsageError(f"{column}: expected a column of the trials ({', '.join(TRIALS.names)}), found none.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Two entries on their pairs: `a` minus `b`.
+
+    `success` is the difference in success, `success_p` McNemar's exact p; `time_s` that in the restricted mean time
+    [s], `time_p` that of the sign-flip test; `better` how likely `a` is the quicker one on a pair, ties half.
+    """
+
+    a: str
+    b: str
+    n: int
+    success: Estimate
+    success_p: float
+    time_s: Estimate
+    time_p: float
+    better: Estimate
+
+
+def compare(results: Results, a: str, b: str) -> Comparison:
+    """Return how an entry compares with another on the flights that both have made, controls apart.
+
+    Args:
+        results: All rows, or some of them.
+        a: The one entry.
+        b: The other.
+
+    Raises:
+        UsageError: they have no flights in common.
+    """
+    rows = results.select(is_control=False)
+    success_a, success_b = (values.astype(float) for values in rows.paired("success", a, b))
+    time_a, time_b = (values.astype(float) for values in rows.paired("time_s", a, b))
+    return Comparison(
+        a=a,
+        b=b,
+        n=len(success_a),
+        success=paired_difference(success_a, success_b),
+        success_p=mcnemar(success_a.astype(bool), success_b.astype(bool)).p,
+        time_s=paired_difference(time_a, time_b),
+        time_p=sign_flip(time_a, time_b),
+        better=probability_better(time_a, time_b),
+    )

@@ -1,0 +1,263 @@
+"""Estimates with intervals, and the bootstrap samples behind them: within strata, and whole clusters at a time."""
+
+import math
+from collections.abc import Callable, Iterator, Sized
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.base.errors import ShapeError
+from gslcosim.bench.statistics.distributions import normal_tail, student_quantile
+
+LEVEL = 0.95
+"""Confidence level of every interval unless another is asked for."""
+
+SEED = 20_231
+"""Seed of all draws unless another is given: a report made twice from the same rows is the same to the bit."""
+
+N_DRAWS = 2000
+"""Bootstrap samples unless another number is asked for: the ends of a 95 % interval then stand on 50 draws each."""
+
+Seed = int | np.random.Generator
+"""A seed, or a generator to go on drawing from."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A figure, the ends of its confidence interval, and how many trials (or pairs of trials) it stands on.
+
+    What is undefined is nan: everything without trials, the ends where no interval can be given.
+    A time that is not reached is infinite.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+    @property
+    def holds_zero(self) -> bool:
+        """True where zero lies within the interval, its ends included, so there may be no difference; or undefined."""
+        return not (self.low > 0.0 or self.high < 0.0)
+
+
+UNDEFINED = Estimate(math.nan, math.nan, math.nan, 0)
+"""What nothing can be said about."""
+
+
+def make_generator(seed: Seed) -> np.random.Generator:
+    """Return the generator itself, or a new one from a seed."""
+    return seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
+
+
+def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | None = None) -> tuple[float, float]:
+    """Return the ends of the expanded percentile bootstrap interval.
+
+    They leave Phi(-t) of the draws on each side, t Student's quantile: what 0.025 of Student's distribution is in the
+    normal one. So few trials get the wider interval that they deserve; with many it is the plain percentile interval.
+    The ends are values that were drawn, never something between two of them, so infinite draws are allowed.
+
+    Args:
+        draws: (n_draws,) the statistic of each bootstrap sample; nan (undefined in that sample) is left out.
+        level: Confidence level, 0 to 1.
+        freedom: Degrees of freedom of the spread; 0: nothing is known of it, so no interval. None: endless.
+
+    Source:
+        Hesterberg 2015, What teachers should know about the bootstrap, doi:10.1080/00031305.2015.1089789;
+        its factor sqrt(n / (n - 1)) is not needed with draws of one less than there are.
+    """
+    known = np.sort(draws[~np.isnan(draws)])
+    if known.size == 0 or freedom == 0:
+        return math.nan, math.nan
+    share = (1.0 - level) / 2.0 if freedom is None else normal_tail(student_quantile(0.5 + level / 2.0, freedom))
+    tail = math.floor(share * known.size)
+    return float(known[tail]), float(known[known.size - 1 - tail])
+
+
+def as_finite_row(values: np.ndarray, name: str) -> np.ndarray:
+    """Return one row of finite numbers as floats.
+
+    Raises:
+        ShapeError: more than one dimension, or a value that is not finite.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1:
+        raise ShapeError(f"{name}: expected one dimension, had {array.ndim}. Give one value per trial.")
+    n_bad = int(np.count_nonzero(~np.isfinite(array)))
+    if n_bad:
+        raise ShapeError(f"{name}: expected finite numbers, {n_bad} of {array.size} are not. Leave these trials out.")
+    return array
+
+
+def check_same_length(**arrays: np.ndarray) -> None:
+    """Raise unless all arrays have one entry per trial.
+
+    Raises:
+        ShapeError: the first dimensions differ.
+    """
+    lengths = {name: len(array) for name, array in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise ShapeError(f"expected arrays of one length, had {listed}. Give one value per trial in each.")
+
+
+# Rows times draws held at once: 32 MB of indices.
+_CHUNK_ENTRIES = 4_000_000
+
+
+def bootstrap(
+    n: int,
+    statistic: Callable[[np.ndarray], np.ndarray],
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    level: float = LEVEL,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Estimate:
+    """Return a statistic of rows with its percentile bootstrap interval.
+
+    Args:
+        n: Rows.
+        statistic: From (d, m) indices of rows to the (d,) statistic of each of the d samples.
+        strata: (n,) labels; each stratum is drawn from apart. None: one stratum.
+        clusters: (n,) labels; rows of a cluster are drawn together. None: each row for itself.
+        level: Confidence level, 0 to 1.
+        seed: Of the draws. Calls with the same seed, strata and clusters draw the same rows.
+        n_draws: Bootstrap samples.
+
+    Returns:
+        The estimate; without interval where no stratum has two clusters (or rows).
+    """
+    if n == 0:
+        return UNDEFINED
+    value = float(statistic(np.arange(n)[None, :])[0])
+    chunks = iterate_row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws)
+    draws = np.concatenate([np.asarray(statistic(rows), dtype=np.float64) for rows in chunks])
+    return Estimate(
+        value, *percentile_interval(draws, level, degrees_of_freedom(n, strata=strata, clusters=clusters)), n
+    )
+
+
+def iterate_row_draws(
+    n: int,
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Iterator[np.ndarray]:
+    """Yield bootstrap samples of rows, many at a time.
+
+    From a stratum of k clusters (or rows) k - 1 are drawn with replacement, so that the variance of a mean over draws
+    is s^2 / k without bias. Drawing k would shrink it by (k - 1) / k: by half for two repetitions of each case.
+    A stratum of one shows no spread and adds none. Strata that share a cluster (starts that met the same gas) are drawn
+    from together, so that the cluster stays whole.
+
+    Args:
+        n: Rows.
+        strata: (n,) labels, or None.
+        clusters: (n,) labels, or None.
+        seed: Of the draws.
+        n_draws: Samples in total.
+
+    Yields:
+        (d, m) indices of rows; the d sum up to `n_draws`.
+
+    Source:
+        McCarthy and Snowden 1985, The Bootstrap and Finite Population Sampling (k - 1 of k in each stratum).
+    """
+    rng = make_generator(seed)
+    groups = _groups(n, strata, clusters)
+    if all(len({len(rows) for rows in group}) == 1 for group in groups):
+        yield from _equal_clusters(groups, rng, n_draws)
+    else:
+        yield from _unequal_clusters(groups, rng, n_draws)
+
+
+def degrees_of_freedom(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> int:
+    """Return the degrees of freedom of the spread: clusters (or rows) less strata; 0 where no spread can be seen."""
+    return sum(max(len(group) - 1, 0) for group in _groups(n, strata, clusters))
+
+
+def draw_counts(
+    n: int,
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Iterator[np.ndarray]:
+    """Yield how often each row was drawn, (d, n), for the samples of `iterate_row_draws`."""
+    for rows in iterate_row_draws(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws):
+        slot = rows + n * np.arange(len(rows))[:, None]
+        yield np.bincount(slot.ravel(), minlength=n * len(rows)).reshape(len(rows), n).astype(np.float64)
+
+
+def encode_labels(labels: np.ndarray) -> np.ndarray:
+    """Return labels as 0, 1, 2 … in the order of first appearance, so that draws do not depend on how they sort."""
+    _, first, codes = np.unique(np.asarray(labels), return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[codes.reshape(-1)]
+
+
+# For each stratum its clusters, for each cluster its rows.
+def _groups(
+    n: int, strata: np.ndarray | None, clusters: np.ndarray | None
+) -> list[np.ndarray] | list[list[np.ndarray]]:
+    stratum = np.zeros(n, dtype=np.intp) if strata is None else _codes(strata, n)
+    if clusters is None:
+        return [rows[:, None] for rows in _members(stratum)]
+    cluster = _codes(clusters, n)
+    stratum = _joined(stratum, cluster)
+    rows_of = _members(cluster)
+    return [[rows_of[c] for c in np.unique(cluster[rows])] for rows in _members(stratum)]
+
+
+def _equal_clusters(
+    groups: list[np.ndarray] | list[list[np.ndarray]], rng: np.random.Generator, n_draws: int
+) -> Iterator[np.ndarray]:
+    tables = [np.asarray(group) for group in groups]
+    for d in _chunks(sum(table.size for table in tables), n_draws):
+        picked = [table[rng.integers(0, len(table), (d, _n_drawn(table)))].reshape(d, -1) for table in tables]
+        yield np.concatenate(picked, axis=1)
+
+
+def _unequal_clusters(
+    groups: list[np.ndarray] | list[list[np.ndarray]], rng: np.random.Generator, n_draws: int
+) -> Iterator[np.ndarray]:
+    for _ in range(n_draws):
+        drawn = [group[i] for group in groups for i in rng.integers(0, len(group), _n_drawn(group))]
+        yield np.concatenate(drawn)[None, :]
+
+
+def _n_drawn(group: Sized) -> int:
+    return max(1, len(group) - 1)
+
+
+def _chunks(n: int, n_draws: int) -> Iterator[int]:
+    at_once = max(1, _CHUNK_ENTRIES // n)
+    for _ in range(math.ceil(n_draws / at_once)):
+        yield min(at_once, n_draws)
+        n_draws -= at_once
+
+
+def _codes(labels: np.ndarray, n: int) -> np.ndarray:
+    check_same_length(rows=np.empty(n), labels=labels)
+    return encode_labels(labels)
+
+
+def _members(codes: np.ndarray) -> list[np.ndarray]:
+    order = np.argsort(codes, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(codes))[:-1])
+
+
+# Gives strata that share a cluster the same code.
+def _joined(stratum: np.ndarray, cluster: np.ndarray) -> np.ndarray:
+    while True:
+        of_cluster = np.full(cluster.max() + 1, stratum.max() + 1)
+        np.minimum.at(of_cluster, cluster, stratum)
+        of_stratum = np.arange(stratum.max() + 1)
+        np.minimum.at(of_stratum, stratum, of_cluster[cluster])
+        if np.array_equal(of_stratum[stratum], stratum):
+            return encode_labels(stratum)
+        stratum = of_stratum[stratum]

@@ -1,0 +1,362 @@
+"""Paired comparison of two entries that met the same cases: tests, differences, and corrections for multiple tests."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.base.errors import ShapeError
+from gslcosim.bench.statistics.distributions import chi_square_tail, normal_tail
+from gslcosim.bench.statistics.estimates import (
+    LEVEL,
+    N_DRAWS,
+    SEED,
+    Estimate,
+    Seed,
+    as_finite_row,
+    bootstrap,
+    check_same_length,
+    encode_labels,
+    make_generator,
+)
+
+# Up to here all patterns of signs are counted instead of drawn: 2^14 rows.
+_EXACT_SIGNS = 14
+# Up to here the signed-rank test is exact.
+_EXACT_RANKS = 50
+_TOSSES_AT_ONCE = 2_000_000
+
+N_FLIPS = 10_000
+"""Patterns of signs that a permutation test draws: p has a standard error of 0.002 at 0.05."""
+
+
+@dataclass(frozen=True)
+class McNemar:
+    """Discordant pairs of two entries: those in which just one of them succeeded.
+
+    Attributes:
+        n: Pairs.
+        only_a: Pairs in which a succeeded and b failed.
+        only_b: Pairs in which b succeeded and a failed.
+        p: Exact two-sided p value; 1 without such pairs.
+    """
+
+    n: int
+    only_a: int
+    only_b: int
+    p: float
+
+
+def mcnemar(a: np.ndarray, b: np.ndarray) -> McNemar:
+    """Test whether two entries succeed equally often in the same cases.
+
+    p = min(1, 2 P(X <= min(n_a, n_b))), X binomial of n_a + n_b trials with 1/2
+
+    Args:
+        a: (n,) successes of one entry.
+        b: (n,) successes of the other in the same cases.
+
+    Raises:
+        ShapeError: the lengths differ.
+
+    Source:
+        McNemar 1947, doi:10.1007/BF02295996, in the exact form.
+    """
+    a, b = np.asarray(a, dtype=bool), np.asarray(b, dtype=bool)
+    check_same_length(a=a, b=b)
+    only_a, only_b = int(np.sum(a & ~b)), int(np.sum(b & ~a))
+    n = only_a + only_b
+    return McNemar(a.size, only_a, only_b, min(1.0, 2.0 * _half_binomial_cdf(min(only_a, only_b), n)))
+
+
+def paired_difference(
+    a: np.ndarray,
+    b: np.ndarray,
+    *,
+    clusters: np.ndarray | None = None,
+    strata: np.ndarray | None = None,
+    level: float = LEVEL,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Estimate:
+    """Return the mean of a minus b over pairs, with its paired bootstrap interval.
+
+    Args:
+        a: (n,) values of one entry: successes as 0 and 1, counted times, scores.
+        b: (n,) values of the other in the same cases.
+        clusters: (n,) labels of pairs that share their gas and are drawn as one.
+        strata: (n,) labels of cells that are drawn from apart.
+        level: Confidence level, 0 to 1.
+        seed: Of the bootstrap.
+        n_draws: Bootstrap samples.
+
+    Raises:
+        ShapeError: the lengths differ, or a value is not finite.
+
+    Source:
+        Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13; ends: `estimates.percentile_interval`.
+    """
+    difference = _differences(a, b)
+    return bootstrap(
+        difference.size,
+        lambda rows: difference[rows].mean(axis=1),
+        strata=strata,
+        clusters=clusters,
+        level=level,
+        seed=seed,
+        n_draws=n_draws,
+    )
+
+
+def sign_flip(
+    a: np.ndarray,
+    b: np.ndarray,
+    *,
+    clusters: np.ndarray | None = None,
+    seed: Seed = SEED,
+    n_flips: int = N_FLIPS,
+) -> float:
+    """Return the p value of the paired permutation test that the mean difference is zero.
+
+    If it made no difference which entry flew, the sign of each pair's difference would be a toss. p is the share of
+    tosses whose sum is at least as far from zero as the one seen: of all patterns up to 14 differences that are not
+    zero, else (1 + hits) / (1 + n_flips) of drawn ones.
+
+    Args:
+        a: (n,) values of one entry.
+        b: (n,) values of the other in the same cases.
+        clusters: (n,) labels of pairs whose signs are tossed as one.
+        seed: Of the tosses.
+        n_flips: Drawn patterns.
+
+    Returns:
+        Two-sided p; 1 where all differences are zero, nan without pairs.
+
+    Raises:
+        ShapeError: the lengths differ, or a value is not finite.
+
+    Source:
+        Fisher 1935, The Design of Experiments, section 21; (1 + hits) / (1 + n): Phipson and Smyth 2010,
+        doi:10.2202/1544-6115.1585.
+    """
+    difference = _differences(a, b)
+    return float(sign_flips(difference[:, None], clusters=clusters, seed=seed, n_flips=n_flips)[0])
+
+
+def sign_flips(
+    differences: np.ndarray, *, clusters: np.ndarray | None = None, seed: Seed = SEED, n_flips: int = N_FLIPS
+) -> np.ndarray:
+    """Return the p value of `sign_flip` for many columns of differences, with the same tosses for all of them.
+
+    Args:
+        differences: (n, m) differences of n pairs, m times; nan where there is no pair.
+        clusters: (n,) labels of pairs whose signs are tossed as one.
+        seed: Of the tosses.
+        n_flips: Drawn patterns.
+
+    Returns:
+        (m,) two-sided p.
+    """
+    has_pairs = ~np.isnan(differences).all(axis=0)
+    sums = np.nan_to_num(differences)
+    if clusters is not None and len(sums):
+        check_same_length(pairs=sums, clusters=clusters)
+        code = encode_labels(clusters)
+        by_cluster = np.zeros((code.max() + 1, sums.shape[1]))
+        np.add.at(by_cluster, code, sums)
+        sums = by_cluster
+    # Sums that are equal but for rounding are ties.
+    reached = np.abs(sums.sum(axis=0)) - 1e-9 * np.abs(sums).sum(axis=0)
+    is_few = np.count_nonzero(sums, axis=0) <= _EXACT_SIGNS
+    p = np.full(sums.shape[1], math.nan)
+    for column in np.flatnonzero(is_few & has_pairs):
+        p[column] = np.mean(_all_sums(sums[:, column]) >= reached[column])
+    many = np.flatnonzero(~is_few)
+    if many.size:
+        hits = sum(
+            np.sum(np.abs(drawn) >= reached[many], axis=0) for drawn in _tossed_sums(sums[:, many], n_flips, seed)
+        )
+        p[many] = (1 + hits) / (1 + n_flips)
+    return p
+
+
+def wilcoxon_signed_rank(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the p value of the signed-rank test that differences are symmetric about zero.
+
+    W = sum of ranks of |a - b| where a > b; zeros are left out, equal ones share their mean rank. Up to 50 differences
+    the distribution of W over all patterns of signs is counted, ties included; beyond, normal with
+    mean = sum of ranks / 2, variance = sum of squared ranks / 4.
+
+    Args:
+        a: (n,) values of one entry.
+        b: (n,) values of the other in the same cases.
+
+    Returns:
+        Two-sided p; 1 where all differences are zero, nan without pairs.
+
+    Raises:
+        ShapeError: the lengths differ, or a value is not finite.
+
+    Source:
+        Wilcoxon 1945, doi:10.2307/3001968; Pratt and Gibbons 1981 for ties.
+    """
+    difference = _differences(a, b)
+    if difference.size == 0:
+        return math.nan
+    difference = difference[difference != 0.0]
+    if difference.size == 0:
+        return 1.0
+    ranks = mean_ranks(np.abs(difference))
+    above = float(ranks[difference > 0.0].sum())
+    if difference.size <= _EXACT_RANKS:
+        return _exact_rank_sum(ranks, above)
+    z = (above - ranks.sum() / 2.0) / math.sqrt(float(np.sum(ranks**2)) / 4.0)
+    return min(1.0, 2.0 * normal_tail(abs(z)))
+
+
+def probability_better(
+    a: np.ndarray,
+    b: np.ndarray,
+    *,
+    lower_is_better: bool = True,
+    clusters: np.ndarray | None = None,
+    level: float = LEVEL,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Estimate:
+    """Return the share of pairs in which a is better than b, ties counted half: the effect size.
+
+    Args:
+        a: (n,) values of one entry: times with failures at the limit (or infinite), scores.
+        b: (n,) values of the other in the same cases.
+        lower_is_better: True for times, False for scores.
+        clusters: (n,) labels of pairs that are drawn as one.
+        level: Confidence level, 0 to 1.
+        seed: Of the bootstrap.
+        n_draws: Bootstrap samples.
+
+    Raises:
+        ShapeError: the lengths differ.
+
+    Source:
+        The paired form of Vargha and Delaney 2000, doi:10.3102/10769986025002101.
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    check_same_length(a=a, b=b)
+    better = (a < b) if lower_is_better else (a > b)
+    won = np.where(a == b, 0.5, better.astype(np.float64))
+    return bootstrap(
+        won.size, lambda rows: won[rows].mean(axis=1), clusters=clusters, level=level, seed=seed, n_draws=n_draws
+    )
+
+
+def holm(p_values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Return p values corrected for their number: the chance of one false finding among all stays below the level.
+
+    p~_(i) = max_{j <= i} min(1, (m - j + 1) p_(j))        p_(j) ascending, m of them
+
+    Args:
+        p_values: (m,) uncorrected; nan (no test was possible) stays nan and is not counted.
+
+    Source:
+        Holm 1979, A simple sequentially rejective multiple test procedure.
+    """
+    p = np.asarray(p_values, dtype=np.float64)
+    corrected = np.full(p.shape, math.nan)
+    known = np.flatnonzero(~np.isnan(p))
+    order = known[np.argsort(p[known], kind="stable")]
+    stepped = np.minimum(1.0, p[order] * (known.size - np.arange(known.size)))
+    corrected[order] = np.maximum.accumulate(stepped) if known.size else stepped
+    return corrected
+
+
+@dataclass(frozen=True)
+class Friedman:
+    """Result of Friedman's test of whether several entries differ at all.
+
+    Attributes:
+        statistic: Friedman's chi-square, corrected for ties.
+        p: Its p value, chi-square with k - 1 degrees of freedom; nan where nothing differs.
+        mean_ranks: (k,) mean rank of each entry, 1 for the lowest value.
+    """
+
+    statistic: float
+    p: float
+    mean_ranks: np.ndarray
+
+
+def friedman(matrix: np.ndarray) -> Friedman:
+    """Test whether entries differ over the same cells.
+
+    Q = (k - 1) sum_j (R_j - n (k + 1) / 2)^2 / (sum_ij r_ij^2 - n k (k + 1)^2 / 4)      R_j = sum_i r_ij
+
+    Args:
+        matrix: (n, k) a value (mean of a cell) for each of n cells and k entries.
+
+    Raises:
+        ShapeError: not two dimensions, or fewer than one cell or two entries.
+
+    Source:
+        Friedman 1937; Conover 1999, Practical Nonparametric Statistics, section 5.8 (with ties).
+    """
+    matrix = np.asarray(matrix, dtype=np.float64)
+    if matrix.ndim != 2 or matrix.shape[0] < 1 or matrix.shape[1] < 2:
+        raise ShapeError(f"matrix: expected cells in rows and two or more entries in columns, was {matrix.shape}.")
+    n, k = matrix.shape
+    ranks = np.array([mean_ranks(row) for row in matrix])
+    spread = float(np.sum(ranks**2)) - n * k * (k + 1) ** 2 / 4.0
+    if spread <= 0.0:
+        return Friedman(math.nan, math.nan, ranks.mean(axis=0))
+    statistic = (k - 1) * float(np.sum((ranks.sum(axis=0) - n * (k + 1) / 2.0) ** 2)) / spread
+    return Friedman(statistic, chi_square_tail(statistic, k - 1), ranks.mean(axis=0))
+
+
+def mean_ranks(values: np.ndarray) -> np.ndarray:
+    """Return ranks from 1 for the lowest value; equal values share the mean of their ranks, (n,)."""
+    _, code, count = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(count)
+    return (last - (count - 1) / 2.0)[code.reshape(-1)]
+
+
+def _differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    a, b = as_finite_row(a, "a"), as_finite_row(b, "b")
+    check_same_length(a=a, b=b)
+    return a - b
+
+
+# P(X <= k), X binomial of n trials with 1/2; whole numbers of patterns, however large, divide without loss.
+def _half_binomial_cdf(k: int, n: int) -> float:
+    patterns = term = 1
+    for i in range(k):
+        term = term * (n - i) // (i + 1)
+        patterns += term
+    return patterns / 2**n
+
+
+# Sizes of the sums of differences with each pattern of signs.
+def _all_sums(difference: np.ndarray) -> np.ndarray:
+    difference = difference[difference != 0.0]
+    patterns = np.arange(2**difference.size)[:, None] >> np.arange(difference.size) & 1
+    return np.abs((1 - 2 * patterns) @ difference)
+
+
+# Sums of each column with tossed signs, many tosses at a time.
+def _tossed_sums(differences: np.ndarray, n_flips: int, seed: Seed) -> Iterator[np.ndarray]:
+    rng, n = make_generator(seed), len(differences)
+    at_once = max(1, _TOSSES_AT_ONCE // n)
+    for start in range(0, n_flips, at_once):
+        tosses = rng.integers(0, 2, (min(at_once, n_flips - start), n), dtype=np.int8)
+        yield (1.0 - 2.0 * tosses) @ differences
+
+
+# Two-sided p of a rank sum; doubled ranks are whole numbers also with ties.
+def _exact_rank_sum(ranks: np.ndarray, above: float) -> float:
+    doubled = np.rint(2.0 * ranks).astype(np.int64)
+    ways = np.zeros(int(doubled.sum()) + 1)
+    ways[0] = 1.0
+    for rank in doubled:
+        ways[rank:] = ways[rank:] + ways[: ways.size - rank]
+    ways /= 2.0**ranks.size
+    seen = round(2.0 * above)
+    return min(1.0, 2.0 * min(float(ways[: seen + 1].sum()), float(ways[seen:].sum())))

@@ -1,0 +1,1 @@
+"""Studies of one method's parameters: sweeps with response curves, and tuning."""

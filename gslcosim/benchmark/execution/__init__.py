@@ -1,1 +1,0 @@
-"""Who flies which trial where: workers on this machine or a cluster, and the order of the work."""

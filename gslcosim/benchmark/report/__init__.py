@@ -1,1 +1,0 @@
-"""From the rows of a suite to a page, tables and pictures."""

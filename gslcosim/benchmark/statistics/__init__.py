@@ -1,1 +1,0 @@
-"""Figures of many flights: pure functions of arrays, each with its interval where it has one."""

@@ -1,0 +1,280 @@
+"""Interface that every transport offers, and the data with which a process joins a run."""
+
+import json
+import os
+import queue
+import stat
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Protocol
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from gslcosim.base.errors import UsageError
+
+JOIN_VARIABLE = "GSLCOSIM_JOIN"
+JOIN_FILE_WAIT_S = 120.0
+# Linux names the open files of a process here.
+INHERITED_FILES = Path("/proc/self/fd")
+
+# A join file comes from another host: what is in it ends in the configuration of the bus, in lines of accounts, and on
+# the terminal.
+MAX_JOIN_FILE_BYTES = 1 << 20
+_MEMBER = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}"
+_MAX_PATH = 4096
+MemberName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}$")]
+# Services that share a process join as one, under all their names.
+ProcessName = Annotated[str, StringConstraints(pattern=rf"^{_MEMBER}(\+{_MEMBER}){{0,99}}$")]
+Endpoint = Annotated[
+    str,
+    StringConstraints(
+        pattern=r"^((tcp|tls)/[A-Za-z0-9_.:%\[\]-]{1,300}(\?[A-Za-z0-9=;_-]{0,100})?|unixsock-stream/[^#?\x00-\x1f]{1,4096})$"
+    ),
+]
+Namespace = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,200}(/[A-Za-z0-9_.-]{1,200}){0,9}$")]
+Secret = Annotated[str, StringConstraints(pattern=r"^[ -~]{1,200}$")]
+
+
+# Patterns are for text in UTF-8 only, which names of files need not be.
+def _check_path(path: str) -> str:
+    if not 0 < len(path) <= _MAX_PATH or "\x00" in path:
+        raise ValueError(f"expected a path of 1 to {_MAX_PATH} characters, none of them NUL")
+    return path
+
+
+PathText = Annotated[str, AfterValidator(_check_path)]
+PemText = Annotated[str, StringConstraints(max_length=1 << 18)]
+
+MessageHandler = Callable[[str, bytes], None]
+QueryHandler = Callable[[bytes], list[bytes]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certificate:
+    """A TLS certificate and its private key, PEM files: the router's, or that of who joins it.
+
+    The other two are the router's alone. `ca` vouches for it; absent: its certificate vouches for itself.
+    `client_ca` vouches for those who may join; absent: all may who know name and password.
+    """
+
+    certificate: Path
+    private_key: Path
+    ca: Path | None = None
+    client_ca: Path | None = None
+
+
+class Mesh(BaseModel):
+    """Links between services of one host past the router: where one listens, and whom it calls."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    listen: Endpoint
+    connect: Annotated[tuple[Endpoint, ...], Field(max_length=1000)]
+
+
+class JoinData(BaseModel):
+    """Data with which a process joins a run: where, as whom, and under which namespace.
+
+    `run_dir` is given to services only; agents never learn it. `tls_root_ca` is the PEM text of the certificate that
+    vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
+    they are several; otherwise it flies the one of its `name`. `is_watched` says that whoever starts the run sees
+    whether the process ends or is stopped, so that nobody has to conclude it from silence. Others are given up after
+    `lease_s` [s] of silence. `window_ticks` is given to services only, where it is not the usual one.
+    `mesh` is given to services that share the router's host.
+    Where the router lets nobody in without a client certificate, `needs_tls_client` says so, and
+    `tls_client_certificate` and `tls_client_key` are PEM texts that the host that joins has added.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    name: ProcessName
+    endpoint: Endpoint
+    namespace: Namespace
+    user: MemberName
+    password: Secret
+    run_dir: PathText | None = None
+    tls_root_ca: PemText | None = None
+    agents: Annotated[tuple[MemberName, ...], Field(max_length=1000)] | None = None
+    is_watched: bool = False
+    lease_s: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    window_ticks: Annotated[int, Field(ge=1, le=1 << 20)] | None = None
+    mesh: Mesh | None = None
+    needs_tls_client: bool = False
+    tls_client_certificate: PemText | None = None
+    tls_client_key: PemText | None = None
+
+    @classmethod
+    def from_environment(cls) -> "JoinData":
+        """Return the join data from the environment variable `GSLCOSIM_JOIN`: JSON, or the path of a file with it.
+
+        A file that does not exist yet is waited for, so that processes on several hosts may start in any order. An
+        inherited one, `/proc/self/fd/N`, is closed when it has been read.
+
+        Raises:
+            UsageError: the variable is missing or is not what it should be.
+        """
+        text = os.environ.get(JOIN_VARIABLE, "")
+        if not text:
+            raise UsageError(
+                f"{JOIN_VARIABLE}: expected JSON with name, endpoint, namespace, user and password, or a file that "
+                "holds it; it is not set. `gslcosim up` sets it for the processes it starts."
+            )
+        if not text.lstrip().startswith("{"):
+            text = read_join_file(Path(text), place=JOIN_VARIABLE)
+        return cls.from_text(text, place=JOIN_VARIABLE)
+
+    @classmethod
+    def from_text(cls, text: str, *, place: str) -> "JoinData":
+        """Return the join data that a JSON text holds.
+
+        Args:
+            text: What `gslcosim up` has written.
+            place: Where it comes from, for errors.
+
+        Raises:
+            UsageError: it is not what it should be.
+        """
+        try:
+            return cls.model_validate(json.loads(text))
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"{place}: expected JSON as `gslcosim up` writes it; {describe_problem(error)}") from error
+
+
+def describe_problem(error: Exception) -> str:
+    """Return what is wrong with join data, without what secrets it holds."""
+    if not isinstance(error, ValidationError):
+        return str(error)[:300]
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    return f"{'.'.join(str(part)[:80] for part in first['loc'])}: {first['msg'][:300]}"
+
+
+def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) -> str:
+    """Return what a file with join data holds, which is waited for where it does not exist yet.
+
+    Args:
+        path: The file.
+        place: Who names it, for errors.
+        wait_s: For how long [s].
+
+    Raises:
+        UsageError: there is none within that time, or it is no regular file of a sensible size.
+    """
+    deadline = time.monotonic() + wait_s
+    while not path.exists():
+        if time.monotonic() > deadline:
+            within = f" within {wait_s:g} s" if wait_s else ""
+            raise UsageError(f"{place}: expected a file{within}, found none.\nFile: {path}")
+        time.sleep(0.05)
+    text = _read_regular(path, place)
+    if path.parent == INHERITED_FILES:
+        # What is not open any more cannot be read by who looks at this process.
+        with suppress(OSError):
+            os.close(int(path.name))
+    return text
+
+
+# A pipe would be waited for, and a device would never end.
+def _read_regular(path: Path, place: str) -> str:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with os.fdopen(descriptor, encoding="utf-8") as file:
+            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+                text = file.read(MAX_JOIN_FILE_BYTES + 1)
+                if len(text) <= MAX_JOIN_FILE_BYTES:
+                    return text
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{place}: expected a file that can be read, could not ({error}).\nFile: {path}") from error
+    raise UsageError(
+        f"{place}: expected a regular file of at most {MAX_JOIN_FILE_BYTES} bytes, was another.\nFile: {path}"
+    )
+
+
+class Mailbox(Protocol):
+    """Messages for one thread of a member, whoever puts them there: the transport, or other threads."""
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Add a message; may be called on any thread."""
+        ...
+
+    def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
+        """Return the next message as (key, payload), and wait for it.
+
+        Args:
+            timeout_s: For how long [s]; absent: until there is one.
+
+        Raises:
+            queue.Empty: there was none within that time.
+        """
+        ...
+
+    def get_nowait(self) -> tuple[str, bytes] | None:
+        """Return the next message, or None where there is none."""
+        ...
+
+
+class Bus(Protocol):
+    """One member's connection to a run. Keys are relative to the run's namespace.
+
+    Handlers run on a thread of the transport: they only enqueue.
+    """
+
+    def publish(self, key: str, payload: bytes, *, encoding: str = "", urgent: bool = False) -> None:
+        """Send bytes to all subscribers of a key; `urgent` is not held back for batching."""
+        ...
+
+    def subscribe(self, key: str, handler: MessageHandler) -> None:
+        """Call `handler(key, payload)` for each message whose key matches (`*` one segment, `**` any)."""
+        ...
+
+    def mailbox(self, key: str | None = None) -> Mailbox:
+        """Return a mailbox that gets each message whose key matches (`$*` any part of a segment, besides)."""
+        ...
+
+    def answer(self, key: str, answerer: QueryHandler) -> None:
+        """Answer each question put to a key with a list of payloads."""
+        ...
+
+    def ask(self, key: str, payload: bytes, handler: MessageHandler) -> None:
+        """Put a question to a key; each answer goes to `handler`. No answer is not an error."""
+        ...
+
+    def declare_alive(self, key: str) -> None:
+        """Show a liveliness token until it is withdrawn or this connection ends."""
+        ...
+
+    def withdraw_alive(self, key: str) -> None:
+        """Take back a liveliness token of this connection."""
+        ...
+
+    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """Call `handler(key, is_alive)` for each token that is there, appears or vanishes."""
+        ...
+
+    def close(self) -> None:
+        """End the connection; further calls do nothing."""
+        ...
+
+
+class QueueMailbox:
+    """See `Mailbox`."""
+
+    def __init__(self) -> None:
+        self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Add a message."""
+        self._messages.put((key, payload))
+
+    def get(self, timeout_s: float | None = None) -> tuple[str, bytes]:
+        """Return the next message, and wait for it."""
+        return self._messages.get(timeout=timeout_s)
+
+    def get_nowait(self) -> tuple[str, bytes] | None:
+        """Return the next message, or None where there is none."""
+        try:
+            return self._messages.get_nowait()
+        except queue.Empty:
+            return None

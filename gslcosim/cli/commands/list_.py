@@ -1,0 +1,184 @@
+"""`gslcosim list`: what there is to put into a scenario."""
+
+import argparse
+import ast
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.base.plugins import PluginError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.terminal import add_json_option, table, write, write_json
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from gslcosim.scenario.models.one_of import OneOf
+
+EXAMPLES = """  gslcosim list
+  gslcosim list sensors
+  gslcosim list scenarios --json"""
+
+Row = dict[str, Any]
+# Columns that a table on a terminal does not show.
+_HIDDEN = ("file", "settings")
+
+
+def _scenarios() -> list[Row]:
+    from gslcosim.scenario.bundled import bundled_scenarios
+
+    return [
+        {"name": name, "description": _first_comment(path), "file": str(path)}
+        for name, path in bundled_scenarios().items()
+    ]
+
+
+def _agents() -> list[Row]:
+    from gslcosim.scenario.bundled import bundled_agents
+
+    return [
+        {"name": name, "description": _first_docstring_line(path), "file": str(path)}
+        for name, path in bundled_agents().items()
+    ]
+
+
+def _sensors() -> list[Row]:
+    from gslcosim_services.sensing.models import sensor_kind, sensor_names
+
+    return [
+        {
+            "name": kind.name,
+            "quantity": kind.quantity,
+            "unit": kind.unit,
+            "description": kind.description,
+            "settings": _settings(kind.settings, kind.name, "model"),
+        }
+        for kind in map(sensor_kind, sensor_names())
+    ]
+
+
+def _gas_models() -> list[Row]:
+    from gslcosim.scenario.models.gas import GAS_KINDS
+
+    return _kinds_of(GAS_KINDS)
+
+
+def _wind_solvers() -> list[Row]:
+    from gslcosim.scenario.models.wind import WIND_KINDS
+
+    return _kinds_of(WIND_KINDS)
+
+
+# Packages are imported to be listed; one that cannot be is told in its row, and hides no other.
+def _kinds_of(one_of: "OneOf") -> list[Row]:
+    rows: list[Row] = []
+    offered = one_of.offers.names() if one_of.offers else ()
+    for name in (*one_of.own, *(name for name in offered if name not in one_of.own)):
+        try:
+            block = one_of.block_of(name)
+        except PluginError as error:
+            rows.append({"name": name, "description": str(error), "settings": []})
+            continue
+        assert block is not None, "every name has a block"
+        description = one_of.descriptions.get(name, (block.__doc__ or "").partition("\n")[0])
+        rows.append({"name": name, "description": description, "settings": _settings(block, name, one_of.tag_key)})
+    return rows
+
+
+def _settings(block: type["BaseModel"], kind: str, tag_key: str) -> list[Row]:
+    from gslcosim.scenario.settings import list_settings
+
+    return [asdict(each) for each in list_settings(block, kind=kind, without=frozenset({tag_key}))]
+
+
+def _vehicles() -> list[Row]:
+    from gslcosim.vehicles import get_vehicle, vehicle_names
+
+    return [
+        {
+            "name": vehicle.name,
+            "kind": vehicle.kind,
+            "mass_kg": f"{vehicle.body.mass_kg:g}",
+            "width_m": f"{2 * vehicle.body.radius_m:g}",
+            "description": vehicle.description,
+        }
+        for vehicle in map(get_vehicle, vehicle_names())
+    ]
+
+
+def _gases() -> list[Row]:
+    from gslcosim_services.fields.gases import GASES
+
+    return [{"name": gas.name, "density_relative_to_air": f"{gas.specific_gravity:g}"} for gas in GASES.values()]
+
+
+def _layouts() -> list[Row]:
+    from gslcosim.scenario.model_schema import list_blocks, slot_at
+
+    blocks = list_blocks(slot_at(("environment", "layout")).annotation)
+    return [{"name": name, "description": (block.__doc__ or "").partition("\n")[0]} for name, block in blocks.items()]
+
+
+KINDS: dict[str, Callable[[], list[Row]]] = {
+    "scenarios": _scenarios,
+    "agents": _agents,
+    "sensors": _sensors,
+    "gas_models": _gas_models,
+    "wind_solvers": _wind_solvers,
+    "vehicles": _vehicles,
+    "gases": _gases,
+    "layouts": _layouts,
+}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "kind", nargs="?", choices=sorted(KINDS), metavar="KIND", help=f"{', '.join(KINDS)} (default: all of them)"
+    )
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    kinds = [arguments.kind] if arguments.kind else list(KINDS)
+    found = {kind: KINDS[kind]() for kind in kinds}
+    if arguments.json:
+        write_json(found)
+        return 0
+    for i, (kind, rows) in enumerate(found.items()):
+        if arguments.kind is None:
+            write(f"{'' if i == 0 else chr(10)}{kind.upper()}")
+        headings = [heading for heading in rows[0] if heading not in _HIDDEN] if rows else ["name"]
+        write(table([h.replace("_", " ") for h in headings], [[row[h] for h in headings] for row in rows]))
+        if arguments.kind is not None:
+            _write_settings(rows)
+    return 0
+
+
+# A table for each; those that many kinds share are told with each, as each can have them.
+def _write_settings(rows: list[Row]) -> None:
+    for row in rows:
+        settings = [[each["key"], each["unit"], each["default"], each["meaning"]] for each in row.get("settings", ())]
+        if settings:
+            write(f"\n{row['name'].upper()}")
+            write(table(["setting", "unit", "default", "meaning"], settings))
+
+
+def _first_comment(path: Path) -> str:
+    first = path.read_text(encoding="utf-8").lstrip().partition("\n")[0]
+    return first.lstrip("# ").strip() if first.startswith("#") else ""
+
+
+# Read, not imported: an agent's program may do anything when it is imported.
+def _first_docstring_line(path: Path) -> str:
+    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    return docstring.partition("\n")[0]
+
+
+COMMAND = Command(
+    name="list",
+    summary="list scenarios, agents, sensors, gas models, wind solvers, vehicles, gases or layouts",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,183 @@
+"""`gslcosim ps`, `top` and `stop`: runs that go on now."""
+
+import argparse
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note, write_screen
+
+if TYPE_CHECKING:
+    from gslcosim.runtime.status import ActiveRun
+
+PS_EXAMPLES = """  gslcosim ps
+  gslcosim ps --json | jq -r '.[].run_id'"""
+TOP_EXAMPLES = """  gslcosim top                     the only flight that goes on
+  gslcosim top warehouse_empty-seed7
+  gslcosim top --once --json"""
+STOP_EXAMPLES = """  gslcosim stop                    the only flight that goes on
+  gslcosim stop warehouse_empty-seed7
+  gslcosim stop --all"""
+_RUN_HELP = "the id of a run or the beginning of it, or its folder (default: the only flight that goes on)"
+_NONE = "No flight goes on."
+
+
+def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", nargs="?", metavar="RUN", help=_RUN_HELP)
+    parser.add_argument("--once", action="store_true", help="look for one interval, and end")
+    parser.add_argument(
+        "--every", type=_interval_s, default=1.0, metavar="S", help="look again after so many seconds (default: 1)"
+    )
+    add_json_option(parser)
+
+
+def _add_stop_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", nargs="?", metavar="RUN", help=_RUN_HELP)
+    parser.add_argument("--all", action="store_true", help="all flights of this user")
+
+
+def _interval_s(text: str) -> float:
+    try:
+        interval_s = float(text)
+    except ValueError:
+        interval_s = 0.0
+    if not 0.1 <= interval_s <= 3600:
+        raise argparse.ArgumentTypeError(f"expected seconds from 0.1 to 3600, was '{text}'")
+    return interval_s
+
+
+def _ps(arguments: argparse.Namespace) -> int:
+    from gslcosim.runtime.status import list_active_runs
+
+    flights = list_active_runs()
+    if arguments.json:
+        write_json([{**flight.facts, "pid": flight.pid} for flight in flights])
+    elif flights:
+        headings = ("run", "state", "simulated", "speed", "processes", "pid", "folder")
+        write(table(headings, [_flight_row(flight) for flight in flights]))
+    else:
+        write(_NONE)
+    for flight in flights:
+        if flight.facts["state"] == "refused":
+            write_note(flight.facts["text"])
+    return 0
+
+
+def _flight_row(flight: "ActiveRun") -> tuple[str, ...]:
+    facts = flight.facts
+    processes = facts["processes"] if isinstance(facts["processes"], str) else "in groups"
+    return (
+        flight.run_id,
+        facts["state"],
+        f"{facts['sim_time_s']:.1f} of {facts['time_limit_s']:g} s",
+        f"{facts['real_time_factor']:.0f} x",
+        processes,
+        str(flight.pid),
+        facts["run_dir"],
+    )
+
+
+def _top(arguments: argparse.Namespace) -> int:
+    from gslcosim.runtime.status import find_active_run, query_status
+
+    before = find_active_run(arguments.run)
+    is_drawn_again = sys.stdout.isatty() and not arguments.once and not arguments.json
+    while True:
+        time.sleep(arguments.every)
+        now = query_status(before.window)
+        if now is None:
+            write(f"{before.run_id} has ended.\nrun        {before.facts['run_dir']}")
+            return 0
+        rows = participant_rows(before, now)
+        if arguments.json:
+            write_json({**now.facts, "participants": rows})
+        else:
+            (write_screen if is_drawn_again else write)(_page(now, rows))
+        if arguments.once:
+            return 0
+        before = now
+
+
+def participant_rows(before: "ActiveRun", now: "ActiveRun") -> list[dict[str, Any]]:
+    """Return the participants of a flight with what two looks tell together.
+
+    Beside what a look tells, `tick_rate_hz` is how many ticks a second of wall time it has finished between them, and
+    `busy` is the CPU time of its process as a share of the time between them; None where nobody knows.
+    """
+    then = {participant["name"]: participant for participant in before.facts["participants"]}
+    passed_s = max(now.looked_at_s - before.looked_at_s, 1e-9)
+    rows: list[dict[str, Any]] = []
+    for participant in now.facts["participants"]:
+        past = then.get(participant["name"], participant)
+        has_cpu = participant["cpu_s"] is not None and past["cpu_s"] is not None
+        busy = (participant["cpu_s"] - past["cpu_s"]) / passed_s if has_cpu else None
+        rows.append({**participant, "tick_rate_hz": (participant["tick"] - past["tick"]) / passed_s, "busy": busy})
+    return rows
+
+
+def _page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> str:
+    facts = flight.facts
+    head = (
+        f"{flight.run_id}: {facts['state']}{', ' if facts['text'] else ''}{facts['text']}, "
+        f"{facts['sim_time_s']:.1f} of {facts['time_limit_s']:g} s simulated, "
+        f"{facts['real_time_factor']:.0f} x real time, {facts['wall_s']:.0f} s since its start"
+    )
+    headings = (
+        "participant", "state", "tick", "ticks/s", "busy", "queued", "memory", "resends", "pid", "waits for"
+    )  # fmt: skip
+    return f"{head}\n\n{table(headings, [_participant_row(row) for row in rows])}"
+
+
+def _participant_row(row: dict[str, Any]) -> tuple[str, ...]:
+    busy, memory, pid = row["busy"], row["memory_bytes"], row["pid"]
+    return (
+        row["name"],
+        row["state"],
+        str(row["tick"]) if row["tick"] >= 0 else "-",
+        f"{row['tick_rate_hz']:.0f}",
+        "-" if busy is None else f"{100 * busy:.0f} %",
+        str(row["queued_ticks"]),
+        "-" if memory is None else f"{memory / 1e6:.0f} MB",
+        str(row["n_resends"]),
+        "-" if pid is None else str(pid),
+        ", ".join(row["waits_for"]),
+    )
+
+
+def _stop(arguments: argparse.Namespace) -> int:
+    from gslcosim.base.errors import UsageError
+    from gslcosim.runtime.status import find_active_run, list_active_runs, stop_run
+
+    if arguments.all and arguments.run is not None:
+        raise UsageError("gslcosim stop: expected RUN or --all, was both.")
+    flights = list_active_runs() if arguments.all else [find_active_run(arguments.run)]
+    for flight in flights:
+        stop_run(flight)
+        write(f"stopped    {flight.facts['run_dir']}")
+    if not flights:
+        write(_NONE)
+    return 0
+
+
+PS = Command(
+    name="ps",
+    summary="list the flights that go on now",
+    examples=PS_EXAMPLES,
+    add_arguments=add_json_option,
+    run=_ps,
+)
+TOP = Command(
+    name="top",
+    summary="show the participants of a flight while it goes on: tick, rate, load, memory, and who waits for whom",
+    examples=TOP_EXAMPLES,
+    add_arguments=_add_top_arguments,
+    run=_top,
+)
+STOP = Command(
+    name="stop",
+    summary="end a flight that goes on, in order, as Ctrl-C does",
+    examples=STOP_EXAMPLES,
+    add_arguments=_add_stop_arguments,
+    run=_stop,
+)

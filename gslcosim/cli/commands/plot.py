@@ -1,0 +1,117 @@
+"""`gslcosim plot`: figures for papers, of runs and of results."""
+
+import argparse
+from pathlib import Path
+
+from gslcosim.base.errors import MachineError, UsageError
+from gslcosim.base.os_errors import build_machine_error, find_remedy
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.run_paths import MANIFEST, add_runs_dir_option, find_in_run
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+
+EXAMPLES = """  gslcosim plot runs/warehouse_empty-seed7-20250101T120000-a1b2c3
+  gslcosim plot warehouse_empty-seed7 --figure track,distance --format pdf,svg --columns 2
+  gslcosim plot runs/first runs/second runs/third     distances as a bundle, tracks over one plan
+  gslcosim plot results/smoke --figure starts --out figures"""
+
+_FIGURES = ("track", "distance", "gas", "track_3d", "wind", "gas_section", "belief", "swarm", "starts")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "runs", nargs="+", metavar="RUN", help="runs: folders, or ids or the beginning of them; or a folder of results"
+    )
+    parser.add_argument(
+        "--figure",
+        metavar="NAMES",
+        help=f"which, separated by commas: {', '.join(_FIGURES)} (default: all that there are data for)",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("figures"), metavar="DIR", help="where to write them (default: figures)"
+    )
+    parser.add_argument("--format", default="pdf", metavar="KINDS", help="pdf, svg, png, or several (default: pdf)")
+    parser.add_argument(
+        "--columns", type=int, choices=(1, 2), default=1, help="how many columns of a paper they span (default: 1)"
+    )
+    add_runs_dir_option(parser)
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.data.figures.style import FORMATS
+
+    names = _words("--figure", arguments.figure, _FIGURES) if arguments.figure else ()
+    formats = _words("--format", arguments.format, FORMATS)
+    folder = _made(arguments.out)
+    options = {"names": names, "formats": formats, "columns": arguments.columns}
+    written = _of_results(arguments, folder, options) or _of_runs(arguments, folder, options)
+    if arguments.json:
+        write_json([str(path) for path in written])
+    else:
+        for path in written:
+            write(str(path))
+    return 0
+
+
+def _words(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    words = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+    wrong = next((word for word in words if word not in known), None)
+    if wrong is not None or not words:
+        raise UsageError(f"{option}: expected some of {', '.join(known)}, was '{wrong or text}'.")
+    return words
+
+
+def _made(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _cannot_make(folder, error) from error
+    return folder
+
+
+def _cannot_make(folder: Path, error: OSError) -> MachineError:
+    return build_machine_error(
+        error,
+        "--out",
+        "a folder that can be written",
+        path=folder,
+        remedy=f"{find_remedy(error)} --out chooses another.",
+    )
+
+
+def _of_results(arguments: argparse.Namespace, folder: Path, options: dict) -> list[Path]:
+    from gslcosim.cli.run_table import is_results_folder
+
+    paths = [Path(run) for run in arguments.runs]
+    found = [path for path in paths if is_results_folder(path)]
+    if not found:
+        return []
+    if len(paths) > 1:
+        raise UsageError(f"plot: expected runs, or one folder of results alone, was {found[0]} beside others.")
+    from gslcosim.bench.report.figures import write_result_figures
+
+    return write_result_figures(found[0], folder, **options)
+
+
+def _of_runs(arguments: argparse.Namespace, folder: Path, options: dict) -> list[Path]:
+    from gslcosim.data.figures.run_figures import write_figures_of_several, write_run_figures
+    from gslcosim.data.run import open_run
+
+    if "starts" in options["names"]:
+        raise UsageError("--figure starts: expected a folder of results, which has many flights, was a run.")
+    runs = [open_run(find_in_run(run, runs_dir=arguments.runs_dir, file_name=MANIFEST)) for run in arguments.runs]
+    if len(runs) == 1:
+        return write_run_figures(runs[0], folder, **options)
+    write_note(f"{len(runs)} runs together; of one run there are more figures.")
+    labels = [f"{'+'.join(dict.fromkeys(run.methods.values()))}, seed {run.scenario.seed}" for run in runs]
+    unlike = [label if labels.count(label) == 1 else f"{label} ({i + 1})" for i, label in enumerate(labels)]
+    return write_figures_of_several(dict(zip(unlike, runs, strict=True)), folder, **options)
+
+
+COMMAND = Command(
+    name="plot",
+    summary="draw figures for papers: track, distance, gas and sensor, sections, belief, swarm, success by start",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+)

@@ -1,0 +1,34 @@
+"""Messages about changes of the environment: events that begin, and the share of the wind; no agent reads them."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from gslcosim.contract.record import Message
+
+EVENTS = "truth/events"
+"""The port of `EventsBeginning`."""
+
+
+class EventsBeginning(Message):
+    """The events that take effect from the next tick on, most often none. Written on `truth/events` every tick.
+
+    Each is its place in the scenario's list `events`, from 0 on, in that order.
+    """
+
+    beginning: tuple[int, ...] = ()
+
+
+WIND = "truth/wind"
+"""The port of `WindShare`."""
+
+
+class WindShare(Message):
+    """The wind as a share of the environment's own, from the next tick on. Written on `truth/wind` every tick.
+
+    1 is the wind as it was made, 0 still air. All of the room's air follows at once: the flow keeps its shape, as it
+    does at high Reynolds numbers where only the inlet's speed changes. The time that a room takes to follow, minutes
+    for a slow change of air, is left out; a service may change the share gradually.
+    """
+
+    share: Annotated[float, Field(ge=0)]

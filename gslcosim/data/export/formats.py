@@ -1,0 +1,60 @@
+"""Export of a run in a format chosen by name."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, get_args
+
+from gslcosim.base.errors import UsageError
+from gslcosim.data.export.ros_bags import write_mcap, write_rosbag2
+from gslcosim.data.export.ros_topics import iterate_messages
+from gslcosim.data.export.ros_types import ros_types
+from gslcosim.data.export.table_files import write_tables
+from gslcosim.data.run import RunData
+
+ExtractFormat = Literal["parquet", "csv", "mcap", "rosbag2"]
+EXTRACT_FORMATS: tuple[ExtractFormat, ...] = get_args(ExtractFormat)
+
+
+def extract_run(
+    run: RunData, folder: Path, to: ExtractFormat, progress: Callable[[str], None] = lambda _: None
+) -> tuple[Path, ...]:
+    """Write a run in another program's format.
+
+    Args:
+        run: What to write.
+        folder: Where; a new folder or an empty one.
+        to: `parquet` and `csv` write a table for each stream and a dictionary of all columns; `mcap` and `rosbag2`
+            write messages of ROS 2.
+        progress: Is told what is being written.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        UsageError: the folder holds something, or the extra `ros` is not installed.
+        EnvironmentDataError: the room is needed and is not the one that was flown in.
+        OSError: the machine refuses.
+    """
+    if folder.exists() and any(folder.iterdir()):
+        raise UsageError(
+            f"{folder}: expected a new folder or an empty one, was one with files, which would mix with the new ones."
+        )
+    if to in ("parquet", "csv"):
+        folder.mkdir(parents=True, exist_ok=True)
+        return tuple(write_tables(run, folder, to, lambda table: progress(f"table {table}")))
+    types = ros_types()
+
+    def tell(n_messages: int) -> None:
+        progress(f"message {n_messages}")
+
+    if to == "mcap":
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{run.run_id}.mcap"
+        write_mcap(iterate_messages(run, types), path, types, tell)
+        return (path,)
+    if folder.exists():
+        # Bags make their own folder.
+        folder.rmdir()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    write_rosbag2(iterate_messages(run, types), folder, types, tell)
+    return tuple(sorted(folder.iterdir()))

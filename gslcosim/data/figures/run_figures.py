@@ -1,0 +1,264 @@
+"""Whole figures of one run or several: which there are data for, their layout, and their files."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gslcosim.base.errors import UsageError
+from gslcosim.data.figures import plans, sections, time_series
+from gslcosim.data.figures.style import INK, new_figure, save, styled
+from gslcosim.data.run import RunData
+
+_N_BELIEFS = 4
+# Of a figure without one axis for all: below it there is room for a legend of this many entries a line.
+_LEGEND_COLUMNS = {1: 2, 2: 5}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFigure:
+    """A figure of one run.
+
+    Attributes:
+        title: What it shows.
+        aspect: Height by width; of the room's plan where None.
+        lacks: Says what there is no data of; empty where there is.
+        draw: Draws into an empty figure; the last argument is over how many columns.
+    """
+
+    title: str
+    aspect: float | None
+    lacks: Callable[[RunData], str]
+    draw: Callable[[Any, RunData, int], None]
+
+
+def draw_run(run: RunData, name: str, *, columns: int = 1) -> Any:
+    """Return one figure of a run; draw it within `style.styled()`.
+
+    Raises:
+        UsageError: there is no such figure, or no data for it.
+    """
+    figure_of = RUN_FIGURES.get(name)
+    if figure_of is None:
+        raise UsageError(f"--figure: expected some of {', '.join(RUN_FIGURES)}, was '{name}'.")
+    lacks = figure_of.lacks(run)
+    if lacks:
+        raise UsageError(f"--figure {name}: expected a run with {lacks}, {run.run_id} has none.")
+    aspect = _plan_aspect(run, columns) if figure_of.aspect is None else figure_of.aspect * (1 if columns == 1 else 0.6)
+    figure = new_figure(columns, aspect)
+    figure_of.draw(figure, run, columns)
+    return figure
+
+
+def write_run_figures(
+    run: RunData, folder: Path, *, names: Sequence[str] = (), formats: Sequence[str] = ("pdf",), columns: int = 1
+) -> list[Path]:
+    """Write figures of a run, by default all that there are data for; return their files.
+
+    Raises:
+        UsageError: a named figure does not exist or has no data, or matplotlib is not installed.
+        MachineError: a file cannot be written.
+    """
+    chosen = names or [name for name, one in RUN_FIGURES.items() if not one.lacks(run)]
+    written: list[Path] = []
+    with styled():
+        for name in chosen:
+            written += save(draw_run(run, name, columns=columns), folder / name, formats)
+    return written
+
+
+def draw_runs(runs: Mapping[str, RunData], name: str, *, columns: int = 1) -> Any:
+    """Return one figure of several runs, by label; draw it within `style.styled()`.
+
+    Raises:
+        UsageError: there is no such figure of several runs, or they were flown in different rooms.
+    """
+    if name not in SEVERAL_FIGURES:
+        known = ", ".join(SEVERAL_FIGURES)
+        raise UsageError(f"--figure: expected some of {known} for several runs, was '{name}'. Give one run for others.")
+    first = next(iter(runs.values()))
+    if name == "distance":
+        figure = new_figure(columns, 0.75 if columns == 1 else 0.42)
+        _bundle(figure, runs, columns)
+        return figure
+    strange = next((run for run in runs.values() if _room(run) != _room(first)), None)
+    if strange is not None:
+        raise UsageError(
+            f"--figure {name}: expected runs of one room, {strange.run_id} was flown in another than {first.run_id}. "
+            "Draw them one by one, or their distances: --figure distance."
+        )
+    figure = new_figure(columns, _plan_aspect(first, columns))
+    axes = figure.subplots()
+    _with_gas_bar(figure, axes, plans.tracks_of_runs(axes, runs))
+    _legend(figure, columns)
+    return figure
+
+
+def write_figures_of_several(
+    runs: Mapping[str, RunData], folder: Path, *, names: Sequence[str] = (), formats: Sequence[str] = ("pdf",),
+    columns: int = 1,
+) -> list[Path]:  # fmt: skip
+    """Write figures of several runs, by default distances, and tracks where they share a room.
+
+    Raises:
+        UsageError: a named figure does not exist, or matplotlib is not installed.
+        MachineError: a file cannot be written.
+    """
+    share_room = len({_room(run) for run in runs.values()}) == 1
+    chosen = names or [name for name in SEVERAL_FIGURES if name == "distance" or share_room]
+    written: list[Path] = []
+    with styled():
+        for name in chosen:
+            written += save(draw_runs(runs, name, columns=columns), folder / name, formats)
+    return written
+
+
+def _room(run: RunData) -> object:
+    return run.manifest.get("environment_hash")
+
+
+def _plan_aspect(run: RunData, columns: int) -> float:
+    grid = run.environment.grid
+    width_m, depth_m = grid.shape[0], grid.shape[1]
+    # Beside the plan are labels and the colour bar, below it the legend.
+    return min(0.72 * depth_m / width_m + (0.34 if columns == 1 else 0.14), 1.4 if columns == 1 else 1.0)
+
+
+def _bundle(figure: Any, runs: Mapping[str, RunData], columns: int) -> None:
+    bundles: dict[str, list[Any]] = {}
+    for run in runs.values():
+        curves = [one for agent in run.agents if (one := run.figure(agent, "distance")) is not None]
+        # A team is as near as its nearest member.
+        ends = min(len(one.tick) for one in curves)
+        nearest = np.min([one.value[:ends] for one in curves], axis=0)
+        bundles.setdefault("+".join(dict.fromkeys(run.methods.values())), []).append((curves[0].time_s[:ends], nearest))
+    radii = {run.scenario.referee.success.drawn_radius_m for run in runs.values()}
+    time_series.distance_bundle(figure.subplots(), bundles, radius_m=radii.pop() if len(radii) == 1 else None)
+    _legend(figure, columns)
+
+
+def _legend(figure: Any, columns: int) -> None:
+    handles, labels = [], []
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            if label not in labels:
+                handles.append(handle)
+                labels.append(label)
+    if handles:
+        n = min(_LEGEND_COLUMNS[columns], len(labels))
+        figure.legend(handles, labels, loc="outside lower center", ncols=n, handlelength=2.2, columnspacing=1.2)
+
+
+def _with_gas_bar(figure: Any, axes: Any, image: Any) -> None:
+    if image is not None:
+        figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, label="mixing ratio [ppm]").outline.set_linewidth(0.4)
+
+
+def _draw_track(figure: Any, run: RunData, columns: int) -> None:
+    axes = figure.subplots()
+    _with_gas_bar(figure, axes, plans.ground_track(axes, run))
+    _legend(figure, columns)
+
+
+def _draw_swarm(figure: Any, run: RunData, columns: int) -> None:
+    axes = figure.subplots()
+    _with_gas_bar(figure, axes, plans.swarm_tracks(axes, run))
+    _legend(figure, columns)
+
+
+def _draw_distance(figure: Any, run: RunData, columns: int) -> None:
+    time_series.distance(figure.subplots(), run)
+    _legend(figure, columns)
+
+
+def _draw_gas(figure: Any, run: RunData, columns: int) -> None:
+    del columns
+    above, below = figure.subplots(2, 1, sharex=True)
+    time_series.true_gas(above, run)
+    time_series.sensor_response(below, run)
+    above.set_xlabel("")
+    for axes in (above, below):
+        if len(axes.get_lines()) > 1:
+            axes.legend(loc="best")
+
+
+def _draw_track_3d(figure: Any, run: RunData, columns: int) -> None:
+    sections.track_3d(figure.add_subplot(projection="3d"), run)
+    _legend(figure, columns)
+
+
+def _draw_wind(figure: Any, run: RunData, columns: int) -> None:
+    _, ny, nz = run.environment.grid.shape
+    panels = figure.subplots(2, 1, height_ratios=[ny, nz]) if columns == 1 else figure.subplots(1, 2)
+    sections.wind_section(panels[0], run, normal="z")
+    image = sections.wind_section(panels[1], run, normal="y")
+    figure.colorbar(image, ax=list(panels), shrink=0.7, pad=0.02, label="speed [m/s]").outline.set_linewidth(0.4)
+
+
+def _draw_gas_section(figure: Any, run: RunData, columns: int) -> None:
+    axes = figure.subplots()
+    _with_gas_bar(figure, axes, sections.gas_section(axes, run))
+    _legend(figure, columns)
+
+
+def _draw_belief(figure: Any, run: RunData, columns: int) -> None:
+    agent = next(iter(run.beliefs))
+    n = len(run.beliefs[agent].tick)
+    some = np.unique(np.linspace(0, n - 1, min(_N_BELIEFS, n)).round().astype(int))
+    n_across = 2 if columns == 1 else 4
+    n_down = -(-len(some) // n_across)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[n_down * 2.6, 1.9] if columns == 1 else [1.7, 1])
+    panels = np.atleast_1d(upper.subplots(n_down, n_across, squeeze=False)).ravel()
+    most = max(float(run.beliefs[agent].in_plane(i).max()) for i in some.tolist())
+    shown = [sections.belief(axes, run, agent, i, most=most) for axes, i in zip(panels, some.tolist(), strict=False)]
+    for axes in panels:
+        axes.label_outer()
+    bar = upper.colorbar(shown[-1], ax=list(panels), shrink=0.8, pad=0.02, label="probability of a cell")
+    bar.outline.set_linewidth(0.4)
+    for axes in panels[len(some) :]:
+        axes.set_visible(False)
+    curve = lower.subplots()
+    time_series.belief_quality(curve, run)
+    for i in some.tolist():
+        curve.axvline(run.beliefs[agent].time_s[i], color=INK, lw=0.5, ls=(0, (1, 2)))
+
+
+def _nothing(run: RunData) -> str:
+    del run
+    return ""
+
+
+RUN_FIGURES: Mapping[str, RunFigure] = {
+    "track": RunFigure(
+        title="ground track over plan and gas", aspect=None, lacks=_nothing, draw=_draw_track,
+    ),
+    "distance": RunFigure(title="distance to the source over time", aspect=0.68, lacks=_nothing, draw=_draw_distance),
+    "gas": RunFigure(
+        title="true mixing ratio at the sensor, and what it reported", aspect=0.8,
+        lacks=lambda run: "" if any(one.quantity == "mixing_ratio" for one in run.samples) else "a gas sensor",
+        draw=_draw_gas,
+    ),
+    "track_3d": RunFigure(title="track in space", aspect=0.85, lacks=_nothing, draw=_draw_track_3d),
+    "wind": RunFigure(title="sections through the wind", aspect=1.25, lacks=_nothing, draw=_draw_wind),
+    "gas_section": RunFigure(
+        title="vertical section through the gas", aspect=0.72,
+        lacks=lambda run: "" if len(run.filaments.tick) else "filaments of gas", draw=_draw_gas_section,
+    ),
+    "belief": RunFigure(
+        title="belief over time", aspect=None,
+        lacks=lambda run: "" if run.beliefs else "an agent that publishes beliefs", draw=_draw_belief,
+    ),
+    "swarm": RunFigure(
+        title="tracks of a swarm", aspect=None,
+        lacks=lambda run: "" if len(run.agents) > 1 else "several agents", draw=_draw_swarm,
+    ),
+}  # fmt: skip
+"""Figures of one run, by name."""
+
+SEVERAL_FIGURES: Mapping[str, str] = {
+    "track": "tracks over plan and gas of the first run",
+    "distance": "distances over time as a bundle with median and band, for each method",
+}
+"""Figures of several runs, by name."""

@@ -1,0 +1,113 @@
+"""Recording of an environment without a run: geometry, occupancy, wind arrows and streamlines."""
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from gslcosim.base.rng import stream
+from gslcosim.environment.boxes import boxes_from_solid
+from gslcosim.environment.formats.streamlines import streamlines
+from gslcosim.environment.model import Cell, Environment
+from gslcosim_services.recorder import colors, entities
+from gslcosim_services.recorder.camera_pose import fit_room_camera
+from gslcosim_services.recorder.recording_file import RecordingFile
+from gslcosim_services.recorder.rows.wind import WindLayer
+from gslcosim_services.recorder.scene import WIRE, draw_room, floor_grid_m
+
+OCCUPANCY, STREAMLINES = "occupancy", "streamlines"
+N_STREAMLINES = 120
+# A line is at most this many times as long as the room.
+MAX_LENGTHS = 2.0
+# Time has no meaning here; the file wants a tick.
+_TICK_NS = 1_000_000_000
+
+
+def record_environment(environment: Environment, path: Path) -> None:
+    """Write a recording that shows an environment.
+
+    Arrows are the wind at 2 m, or in the middle of lower rooms. Half of the streamlines begin at the inlets, the
+    others anywhere in the air.
+
+    Args:
+        environment: What to show.
+        path: The recording to write.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    file = RecordingFile(
+        path,
+        run_id=environment.content_hash,
+        name=environment.name,
+        tick_ns=_TICK_NS,
+        blueprint=_blueprint(environment),
+    )
+    draw_room(file, environment)
+    _draw_occupancy(file, environment)
+    height_m = min(2.0, (environment.grid.max_m[2] - environment.grid.origin_m[2]) / 2)
+    WindLayer(environment, environment.grid.origin_m[2] + height_m).draw(file, entities.WIND_ARROWS)
+    _draw_streamlines(file, environment)
+    file.close()
+
+
+def _blueprint(environment: Environment) -> rrb.Blueprint:
+    eye_m, target_m = fit_room_camera(environment)
+    size = " x ".join(
+        f"{high - low:.4g}" for low, high in zip(environment.grid.origin_m, environment.grid.max_m, strict=True)
+    )
+    view = rrb.Spatial3DView(
+        origin="/",
+        name=f"{environment.name}, {size} m (floor grid {floor_grid_m(environment):g} m)",
+        background=colors.BACKGROUND,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye_m, look_target=target_m, eye_up=(0.0, 0.0, 1.0)
+        ),
+        # Occupancy lies over what it was made from: it is there to be switched on.
+        overrides={OCCUPANCY: rrb.EntityBehavior(visible=False)},
+    )
+    return rrb.Blueprint(
+        view,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _draw_occupancy(file: RecordingFile, environment: Environment) -> None:
+    boxes = boxes_from_solid(environment.occupancy == Cell.SOLID, environment.grid)
+    if boxes:
+        mins_m = np.array([box.min_m for box in boxes])
+        sizes_m = np.array([box.max_m for box in boxes]) - mins_m
+        file.draw(
+            OCCUPANCY, rr.Boxes3D(mins=mins_m, sizes=sizes_m, colors=[colors.EDGES], radii=[0.01], fill_mode=WIRE)
+        )
+
+
+def _draw_streamlines(file: RecordingFile, environment: Environment) -> None:
+    size_m = np.subtract(environment.grid.max_m, environment.grid.origin_m)
+    lines_m = streamlines(environment, _streamline_seeds_m(environment), max_length_m=MAX_LENGTHS * float(size_m.max()))
+    if lines_m:
+        radius_m = 0.0008 * float(size_m.max())
+        file.draw(STREAMLINES, rr.LineStrips3D(lines_m, colors=[colors.INLET], radii=[radius_m]))
+
+
+def _streamline_seeds_m(environment: Environment) -> NDArray[np.float64]:
+    rng = stream(0, "recording.streamlines")
+    grid = environment.grid
+    air = np.argwhere(environment.occupancy != Cell.SOLID)
+    chosen = air[rng.integers(len(air), size=N_STREAMLINES // 2)] if len(air) else air
+    seeds_m = [np.asarray(grid.origin_m, dtype=np.float64) + (chosen + 0.5) * grid.cell_m]
+    inlets = [opening for opening in environment.openings if opening.kind == "inlet"]
+    for inlet in inlets:
+        n = max(1, N_STREAMLINES // 2 // len(inlets))
+        low, high = np.array(inlet.min_m), np.array(inlet.max_m)
+        # Half a cell into the room, where the first centres are.
+        inward = np.where(low == high, np.sign(np.array(inlet.velocity_m_s)) * grid.cell_m / 2, 0.0)
+        seeds_m.append(low + rng.random((n, 3)) * (high - low) + inward)
+    return np.concatenate(seeds_m)

@@ -1,0 +1,267 @@
+"""Rerun's viewer: shows a recording in a window, saves a picture of it, and follows one that is still being written."""
+
+import contextlib
+import os
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Literal
+
+from gslcosim.base.command_lines import build_parent_death_prefix
+from gslcosim.base.errors import RecordingError
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim_services.recorder.rerun_cli import rerun_environment, rerun_path, rerun_program
+
+# Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.
+SCREENSHOT_TIMEOUT_S = 90.0
+# The viewer was once seen to draw nothing for minutes where it needed 11 s just after.
+N_TRIES = 2
+# The viewer listens for more data; only programs of this machine may send some.
+_LOCAL_OPTIONS = ("--bind", "127.0.0.1", "--port", "auto")
+
+
+def open_viewer(path: Path) -> None:
+    """Show a recording in a window and return when it is closed.
+
+    Raises:
+        RecordingError: there is no such file, no screen, or the viewer fails.
+    """
+    _check_file(path)
+    check_screen()
+    # What it logs may come from the recording, and is no text for a terminal.
+    viewer = subprocess.run(
+        [*build_parent_death_prefix(), str(rerun_program()), *_LOCAL_OPTIONS, rerun_path(path)],
+        env=rerun_environment({"NO_COLOR": "1"}),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+    )
+    if viewer.returncode != 0:
+        said = viewer.stdout.strip().splitlines()
+        last = f": {said[-1][:300]}" if said else ""
+        raise RecordingError(f"viewer: expected to end with 0, was {viewer.returncode}{last}\nFile: {path}")
+
+
+def check_screen() -> None:
+    """Refuse where a window cannot be shown.
+
+    Raises:
+        RecordingError: there is no screen.
+    """
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise RecordingError(
+            "viewer: expected a screen, was none (neither DISPLAY nor WAYLAND_DISPLAY is set). Look with a browser "
+            "(--web; while it flies: --serve), or save a picture (gslcosim view RUN --screenshot FILE)."
+        )
+
+
+def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1000)) -> None:
+    """Save a picture of a recording as the viewer shows it first; needs no screen and no graphics card.
+
+    Args:
+        path: The recording.
+        png: The picture to write.
+        window_size: Width and height of the window [points]; the picture has two pixels for each.
+
+    Raises:
+        RecordingError: there is no such file, no Vulkan driver, or the viewer fails.
+    """
+    _check_file(path)
+    png.unlink(missing_ok=True)
+    said = _try_screenshot(path, png.resolve(), f"{window_size[0]}x{window_size[1]}")
+    if not png.is_file():
+        raise RecordingError(f"{_failure_reason(said)}\nFile: {path}")
+
+
+def _try_screenshot(path: Path, png: Path, size: str) -> str:
+    # As standard input, because a file given by name is loaded piece by piece, after the picture.
+    call = [
+        *build_parent_death_prefix(), str(rerun_program()), "-", "--headless", *_LOCAL_OPTIONS,
+        "--screenshot-to", rerun_path(png), "--window-size", size,
+    ]  # fmt: skip
+    for _ in range(N_TRIES):
+        with path.open("rb") as recording, ScratchFolder() as scratch:
+            # Below errors the viewer's notes would be part of the picture. Drivers want a runtime directory.
+            environment = rerun_environment({"RUST_LOG": "error", "XDG_RUNTIME_DIR": str(scratch.path)})
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                drawn = subprocess.run(
+                    call,
+                    stdin=recording,
+                    capture_output=True,
+                    text=True,
+                    errors="replace",
+                    env=environment,
+                    timeout=SCREENSHOT_TIMEOUT_S,
+                    check=False,
+                )
+                return drawn.stdout + drawn.stderr
+    raise RecordingError(
+        f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing in {N_TRIES} tries.\n"
+        f"File: {path}"
+    )
+
+
+def _failure_reason(said: str) -> str:
+    if re.search(r"graphics adapter|render context|Vulkan", said, re.IGNORECASE):
+        return (
+            "viewer: expected a Vulkan driver to draw with, was none. Install one that needs no graphics card, "
+            "on Debian and Ubuntu: apt-get install mesa-vulkan-drivers"
+        )
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    telling = [line for line in lines if re.search(r"panicked|error", line, re.IGNORECASE)]
+    return f"viewer: expected a picture, was none ({(telling or lines or ['it said nothing'])[0]})"
+
+
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
+
+
+POLL_S = 0.1
+_CHUNK_BYTES = 1 << 18
+
+
+def tail_file(path: Path, is_over: Callable[[], bool]) -> Iterator[bytes]:
+    """Yield the bytes of a file from its beginning, and further ones as it grows, until it is complete.
+
+    Args:
+        path: The file; it may not be there yet. It is read as it was opened, whoever puts another in its place.
+        is_over: Whether nobody writes it any more; what was written before is still read.
+    """
+    was_over = False
+    while not path.exists():
+        if was_over:
+            return
+        was_over = is_over()
+        time.sleep(0 if was_over else POLL_S)
+    was_over = False
+    with path.open("rb") as file:
+        while True:
+            data = file.read(_CHUNK_BYTES)
+            if data:
+                yield data
+            elif was_over:
+                return
+            else:
+                was_over = is_over()
+                time.sleep(0 if was_over else POLL_S)
+
+
+ViewerKind = Literal["window", "browser"]
+
+# Only this machine may reach it.
+_LOOPBACK = "127.0.0.1"
+_FOR_BROWSER = ("--serve-web", "--web-viewer-port", "0")
+_FOR_WINDOW = ("--expect-data-soon",)
+# What the program says once its page can be opened.
+_ADDRESS_PATTERN = re.compile(r"(http://\S+\?url=\S+)")
+_END_TIMEOUT_S = 5.0
+
+
+class LiveViewer:
+    """Viewer in a process of its own that shows a recording while it is written; the recorder knows nothing of it.
+
+    Args:
+        kind: A window of this machine's screen, or a page for a browser of this machine.
+        on_address: Is told, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
+            has something to show.
+        prefix: What precedes the viewer's command line, for example so that it ends with this process.
+
+    Raises:
+        RecordingError: there is no screen for a window, or no viewer.
+    """
+
+    def __init__(self, kind: ViewerKind, on_address: Callable[[str], object], *, prefix: Sequence[str] = ()) -> None:
+        if kind == "window":
+            check_screen()
+        options = _FOR_BROWSER if kind == "browser" else _FOR_WINDOW
+        call = [*prefix, str(rerun_program()), "-", "--bind", _LOOPBACK, "--port", str(_free_port()), *options]
+        self._said: list[str] = []
+        self._on_address = on_address
+        # In a session of its own: Ctrl-C is for the flight first.
+        self._viewer = subprocess.Popen(
+            call,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=rerun_environment({"RUST_LOG": "info", "NO_COLOR": "1"}),
+            start_new_session=True,
+        )
+        self._listener = threading.Thread(target=self._listen, name="listens to the viewer", daemon=True)
+        self._listener.start()
+        self._feeder: threading.Thread | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """True while the viewer runs."""
+        return self._viewer.poll() is None
+
+    def show(self, path: Path, is_over: Callable[[], bool]) -> None:
+        """Show a recording from now on, as far as it is written, until `is_over` says that it is complete."""
+        self._feeder = threading.Thread(target=self._feed, args=(path, is_over), name="feeds the viewer", daemon=True)
+        self._feeder.start()
+
+    def wait_until_shown(self) -> None:
+        """Return when the viewer has been given all of the recording, or has ended."""
+        if self._feeder is not None:
+            self._feeder.join()
+
+    def wait_until_closed(self) -> None:
+        """Return when somebody has closed the viewer.
+
+        Raises:
+            RecordingError: it has failed.
+        """
+        if self._viewer.wait() != 0:
+            raise RecordingError(f"viewer: expected to end with 0, {self._log_tail()}")
+
+    def close(self) -> None:
+        """End the viewer."""
+        self._viewer.terminate()
+        try:
+            self._viewer.wait(_END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._viewer.kill()
+            self._viewer.wait()
+        self.wait_until_shown()
+        self._listener.join()
+        if self._viewer.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._viewer.stdin.close()
+
+    def _feed(self, path: Path, is_over: Callable[[], bool]) -> None:
+        assert self._viewer.stdin is not None
+        # A viewer that was closed takes no more. Its entrance stays open: at the end of its input it spins on a core.
+        with contextlib.suppress(BrokenPipeError):
+            for data in tail_file(path, lambda: is_over() or not self.is_open):
+                self._viewer.stdin.write(data)
+                self._viewer.stdin.flush()
+
+    def _listen(self) -> None:
+        assert self._viewer.stdout is not None
+        with self._viewer.stdout as said:
+            for line in said:
+                text = line.decode(errors="replace").strip()
+                self._said = [*self._said[-20:], text]
+                found = _ADDRESS_PATTERN.search(text)
+                if found:
+                    self._on_address(found[1])
+
+    def _log_tail(self) -> str:
+        code = self._viewer.poll()
+        state = "it said nothing of one" if code is None else f"it ended with {code}"
+        return f"{state}: {self._said[-1] if self._said else 'no word'}"
+
+
+# The program's own search for one finds the same for two that begin at once.
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_LOOPBACK, 0))
+        return int(probe.getsockname()[1])

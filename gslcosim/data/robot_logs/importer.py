@@ -1,0 +1,236 @@
+"""Importer of a robot log as a run: poses scored by the referee, all of it recorded."""
+
+import hashlib
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gslcosim.base.errors import UsageError
+from gslcosim.base.frames import yaw_from_quaternion
+from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import (
+    BodyPoses,
+    BodyState,
+    FieldSamples,
+    Message,
+    Observation,
+    Reading,
+    SensorDescription,
+    Verdict,
+)
+from gslcosim.contract.participant import Inbox
+from gslcosim.data.robot_logs.readers import Floats, LoggedValues, RobotLog, count_values
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.runtime.digest import HashChain, RunDigest
+from gslcosim.runtime.outcome import RunOutcome
+from gslcosim.runtime.replay.past_run import IMPORTED_FROM
+from gslcosim.runtime.run import run_into_directory
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.status import RunResult, RunStatus
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.loader import LoadedScenario
+from gslcosim.scenario.models.scenario import StartSpec
+from gslcosim_services.recorder.core import RecorderCore
+from gslcosim_services.referee.core import RefereeCore
+from gslcosim_services.sensing.sensor_descriptions import describe_sensors
+
+
+def import_log(log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Path) -> RunResult:
+    """Make a run of a log.
+
+    The log's first pose is at tick 0; between its poses the vehicle is on the straight line. Readings stand until the
+    next. The truth about gas and wind is not known, and nothing of it is recorded. The run ends with the log, or
+    before, where the referee sees success; collisions are not judged.
+
+    Args:
+        log: What was flown.
+        source: The file it comes from; the manifest has its name and hash.
+        loaded: Room, source, vehicle and sensors; its only agent is who flew.
+        runs_dir: Where the run's folder is made.
+
+    Raises:
+        UsageError: the scenario has several agents, or the log is too short, goes back in time or has numbers that are
+            none.
+        MachineError: the folder cannot be made.
+    """
+    scenario = _scenario_of(log, loaded.scenario, source)
+    environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
+
+    def fly_it(setup: RunSetup, report: object) -> RunOutcome:
+        del report
+        return _Retold(log, setup).outcome()
+
+    def ignored(_: RunStatus) -> None:
+        return
+
+    _, result = run_into_directory(
+        scenario,
+        environment_dir,
+        fly_it,
+        runs_dir=runs_dir,
+        processes="one",
+        began=time.perf_counter(),
+        report=ignored,
+        directory=loaded.directory,
+        origin={IMPORTED_FROM: {"file": source.name, "sha256": _hash_of(source)}},
+    )
+    return result
+
+
+def log_sensors(scenario: Scenario) -> dict[str, str]:
+    """Return the sensors of a scenario's only agent by name, with the units of their readings.
+
+    Raises:
+        UsageError: it has several agents.
+    """
+    if len(scenario.agents) != 1:
+        raise UsageError(f"--scenario: expected one agent, was {len(scenario.agents)} in {scenario.name}.")
+    return {sensor.name: sensor.unit for sensor in describe_sensors(scenario.agents[0], scenario)}
+
+
+def _scenario_of(log: RobotLog, scenario: Scenario, source: Path) -> Scenario:
+    log_sensors(scenario)
+    if len(log.time_s) < 2:
+        raise UsageError(f"{source}: expected poses at two times or more, was {len(log.time_s)}.")
+    for name, times_s in {"poses": log.time_s, **{n: one.time_s for n, one in log.instruments.items()}}.items():
+        if np.any(np.diff(times_s) < 0):
+            at = int(np.argmax(np.diff(times_s) < 0))
+            raise UsageError(
+                f"{source}: {name}: expected times that ascend, {times_s[at + 1]:g} s follows {times_s[at]:g} s."
+            )
+    if not (np.isfinite(log.position_world_m).all() and np.isfinite(log.quaternion_wxyz).all()):
+        raise UsageError(f"{source}: expected places and attitudes of finite numbers, was NaN or infinity somewhere.")
+    lasted_s = float(log.time_s[-1] - log.time_s[0])
+    n_ticks = max(1, math.floor(lasted_s * NS_PER_S / scenario.tick_ns))
+    limit_s = seconds_from_ticks(n_ticks, scenario.tick_ns)
+    stop = scenario.referee.stop.model_copy(update={"time_limit_s": limit_s, "on_collision": False})
+    # Who flew is nobody that could be started.
+    (agent,) = scenario.agents
+    flown = agent.model_copy(update={"start": StartSpec(attach=True)})
+    return scenario.model_copy(
+        update={
+            "agents": (flown,),
+            "referee": scenario.referee.model_copy(update={"stop": stop}),
+            "recording": scenario.recording.model_copy(update={"enabled": True}),
+        }
+    )
+
+
+def _hash_of(source: Path) -> str:
+    sha = hashlib.sha256()
+    files = sorted(path for path in source.rglob("*") if path.is_file()) if source.is_dir() else [source]
+    for path in files:
+        sha.update(path.read_bytes())
+    return sha.hexdigest()
+
+
+@dataclass
+class _Retold:
+    """A log told again as the messages of a run."""
+
+    log: RobotLog
+    setup: RunSetup
+
+    def outcome(self) -> RunOutcome:
+        """Tell it to referee and recorder, and return what has come of it."""
+        setup, scenario = self.setup, self.setup.scenario
+        referee = RefereeCore(scenario, setup.environment)
+        recorder = RecorderCore(scenario, setup.environment, setup.run_dir.recording)
+        trails: dict[str, HashChain] = {}
+        writers: dict[str, str] = {}
+        began = time.perf_counter()
+        setup.run_dir.replace(setup.run_dir.inputs.name, "")
+        for core in (referee, recorder):
+            core.reset(setup.episode)
+        verdict: Verdict | None = None
+        tick, path_m = 0, 0.0
+        try:
+            while verdict is None:
+                inbox, path_m = self._told(tick, path_m)
+                judged = referee.step(tick, inbox)
+                verdict = judged.get(keys.VERDICT)  # type: ignore[assignment]
+                recorder.step(tick, {**inbox, **judged})
+                for port, message in {**inbox, **judged}.items():
+                    trails.setdefault(port, HashChain()).append(message.tick, codec.encode(message))
+                    writers[port] = "referee" if port in judged else "log"
+                tick += 1
+        finally:
+            recorder.close()
+        return RunOutcome(
+            ticks_flown=verdict.tick,
+            flight_wall_s=time.perf_counter() - began,
+            verdict=verdict,
+            digest=RunDigest.of(trails, writers, verdict.tick),
+        )
+
+    def _told(self, tick: int, path_m: float) -> tuple[Inbox, float]:
+        agent, tick_ns = self.setup.scenario.agents[0], self.setup.scenario.tick_ns
+        time_s = float(self.log.time_s[0]) + seconds_from_ticks(tick, tick_ns)
+        before_m, here_m = self._place(time_s - seconds_from_ticks(1, tick_ns)), self._place(time_s)
+        path_m += float(np.linalg.norm(here_m - before_m)) if tick else 0.0
+        velocity = (here_m - before_m) / seconds_from_ticks(1, tick_ns)
+        turn = self._turn(time_s)
+        x, y, z = here_m.tolist()
+        u, v, w = velocity.tolist()
+        body = BodyState(
+            agent=agent.name,
+            position_world_m=(x, y, z),
+            quaternion_wxyz=turn,
+            velocity_world_m_s=(u, v, w),
+            angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+            phase="driving" if agent.vehicle.drives else "flying",
+            awaiting_command=False,
+            path_length_m=path_m,
+        )
+        observation = Observation(
+            tick=tick,
+            agent=agent.name,
+            time_s=seconds_from_ticks(tick, tick_ns),
+            position_world_m=(x, y, z),
+            yaw_rad=yaw_from_quaternion(turn),
+            velocity_world_m_s=(u, v, w),
+            status="flown elsewhere",
+            awaiting_command=False,
+            readings=tuple(self._readings(time_s)),
+        )
+        told: dict[str, Message] = {
+            keys.BODIES: BodyPoses(tick=tick, bodies=(body,)),
+            keys.SAMPLES: FieldSamples(tick=tick, samples=()),
+            keys.observation(agent.name): observation,
+        }
+        return told, path_m
+
+    def _place(self, time_s: float) -> Floats:
+        log = self.log
+        return np.array([np.interp(time_s, log.time_s, log.position_world_m[:, axis]) for axis in range(3)])
+
+    # The attitude that was logged last.
+    def _turn(self, time_s: float) -> tuple[float, float, float, float]:
+        i = max(int(np.searchsorted(self.log.time_s, time_s + 1e-9, side="right")) - 1, 0)
+        w, x, y, z = self.log.quaternion_wxyz[i].tolist()
+        return w, x, y, z
+
+    def _readings(self, time_s: float) -> list[Reading]:
+        scenario = self.setup.scenario
+        return [
+            _reading(sensor, self.log.instruments.get(sensor.name), time_s)
+            for sensor in describe_sensors(scenario.agents[0], scenario)
+        ]
+
+
+# Before the first, and of an instrument that was not logged, there is none.
+def _reading(sensor: SensorDescription, logged: LoggedValues | None, time_s: float) -> Reading:
+    i = -1 if logged is None else int(np.searchsorted(logged.time_s, time_s + 1e-9, side="right")) - 1
+    is_there = logged is not None and i >= 0
+    values = logged.values[i].tolist() if logged is not None and is_there else [0.0] * count_values(sensor.unit)
+    return Reading(
+        sensor=sensor.name,
+        quantity=sensor.quantity,
+        unit=sensor.unit,
+        values=tuple(values),
+        is_warming_up=not is_there,
+    )

@@ -1,0 +1,216 @@
+"""Summary of a run from the small files of its folder: read for thousands of runs in seconds.
+
+No large package is imported, and no YAML is parsed: `scenario.yaml` of a run is as we wrote it.
+"""
+
+import contextlib
+import math
+import os
+import re
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.foreign_json import ForeignFileError, JsonObject, read_json
+
+State = Literal["ended", "running", "broken", "foreign"]
+RESULT_SCHEMA = "gslcosim/result/1"
+_SCENARIO_SCHEMA = "schema: gslcosim/scenario/"
+_NAME = re.compile(r"^name: (.+)$", re.MULTILINE)
+_SEED = re.compile(r"^seed: (\d+)$", re.MULTILINE)
+# The blocks of `agents`, each from its name to its start.
+_AGENT = re.compile(r"^- name: (.+)\n  start:\n((?:    .*\n)+)", re.MULTILINE)
+_START = re.compile(r"^    (python|attach|process_of|method): (.+)$", re.MULTILINE)
+_COMMAND = re.compile(r"^    command:\n((?:    - .*\n)+)", re.MULTILINE)
+_MANIFEST, _RESULT, _SCENARIO = "manifest.json", "result.json", "scenario.yaml"
+_S_PER_H = 3600.0
+_MAX_SCENARIO_BYTES = 20_000_000
+_MAX_SEED_DIGITS = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """One run, or what looks like one.
+
+    Attributes:
+        run: Name of its folder, or of a trial.
+        scenario: What was flown; empty where nothing says so.
+        method: What decides for its agents, `+` between several.
+        seed: None where nothing says so.
+        state: `ended` with a result; `running`; `broken`: a run without result that nobody flies; `foreign`: no run.
+        outcome: The referee's end reason or why there is none; of other states what is wrong.
+        time_s: Simulated time flown [s].
+        speed: Simulated time by wall time of the flight.
+        faults: How many the result tells.
+        time_to_source_s: First success of any agent [s].
+        distance_m: Of the nearest agent to a source at the end [m].
+        path_m: Length flown by all agents [m].
+        agents: How many.
+        size_mb: Of all its files [MB].
+        age_h: Since the last of its small files was written [h].
+        version: Of the gslcosim that flew it.
+        folder: Where it is.
+    """
+
+    run: str
+    folder: str
+    state: State
+    outcome: str
+    scenario: str = ""
+    method: str = ""
+    seed: int | None = None
+    time_s: float | None = None
+    speed: float | None = None
+    faults: int | None = None
+    time_to_source_s: float | None = None
+    distance_m: float | None = None
+    path_m: float | None = None
+    agents: int | None = None
+    size_mb: float | None = None
+    age_h: float | None = None
+    version: str = ""
+
+
+def read_run_summary(folder: Path, *, now_s: float | None = None) -> RunSummary:
+    """Return what a folder says of itself; whether somebody flies it now is not asked.
+
+    Args:
+        folder: A folder.
+        now_s: The time from which its age counts, by `time.time`; by default now.
+    """
+    sizes, changed_s = _files(folder)
+    size_mb = sum(sizes.values()) / 1e6
+    age_h = round(max((time.time() if now_s is None else now_s) - changed_s, 0.0) / _S_PER_H, 4)
+    result, manifest = _json(folder / _RESULT, sizes), _json(folder / _MANIFEST, sizes)
+    text = _text(folder / _SCENARIO, sizes)
+    is_ours = text.startswith(_SCENARIO_SCHEMA) or "run_id" in manifest or result.get("schema") == RESULT_SCHEMA
+    # A folder that was just made has no more than this.
+    is_begun = set(sizes) <= {".reserve"} and (folder / "logs").is_dir()
+    if folder.is_symlink() or not (is_ours or is_begun):
+        what = "a link" if folder.is_symlink() else "not a run"
+        return RunSummary(run=folder.name, folder=str(folder), state="foreign", outcome=what, size_mb=round(size_mb, 3),
+                        age_h=age_h)  # fmt: skip
+    has_result = result.get("schema") == RESULT_SCHEMA
+    agents = _agents_of(result)
+    return RunSummary(
+        run=folder.name,
+        folder=str(folder),
+        state="ended" if has_result else "broken",
+        outcome=str(result.get("end_reason", "")) if has_result else _what_lacks(sizes),
+        scenario=str(result.get("scenario") or _first(_NAME, text)),
+        method=find_methods(text),
+        seed=_whole(result.get("seed", manifest.get("seed", _first(_SEED, text)))),
+        time_s=_number(result.get("sim_time_s")),
+        speed=_number(result.get("real_time_factor")),
+        faults=len(result["faults"]) if isinstance(result.get("faults"), list) else None,
+        time_to_source_s=min(_numbers(agents, "time_to_source_s"), default=None),
+        distance_m=min(_numbers(agents, "final_distance_m"), default=None),
+        path_m=sum(_numbers(agents, "path_length_m")) if agents else None,
+        agents=len(agents) or len(_AGENT.findall(text)) or None,
+        size_mb=round(size_mb, 3),
+        age_h=age_h,
+        version=str(manifest.get("gslcosim", "")),
+    )
+
+
+def is_run_folder(folder: Path) -> bool:
+    """Return whether a folder is a run, and not a folder of runs."""
+    return any((folder / name).is_file() for name in (_RESULT, _MANIFEST, _SCENARIO)) and (folder / "logs").is_dir()
+
+
+def find_methods(scenario_text: str) -> str:
+    """Return what decides for the agents of a resolved scenario, each once, with `+` between them."""
+    starts: dict[str, str] = {}
+    for name, block in _AGENT.findall(scenario_text):
+        found = dict(_START.findall(block))
+        if "process_of" in found:
+            starts[name] = starts.get(_bare(found["process_of"]), "")
+        elif "python" in found:
+            starts[name] = Path(_bare(found["python"])).stem
+        elif command := _COMMAND.search(block):
+            words = [_bare(line.removeprefix("    - ")) for line in command[1].splitlines()]
+            starts[name] = program_name(words)
+        elif found.get("attach") == "true":
+            starts[name] = _bare(found.get("method", "attached"))
+    return "+".join(dict.fromkeys(method for method in starts.values() if method))
+
+
+def program_name(words: Iterable[str]) -> str:
+    """Return the name of a program from its command line: of an interpreter and its script that of the script."""
+    first, *others = words
+    scripts = [word for word in others if Path(word).suffix and not word.startswith("-")]
+    return Path((scripts or [first])[0]).stem
+
+
+# Sizes by name, of those in folders with the folder before it, and when the last was written [s].
+def _files(folder: Path) -> tuple[dict[str, int], float]:
+    sizes: dict[str, int] = {}
+    changed_s = folder.stat(follow_symlinks=False).st_mtime
+    waiting = [("", folder)]
+    while waiting:
+        before, inside = waiting.pop()
+        try:
+            entries = list(os.scandir(inside))
+        except OSError:
+            continue
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                waiting.append((f"{before}{entry.name}/", Path(entry.path)))
+                continue
+            with contextlib.suppress(OSError):
+                stat = entry.stat(follow_symlinks=False)
+                sizes[f"{before}{entry.name}"], changed_s = stat.st_size, max(changed_s, stat.st_mtime)
+    return sizes, changed_s
+
+
+def _what_lacks(sizes: Mapping[str, int]) -> str:
+    return "result.json cannot be read" if _RESULT in sizes else "no result.json"
+
+
+def _json(path: Path, sizes: Mapping[str, int]) -> dict[str, Any]:
+    if path.name not in sizes:
+        return {}
+    try:
+        return read_json(path, JsonObject)
+    except ForeignFileError:
+        return {}
+
+
+def _text(path: Path, sizes: Mapping[str, int]) -> str:
+    if path.name not in sizes:
+        return ""
+    try:
+        return read_regular_file(path, max_bytes=_MAX_SCENARIO_BYTES).decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def _agents_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    agents = result.get("agents")
+    return [agent for agent in agents if isinstance(agent, dict)] if isinstance(agents, list) else []
+
+
+def _numbers(agents: Iterable[Mapping[str, Any]], key: str) -> list[float]:
+    return [number for agent in agents if (number := _number(agent.get(key))) is not None]
+
+
+def _number(value: Any) -> float | None:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and math.isfinite(value) else None
+
+
+def _whole(value: Any) -> int | None:
+    text = str(value)
+    return int(text) if text.isdecimal() and len(text) <= _MAX_SEED_DIGITS else None
+
+
+def _first(pattern: re.Pattern[str], text: str) -> str:
+    found = pattern.search(text)
+    return _bare(found[1]) if found else ""
+
+
+def _bare(text: str) -> str:
+    return text.strip().strip("'\"")

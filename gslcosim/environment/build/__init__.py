@@ -1,0 +1,1 @@
+"""Build of a scenario's environment: geometry, wind and checks of the places in it."""

@@ -1,5 +1,0 @@
-"""Rooms and winds in the formats of other programs: readers, writers and pictures.
-
-From outside: `exporting` writes, `gaden`, `gsl_bench` and `grid_room` read rooms, `wind_files` reads winds,
-`picture` draws.
-"""

@@ -1,0 +1,179 @@
+"""Export of an environment: GADEN, GSL-Bench, VTK, OpenFOAM points, STL and MJCF."""
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.formats.gaden_grid import OCCUPANCY_FILE, format_occupancy, format_rows
+from gslcosim.environment.formats.gsl_bench import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
+from gslcosim.environment.formats.mjcf import build_mjcf
+from gslcosim.environment.formats.stl import build_stl
+from gslcosim.environment.formats.vtk import write_vtk
+from gslcosim.environment.formats.wind_arrays import BINARY_MARK, cells_in_order
+from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.store import SCENE_FILE
+
+Format = Literal["gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf"]
+GadenWind = Literal["components", "components_text", "points", "iterations"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+GADEN_WINDS: tuple[GadenWind, ...] = get_args(GadenWind)
+
+_GADEN_POINTS = '"U:0","U:1","U:2","Points:0","Points:1","Points:2"'
+_FOAM_POINTS = "x,y,z,Ux,Uy,Uz"
+# Nine digits name a float32 exactly.
+_EXACT = "%.9g"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportResult:
+    """Result of an export: the files written, and sentences on what the format cannot hold."""
+
+    files: tuple[Path, ...]
+    notices: tuple[str, ...] = ()
+
+
+def export_environment(
+    environment: Environment, folder: Path, to: Format, *, gaden_wind: GadenWind = "components"
+) -> ExportResult:
+    """Write an environment in another program's format.
+
+    Occupancy and wind come back the same when they are read again; the wind in GADEN's and GSL-Bench's formats is that
+    of all cells, in tables of points that of air cells.
+
+    Args:
+        environment: What to write.
+        folder: Where; a new folder or an empty one.
+        to: The format.
+        gaden_wind: How GADEN gets the wind: binary or text `components` as its simulator of versions 1 and 2 reads
+            them, `points` as its preprocessing reads them, or `iterations` as its results and version 3 have them.
+
+    Raises:
+        EnvironmentDataError: the folder holds something.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if any(folder.iterdir()):
+        raise EnvironmentDataError(
+            f"{folder}: expected a new folder or an empty one, was one with files, which would mix with the new ones."
+        )
+    name = re.sub(r"[^\w.-]+", "_", environment.name)
+    if to == "gaden":
+        return _to_gaden(environment, folder, name, gaden_wind)
+    if to == "gsl_bench":
+        return _to_gsl_bench(environment, folder, name)
+    if to == "vtk":
+        return ExportResult(files=write_vtk(environment, folder, name))
+    if to == "openfoam_points":
+        return ExportResult(files=_write_points(environment, folder, "U", _FOAM_POINTS, is_place_first=True))
+    if to == "stl":
+        return ExportResult(files=(_written(folder / f"{name}.stl", build_stl(environment)),))
+    return ExportResult(files=(_written(folder / SCENE_FILE, build_mjcf(environment).encode()),))
+
+
+def _written(path: Path, content: bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
+
+
+def _to_gaden(environment: Environment, folder: Path, name: str, wind: GadenWind) -> ExportResult:
+    wind_dir = folder / "wind" if wind == "iterations" else folder / "wind_simulations" / name
+    wind_dir.mkdir(parents=True)
+    files = (
+        _written(folder / OCCUPANCY_FILE, format_occupancy(environment.grid, environment.occupancy).encode()),
+        _written(folder / "cad_models" / f"{name}.stl", build_stl(environment)),
+        *_GADEN_WRITERS[wind](environment, wind_dir),
+    )
+    return ExportResult(files=files, notices=(_timing(environment, "GADEN", "wind_time_step and allow_looping"),))
+
+
+def _to_gsl_bench(environment: Environment, folder: Path, name: str) -> ExportResult:
+    grid = environment.grid
+    head = {"env_min": grid.origin_m, "env_max": grid.max_m, "num_cells": grid.shape, "cell_size": grid.cell_m}
+    occupancy_dir, wind_path = folder / OCCUPANCY_DIR, folder / WIND_DIR / f"{name}.npy"
+    head_path = _written(occupancy_dir / f"{name}{HEAD_SUFFIX}", json.dumps(head).encode())
+    grid_path = occupancy_dir / f"{name}{GRID_SUFFIX}"
+    np.save(grid_path, np.ascontiguousarray(np.moveaxis(environment.occupancy, 2, 0), dtype=np.int64))
+    wind_path.parent.mkdir()
+    frames = environment.wind.velocity_m_s
+    cells = np.lib.format.open_memmap(wind_path, "w+", np.float64, (len(frames), environment.occupancy.size, 3))
+    for i, frame in enumerate(frames):
+        cells[i] = cells_in_order(frame)
+    cells.flush()
+    notice = _timing(environment, "GSL-Bench", "wind_data_time_step of its anemometer")
+    return ExportResult(files=(head_path, grid_path, wind_path), notices=(notice,))
+
+
+def _timing(environment: Environment, program: str, setting: str) -> str:
+    wind = environment.wind
+    if len(wind.velocity_m_s) == 1:
+        return f"{program} is not told of inlets; the wind is steady."
+    loops = "loops" if wind.is_looping else "does not loop"
+    return (
+        f"{program}'s files hold neither inlets nor timing: frames are {wind.period_s:g} s apart and the wind {loops}; "
+        f"set {setting}."
+    )
+
+
+def _write_components(environment: Environment, folder: Path) -> tuple[Path, ...]:
+    mark = np.int32(BINARY_MARK).tobytes()
+    return tuple(
+        _written(folder / f"wind_{i}.csv_{letter}", mark + cells_in_order(frame[..., axis]).astype("<f8").tobytes())
+        for i, frame in enumerate(environment.wind.velocity_m_s)
+        for axis, letter in enumerate("UVW")
+    )
+
+
+def _write_text_components(environment: Environment, folder: Path) -> tuple[Path, ...]:
+    return tuple(
+        _written(folder / f"wind_{i}.csv_{letter}", format_rows(frame[..., axis], _EXACT).encode())
+        for i, frame in enumerate(environment.wind.velocity_m_s)
+        for axis, letter in enumerate("UVW")
+    )
+
+
+def _write_iterations(environment: Environment, folder: Path) -> tuple[Path, ...]:
+    version = np.array([3, 0], "<i4").tobytes()
+    return tuple(
+        _written(folder / f"wind_iteration_{i}", version + cells_in_order(frame).astype("<f4").tobytes())
+        for i, frame in enumerate(environment.wind.velocity_m_s)
+    )
+
+
+def _write_gaden_points(environment: Environment, folder: Path) -> tuple[Path, ...]:
+    return _write_points(environment, folder, "wind", _GADEN_POINTS, is_place_first=False)
+
+
+_GADEN_WRITERS: dict[GadenWind, Callable[[Environment, Path], tuple[Path, ...]]] = {
+    "components": _write_components,
+    "components_text": _write_text_components,
+    "points": _write_gaden_points,
+    "iterations": _write_iterations,
+}
+
+
+# The centres of the air cells with their wind, one file a frame.
+def _write_points(
+    environment: Environment, folder: Path, name: str, header: str, *, is_place_first: bool
+) -> tuple[Path, ...]:
+    is_air = environment.occupancy != Cell.SOLID
+    places_m = environment.grid.centres_m()[is_air]
+    files = (folder / f"{name}_{i}.csv" for i in range(len(environment.wind.velocity_m_s)))
+    return tuple(
+        _written(path, _points_text(header, places_m, frame[is_air], is_place_first=is_place_first).encode())
+        for path, frame in zip(files, environment.wind.velocity_m_s, strict=True)
+    )
+
+
+def _points_text(
+    header: str, places_m: NDArray[np.float64], velocity_m_s: NDArray[np.float32], *, is_place_first: bool
+) -> str:
+    values = np.hstack([places_m, velocity_m_s] if is_place_first else [velocity_m_s, places_m])
+    line = ",".join([_EXACT] * 6) + "\n"
+    return f"{header}\n" + (line * len(values)) % tuple(values.ravel().tolist())

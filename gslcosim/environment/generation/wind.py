@@ -1,0 +1,224 @@
+"""Wind of an environment, from the source that the scenario names."""
+
+import logging
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial, singledispatch
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim import flow
+from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
+from gslcosim.base.quantities import Vec3
+from gslcosim.environment.build.geometry_source import load_imported_environment, wind_file
+from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
+from gslcosim.environment.geometry_model import EnvironmentGeometry
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import Cell, Opening, WindFrames
+from gslcosim.flow.openfoam import solve_wind_openfoam
+from gslcosim.scenario.models.scenario import EnvironmentSpec
+from gslcosim.scenario.models.wind import InletScheduleSpec, SolverSpec, WindSpec
+
+Progress = Callable[[str, float], None]
+_Solution = TypeVar("_Solution")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolvedWind:
+    """Wind for a room, with the solver's report where the built-in one has solved it."""
+
+    frames: WindFrames
+    report: flow.WindReport | None = None
+    notices: tuple[str, ...] = ()
+
+
+def no_progress(_text: str, _fraction: float) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindSetup:
+    """Inputs of a wind builder besides its block.
+
+    Attributes:
+        room: Geometry, occupancy and openings.
+        environment: Where the room comes from; it may bring its wind.
+        scenario_dir: What relative paths are relative to.
+        progress: Is told what is being done and how much of it is over, from 0 to 1.
+    """
+
+    room: EnvironmentGeometry
+    environment: EnvironmentSpec
+    scenario_dir: Path | None
+    progress: Progress
+
+
+@singledispatch
+def solve_block_wind(block: SolverSpec, setup: WindSetup) -> SolvedWind:
+    """Return the wind of a wind solver's block in a room.
+
+    A package that brings a solver registers its builder by the type of its block.
+
+    Raises:
+        ScenarioError: nobody has registered a builder for the block.
+    """
+    del setup
+    raise ScenarioError(
+        f"wind.solver: expected a builder for {type(block).__name__}, was none. "
+        f"The package of {block.kind_name} has to register it with wind_of_block."
+    )
+
+
+def solve_wind_of_scenario(
+    room: EnvironmentGeometry, spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None, progress: Progress
+) -> SolvedWind:
+    """Return the wind in a room.
+
+    Args:
+        room: Geometry, occupancy and openings.
+        spec: Where the room comes from; it may bring its wind.
+        wind: What the scenario says of the wind.
+        scenario_dir: What relative paths are relative to.
+        progress: Is told what is being done and how much of it is over, from 0 to 1.
+
+    Raises:
+        FlowError: the wind cannot be solved, or does not fit the room.
+        EnvironmentDataError: stored wind is wanted and there is none, or a file is not what it should be.
+    """
+    setup = WindSetup(room=room, environment=spec, scenario_dir=scenario_dir, progress=progress)
+    made = solve_block_wind(wind, setup)
+    expected, found = (*room.grid.shape, 3), made.frames.velocity_m_s.shape[1:]
+    if found != expected:
+        raise FlowError(f"wind.solver: {wind.kind_name}: expected frames of the shape {expected}, was {found}.")
+    return made
+
+
+@solve_block_wind.register
+def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
+    room, spec, scenario_dir, progress = setup.room, setup.environment, setup.scenario_dir, setup.progress
+    if wind.solver == "uniform":
+        return SolvedWind(frames=_uniform(room, wind))
+    if wind.file is not None or (spec.folder_key is not None and wind.solver in ("auto", "stored")):
+        progress("Reading the wind", 0.0)
+        stored = _stored(room, spec, wind, scenario_dir)
+        if stored is not None:
+            return stored
+    if wind.solver == "stored":
+        raise EnvironmentDataError(
+            "wind.solver: expected an environment that brings its wind, was one without. "
+            "Take built_in to solve it, or solver: {file: PATH}."
+        )
+    return _by_openfoam(room, wind, progress) if wind.solver == "openfoam" else _solved(room, wind, progress)
+
+
+def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch, ...]:
+    """Return a room's openings as the solvers have them, with the scenario's profile and schedule at the inlets.
+
+    Coordinates start at the grid's origin.
+    """
+    return tuple(_patch_of(opening, room.grid, wind) for opening in room.openings)
+
+
+def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
+    min_m, max_m = _from_origin(opening.min_m, grid), _from_origin(opening.max_m, grid)
+    if opening.kind != "inlet":
+        return (flow.Open if opening.kind == "open" else flow.Outlet)(min_m=min_m, max_m=max_m)
+    is_parabolic = wind.inlet_profile == "parabolic"
+    return flow.Inlet(
+        min_m=min_m,
+        max_m=max_m,
+        velocity_m_s=_parabolic(opening, grid) if is_parabolic else opening.velocity_m_s,
+        factor=_schedule(wind.inlet_schedule),
+    )
+
+
+def _schedule(spec: InletScheduleSpec | None) -> flow.Schedule | None:
+    if spec is None:
+        return None
+    return flow.Schedule(times_s=spec.times_s, values=spec.shares, is_repeating=spec.repeats)
+
+
+# Along both sides of the opening; its mean over the opening's cells is the opening's velocity.
+def _parabolic(opening: Opening, grid: Grid) -> NDArray[np.float64]:
+    sides_m = [high - low for low, high in zip(opening.min_m, opening.max_m, strict=True)]
+    shares = [(np.arange(n := round(side_m / grid.cell_m)) + 0.5) / n for side_m in sides_m if side_m > 0]
+    bulge = np.multiply.outer(*(share * (1.0 - share) for share in shares))
+    return np.multiply.outer(bulge / bulge.mean(), np.asarray(opening.velocity_m_s))
+
+
+def _from_origin(point_m: Vec3, grid: Grid) -> Vec3:
+    x, y, z = (round(p - o, 9) for p, o in zip(point_m, grid.origin_m, strict=True))
+    return x, y, z
+
+
+def _uniform(room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
+    velocity_m_s = np.zeros((1, *room.grid.shape, 3), dtype=np.float32)
+    velocity_m_s[0, room.occupancy != Cell.SOLID] = wind.inlet_velocity_m_s
+    return WindFrames(velocity_m_s=velocity_m_s)
+
+
+# Nothing when an imported folder brings no wind. Gaps in a wind are warnings to the user, and stay with the folder.
+def _stored(
+    room: EnvironmentGeometry, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None
+) -> SolvedWind | None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if wind.file is not None:
+            path = wind_file(wind, scenario_dir)
+            frames = load_wind(path, room.grid, occupancy=room.occupancy, period_s=wind.period_s, is_looping=wind.loops)
+        else:
+            frames = load_imported_environment(spec, wind, scenario_dir=scenario_dir).wind
+    if wind.file is None and any(issubclass(warning.category, NoWindWarning) for warning in caught):
+        return None
+    notices = tuple(str(warning.message) for warning in caught)
+    for notice in notices:
+        _log.warning(notice)
+    return SolvedWind(frames=frames, notices=notices)
+
+
+def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
+    solve = _posed(flow.solve_wind_report, room, wind, lambda fraction: progress("Solving the wind", fraction))
+    report = solve(
+        max_time_s=wind.max_time_s,
+        max_step_s=wind.max_step_s,
+        save_every_s=wind.save_every_s,
+        save_from_s=wind.save_from_s,
+    )
+    notices = () if report.settling is None else (f"The wind has {report.settling}.",)
+    return SolvedWind(frames=_frames_of(report, wind), report=report, notices=notices)
+
+
+def _by_openfoam(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
+    assert wind.end_time_s is not None, "the scenario's model asks for it"
+    text = "Solving the wind with OpenFOAM"
+    velocity_m_s = _posed(solve_wind_openfoam, room, wind, lambda fraction: progress(text, fraction))()
+    return SolvedWind(frames=WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
+
+
+# What both solvers are told.
+def _posed(
+    solve: Callable[..., _Solution], room: EnvironmentGeometry, wind: WindSpec, progress: Callable[[float], None]
+) -> Callable[..., _Solution]:
+    return partial(
+        solve,
+        room.occupancy != Cell.SOLID,
+        room.grid.cell_m,
+        build_patches(room, wind),
+        end_time_s=wind.end_time_s,
+        average_from_s=wind.average_from_s,
+        turbulence=wind.turbulence,
+        courant=wind.courant,
+        progress=progress,
+    )
+
+
+def _frames_of(report: flow.WindReport, wind: WindSpec) -> WindFrames:
+    if report.frames_m_s is None or wind.save_every_s is None:
+        return WindFrames(velocity_m_s=report.velocity_m_s[np.newaxis])
+    return WindFrames(velocity_m_s=report.frames_m_s, period_s=wind.save_every_s, is_looping=wind.loops)

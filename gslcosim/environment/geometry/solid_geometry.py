@@ -1,0 +1,379 @@
+"""Environment from the user's own geometry: files of surfaces to cells of air, with openings on the grid's sides."""
+
+import itertools
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.quantities import Vec3
+from gslcosim.environment.boxes import boxes_from_solid
+from gslcosim.environment.errors import raise_if_any
+from gslcosim.environment.flood_fill import reachable_cells
+from gslcosim.environment.geometry.leaks import describe_leaks, find_leaks, has_leak
+from gslcosim.environment.geometry.mesh_formats import Part, load_parts
+from gslcosim.environment.geometry.surface_openings import (
+    OPENINGS_PATH,
+    PlacedOpening,
+    Plug,
+    find_plugs,
+    place_opening,
+    seed_cells,
+)
+from gslcosim.environment.geometry.surfaces import (
+    Cells,
+    Surfaces,
+    SurfaceVoxels,
+    air_extent_m,
+    build_surfaces,
+    find_air,
+    find_certain_air,
+    find_sheets,
+    thin_bodies,
+    voxelize_surfaces,
+)
+from gslcosim.environment.geometry.triangle_kernels import TOUCHED
+from gslcosim.environment.geometry_model import EnvironmentGeometry
+from gslcosim.environment.grid import Grid, point_text
+from gslcosim.environment.model import Cell, Opening, VisualMesh
+from gslcosim.environment.occupancy import find_reachable_cells
+from gslcosim.environment.openings import are_overlapping, cells_at
+from gslcosim.environment.plan import MAX_CELLS, closing_boxes
+from gslcosim.scenario.models.geometry import GeometrySpec
+from gslcosim.scenario.models.scenario import SolverSpec
+from gslcosim.scenario.problems import Problem
+
+GEOMETRY_PATH = "environment.geometry"
+
+# Cells around the geometry, so that what escapes can be seen outside of it.
+_MARGIN = 3
+# The boxes that close the grid from outside [m].
+_CLOSING_WALL_M = 0.2
+# Where air is looked for when there is no opening: points per axis of the geometry's box.
+_N_TRIES = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Case:
+    """Input of a voxelization: surfaces, openings, and the size of cells."""
+
+    spec: GeometrySpec
+    wind: SolverSpec
+    surfaces: Surfaces
+    plugs: tuple[Plug, ...]
+
+
+def geometry_from_files(spec: GeometrySpec, wind: SolverSpec, *, base_dir: Path) -> EnvironmentGeometry:
+    """Return the room that files of geometry describe, without wind.
+
+    The grid covers the air's box: its lower corner lies exactly on the farthest walls, its upper one within half a cell
+    of them. A cell is air when its centre is, and when air reaches it from the free point through holes of at least
+    one cell. What is thinner than a cell takes the cell that holds its middle.
+
+    Args:
+        spec: The files and what is said of them.
+        wind: Gives the cell of the grid and the speed of inlets that say none.
+        base_dir: What relative paths are relative to, the scenario's folder.
+
+    Raises:
+        EnvironmentDataError: a file cannot be read.
+        ScenarioError: the geometry is no room; the text lists all reasons, holes with their places.
+    """
+    parts = _load(spec, base_dir)
+    plugs, walls, problems = find_plugs(spec, parts)
+    problems += _problems_of_kinds(plugs, wind)
+    raise_if_any(problems)
+    corners_m = np.concatenate((np.empty((0, 3, 3)), *(plug.corners_m for plug in plugs)))
+    case = _Case(spec=spec, wind=wind, surfaces=build_surfaces(walls, corners_m), plugs=tuple(plugs))
+    grid, is_air = _air_in_bounds(case) if spec.bounds_m is not None else _air_within_walls(case)
+    is_air, openings, notices = _with_openings(case, grid, is_air)
+    occupancy = _occupancy(is_air, openings, grid)
+    return EnvironmentGeometry(
+        name=_name_of(spec),
+        grid=grid,
+        occupancy=occupancy,
+        boxes=(
+            *closing_boxes(grid.origin_m, grid.max_m, _CLOSING_WALL_M),
+            *boxes_from_solid(occupancy == Cell.SOLID, grid),
+        ),
+        openings=openings,
+        notices=(*notices, _notice_of_extent(case, grid)),
+        meshes=tuple(_visual_meshes(walls)),
+    )
+
+
+def _load(spec: GeometrySpec, base_dir: Path) -> list[Part]:
+    parts: list[Part] = []
+    problems: list[str] = []
+    for i, file in enumerate(spec.files):
+        path = Path(file).expanduser()
+        try:
+            parts += load_parts(base_dir / path, scale=spec.scale, up=spec.up, translate_m=spec.translate_m)
+        except EnvironmentDataError as error:
+            problems.append(f"{GEOMETRY_PATH}.files[{i}]: {error}")
+    if problems:
+        raise EnvironmentDataError("\n".join(problems))
+    return parts
+
+
+def _problems_of_kinds(plugs: Sequence[Plug], wind: SolverSpec) -> list[Problem]:
+    if wind.solver == "uniform":
+        return []
+    return [
+        Problem(
+            path=OPENINGS_PATH,
+            expected=f"at least one {kind}, since wind.solver is {wind.solver}",
+            found="none",
+            remedy=f"List one, or name a surface of the files {kind}; or take wind.solver: uniform.",
+        )
+        for kind in ("inlet", "outlet")
+        if not any((plug.kind == "inlet") == (kind == "inlet") for plug in plugs)
+    ]
+
+
+def _air_in_bounds(case: _Case) -> tuple[Grid, Cells]:
+    grid = _grid_of_bounds(case)
+    voxels = voxelize_surfaces(case.surfaces, grid)
+    seeds = _seeds(case, voxels, is_closed=True)
+    is_air = find_air(voxels, find_certain_air(voxels, seeds))
+    return grid, _without_thin_things(voxels, is_air, np.stack((grid.origin_m, grid.max_m), axis=1))
+
+
+# First on a grid that covers the whole geometry; the air found there says where the final grid has to lie.
+def _air_within_walls(case: _Case) -> tuple[Grid, Cells]:
+    rough = voxelize_surfaces(case.surfaces, _grid_around(case))
+    is_surely_air = find_certain_air(rough, _seeds(case, rough, is_closed=False))
+    is_air = find_air(rough, is_surely_air)
+    box_m = np.array([air_extent_m(rough, is_air, axis) for axis in range(3)])
+    grid = _grid_of_air(box_m, case.wind.cell_m)
+    shape = (grid.shape[0] + 2 * _MARGIN, grid.shape[1] + 2 * _MARGIN, grid.shape[2] + 2 * _MARGIN)
+    origin_m = tuple(low_m - _MARGIN * grid.cell_m for low_m in grid.origin_m)
+    wide = Grid(origin_m=origin_m, cell_m=grid.cell_m, shape=shape)  # pyright: ignore[reportArgumentType]
+    voxels = voxelize_surfaces(case.surfaces, wide)
+    seeds = wide.cell_of(
+        np.asarray(rough.grid.origin_m, dtype=np.float64) + (np.argwhere(is_surely_air) + 0.5) * grid.cell_m
+    )
+    is_surely_air = find_certain_air(voxels, seeds)
+    _check_closed(case, voxels, is_surely_air, seeds)
+    is_air = _without_thin_things(voxels, find_air(voxels, is_surely_air), box_m)
+    return grid, is_air[tuple(slice(_MARGIN, -_MARGIN) for _ in range(3))]
+
+
+def _without_thin_things(voxels: SurfaceVoxels, is_air: Cells, box_m: NDArray[np.float64]) -> Cells:
+    is_air = is_air & ~thin_bodies(voxels, box_m)
+    return is_air & ~find_sheets(voxels, is_air)
+
+
+def _seeds(case: _Case, voxels: SurfaceVoxels, *, is_closed: bool) -> NDArray[np.int64]:
+    if case.spec.free_point_m is not None:
+        seeds = _seed_of_point(case.spec.free_point_m, voxels)
+        if not is_closed:
+            _check_closed(case, voxels, find_certain_air(voxels, seeds), seeds)
+        return seeds
+    leaking = None
+    for group in _candidates(case, voxels):
+        best, n_best = None, 0
+        is_seen = np.zeros(voxels.grid.shape, dtype=np.bool_)
+        for cell in group:
+            if is_seen[tuple(cell)]:
+                continue
+            is_air = find_certain_air(voxels, cell[np.newaxis])
+            is_seen |= is_air
+            if not is_closed and has_leak(is_air):
+                leaking = cell if leaking is None else leaking
+            elif (n := int(is_air.sum())) > n_best:
+                best, n_best = cell, n
+        if best is not None:
+            return best[np.newaxis]
+    if leaking is not None:
+        _check_closed(case, voxels, find_certain_air(voxels, leaking[np.newaxis]), leaking[np.newaxis])
+    raise_if_any([_no_air(case)])
+    raise AssertionError("unreachable: raise_if_any has raised")
+
+
+# Beside the first inlet, the side towards the middle first; beside the other openings. Without openings: in the middle,
+# or else anywhere.
+def _candidates(case: _Case, voxels: SurfaceVoxels) -> Iterator[NDArray[np.int64]]:
+    grid = voxels.grid
+    if case.spec.bounds_m is not None:
+        low_m, high_m = np.array(case.spec.bounds_m.min_m), np.array(case.spec.bounds_m.max_m)
+    else:
+        low_m, high_m = case.surfaces.corners_m.min(axis=(0, 1)), case.surfaces.corners_m.max(axis=(0, 1))
+    middle = grid.cell_of((low_m + high_m) / 2)
+    groups = [
+        sorted(seed_cells(plug, grid).tolist(), key=lambda cell: math.dist(cell, middle.tolist()))
+        for plug in sorted(case.plugs, key=lambda plug: plug.kind != "inlet")
+    ]
+    shares = (np.arange(_N_TRIES) + 0.5) / _N_TRIES
+    anywhere = [grid.cell_of(low_m + (high_m - low_m) * share) for share in itertools.product(shares, repeat=3)]
+    # Without the openings' word, air in a body could be taken for the room's.
+    for group in groups or ([middle.tolist()], anywhere):
+        cells = np.array(group)
+        cells = cells[grid.contains_cell(cells)]
+        usable = cells[(voxels.marks[tuple(cells.T)] & TOUCHED) == 0]
+        if len(usable):
+            yield usable
+
+
+def _seed_of_point(point_m: Vec3, voxels: SurfaceVoxels) -> NDArray[np.int64]:
+    cell = voxels.grid.cell_of(np.array(point_m))
+    if bool(voxels.grid.contains_cell(cell)) and find_certain_air(voxels, cell[np.newaxis]).any():
+        return cell[np.newaxis]
+    is_inside = bool(voxels.grid.contains_cell(cell))
+    raise_if_any(
+        [
+            Problem(
+                path=f"{GEOMETRY_PATH}.free_point_m",
+                expected="a point in the air, at least a cell away from all surfaces",
+                found=f"{point_text(point_m)}, {'in a cell that a surface passes' if is_inside else 'outside'}",
+                remedy="Take a point in the middle of the air.",
+            )
+        ]
+    )
+    raise AssertionError("unreachable: raise_if_any has raised")
+
+
+def _check_closed(case: _Case, voxels: SurfaceVoxels, is_air: Cells, seeds: NDArray[np.int64]) -> None:
+    if has_leak(is_air):
+        reached = seeds[voxels.grid.contains_cell(seeds)]
+        leaks = find_leaks(voxels, is_air, reached[is_air[tuple(reached.T)]][0])
+        raise_if_any([describe_leaks(leaks, case.surfaces)])
+
+
+def _no_air(case: _Case) -> Problem:
+    return Problem(
+        path=f"{GEOMETRY_PATH}.free_point_m",
+        expected=f"cells of {case.wind.cell_m:g} m that no surface touches, beside an opening or in the middle",
+        found="none",
+        remedy="Say where the air is, check scale, or take smaller cells with wind.cell_m.",
+    )
+
+
+def _grid_of_bounds(case: _Case) -> Grid:
+    bounds, cell_m = case.spec.bounds_m, case.wind.cell_m
+    assert bounds is not None, "checked by the caller"
+    lengths = [(high - low) / cell_m for low, high in zip(bounds.min_m, bounds.max_m, strict=True)]
+    _check_size(lengths, cell_m)
+    raise_if_any(
+        [
+            Problem(
+                path=f"{GEOMETRY_PATH}.bounds_m.max_m[{axis}]",
+                expected=f"a whole number of the {cell_m:g} m cells of wind.cell_m above {bounds.min_m[axis]:g} m",
+                found=f"{bounds.max_m[axis]:g} m, which is {length:.4g} cells",
+                remedy=f"Nearest: {bounds.min_m[axis] + max(1, round(length)) * cell_m:g} m.",
+            )
+            for axis, length in enumerate(lengths)
+            if abs(length - round(length)) > 1e-6 or round(length) < 1
+        ]
+    )
+    nx, ny, nz = (round(length) for length in lengths)
+    return Grid(origin_m=bounds.min_m, cell_m=cell_m, shape=(nx, ny, nz))
+
+
+def _grid_around(case: _Case) -> Grid:
+    corners_m, cell_m = case.surfaces.corners_m, case.wind.cell_m
+    low_m, high_m = corners_m.min(axis=(0, 1)).round(5), corners_m.max(axis=(0, 1)).round(5)
+    lengths = ((high_m - low_m) / cell_m + 2 * _MARGIN).tolist()
+    _check_size(lengths, cell_m)
+    nx, ny, nz = (math.ceil(length - 1e-4) for length in lengths)
+    x_m, y_m, z_m = (low_m - _MARGIN * cell_m).tolist()
+    return Grid(origin_m=(x_m, y_m, z_m), cell_m=cell_m, shape=(nx, ny, nz))
+
+
+def _check_size(lengths: Sequence[float], cell_m: float) -> None:
+    n_cells = math.prod(lengths)
+    if n_cells > MAX_CELLS:
+        sides_m = " x ".join(f"{length * cell_m:.4g}" for length in lengths)
+        raise_if_any(
+            [
+                Problem(
+                    path="wind.cell_m",
+                    expected=f"cells that divide the geometry into at most {MAX_CELLS:.3g}",
+                    found=f"{cell_m:g} m, which makes {n_cells:.3g} of {sides_m} m",
+                    remedy=f"Take cells of at least {cell_m * (n_cells / MAX_CELLS) ** (1 / 3):.2g} m; files in "
+                    "millimetres need scale: 0.001.",
+                )
+            ]
+        )
+
+
+def _grid_of_air(box_m: NDArray[np.float64], cell_m: float) -> Grid:
+    # Coordinates of files have single precision; a tenth of a millimetre is none of the wall's.
+    x_m, y_m, z_m = (round(float(low_m), 4) + 0.0 for low_m in box_m[:, 0])
+    nx, ny, nz = (max(1, math.ceil((high_m - low_m) / cell_m - 0.5 - 1e-3)) for low_m, high_m in box_m)
+    return Grid(origin_m=(x_m, y_m, z_m), cell_m=cell_m, shape=(nx, ny, nz))
+
+
+def _with_openings(case: _Case, grid: Grid, is_air: Cells) -> tuple[Cells, tuple[Opening, ...], list[str]]:
+    placed = [place_opening(plug, grid, is_air, case.wind.inlet_velocity_m_s) for plug in case.plugs]
+    raise_if_any([problem for problem in placed if isinstance(problem, Problem)])
+    good = [place for place in placed if isinstance(place, PlacedOpening)]
+    openings = tuple(place.opening for place in good)
+    raise_if_any(
+        [
+            Problem(
+                path=OPENINGS_PATH,
+                expected="openings apart from each other",
+                found=f"{first.name} and {second.name} that overlap",
+                remedy="Move one of them, or list them as one.",
+            )
+            for first, second in itertools.combinations(openings, 2)
+            if are_overlapping(first, second, grid)
+        ]
+    )
+    for place in good:
+        is_air = is_air | place.is_duct
+    notices = [
+        f"The opening {place.opening.name} lies {place.duct_m:g} m inside the air's box; a duct leads straight out."
+        for place in good
+        if place.duct_m > 0
+    ]
+    return is_air, openings, notices
+
+
+def _occupancy(is_air: Cells, openings: Sequence[Opening], grid: Grid) -> NDArray[np.uint8]:
+    is_air = find_reachable_cells(is_air, openings, grid) if openings else _largest(is_air)
+    occupancy = np.where(is_air, np.uint8(Cell.FREE), np.uint8(Cell.SOLID))
+    for opening in openings:
+        if opening.kind != "inlet":
+            layer = occupancy[cells_at(opening, grid)]
+            layer[layer == Cell.FREE] = Cell.OUTLET
+    occupancy.setflags(write=False)
+    return occupancy
+
+
+def _largest(is_air: Cells) -> Cells:
+    left, largest = is_air.copy(), np.zeros_like(is_air)
+    while left.sum() > largest.sum():
+        pocket = reachable_cells(left, np.argwhere(left)[:1])
+        left &= ~pocket
+        largest = pocket if pocket.sum() > largest.sum() else largest
+    return largest
+
+
+def _name_of(spec: GeometrySpec) -> str:
+    return re.sub(r"[^a-z0-9_]+", "_", Path(spec.files[0]).stem.lower()).strip("_")[:40] or "geometry"
+
+
+def _notice_of_extent(case: _Case, grid: Grid) -> str:
+    n = " x ".join(map(str, grid.shape))
+    return (
+        f"The air of {len(case.surfaces.corners_m)} triangles lies from {point_text(grid.origin_m)} to "
+        f"{point_text(grid.max_m)} m, {n} cells of {grid.cell_m:g} m."
+    )
+
+
+def _visual_meshes(parts: Sequence[Part]) -> list[VisualMesh]:
+    names: set[str] = set()
+    meshes: list[VisualMesh] = []
+    for part in parts:
+        numbered = (f"{part.name}_{i}" for i in itertools.count(2))
+        name = next(name for name in itertools.chain([part.name], numbered) if name not in names)
+        names.add(name)
+        meshes.append(VisualMesh.of(name, part.vertices_m, part.faces, part.rgba))
+    return meshes

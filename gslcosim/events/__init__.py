@@ -1,1 +1,0 @@
-"""The events of a scenario: which of them begin when."""

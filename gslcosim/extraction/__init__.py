@@ -1,1 +1,0 @@
-"""A run in the formats of other programs: tables as Parquet or CSV, messages of ROS 2 as MCAP or rosbag2."""

@@ -1,1 +1,0 @@
-"""Gas that is not moved filament by filament: closed forms, and Farrell's open field."""

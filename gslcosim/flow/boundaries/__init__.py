@@ -1,0 +1,1 @@
+"""Boundaries of the air: domain, patches, inflow, ghost faces, edges, and friction."""

@@ -1,1 +1,0 @@
-"""Where air meets what it cannot pass, and where it comes in and goes out: domain, patches, ghosts, edges, friction."""

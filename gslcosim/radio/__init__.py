@@ -1,1 +1,0 @@
-"""The channels on which agents talk: who hears what, and when."""

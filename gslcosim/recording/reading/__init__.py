@@ -1,1 +1,0 @@
-"""Recordings read back as arrays."""

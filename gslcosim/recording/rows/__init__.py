@@ -1,1 +1,0 @@
-"""What is written into a recording tick by tick: one module for each kind of thing that is drawn."""

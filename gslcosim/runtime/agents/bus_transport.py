@@ -1,0 +1,196 @@
+"""Agents on the bus: their transport, their sessions as participants, and the replay of past observations to them."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+from gslcosim.bus.interface import Bus
+from gslcosim.bus.zenoh_bus import ZenohBus
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Briefing, Command, Ending, Observation
+from gslcosim.runtime.agents.session import AgentSession
+from gslcosim.runtime.agents.transport import AgentEvent, CommandReceived, CommandRefused, EventSink, ObservationOrHead
+from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES, get_agent_participant
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.host import PROGRESS_PERIOD_TICKS, RETRANSMIT_TICKS, RetransmitBuffer
+from gslcosim.runtime.distributed.retransmission import ReorderBuffer
+from gslcosim.runtime.services import list_services
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.stepper import SentMessage
+
+MAX_QUEUED_BYTES = 32 * 1024 * 1024
+_EVENT_BYTES = 256  # what even an empty message costs while it waits
+
+
+class BusTransport:
+    """Transport to an agent that is a process on the bus, which gets briefing and observations from their writer.
+
+    So only what may have got lost is sent from here. The bus calls `on_command` and `on_longer` on one thread;
+    `handled` is called on another. What an agent sends faster than it can be judged is dropped beyond
+    `MAX_WAITING_BYTES`, and told once.
+    """
+
+    is_lossy = True
+
+    def __init__(self, agent: str, bus: ZenohBus, put: EventSink) -> None:
+        self._agent = agent
+        self._bus = bus
+        self._put = put
+        self._briefing: bytes | None = None
+        self._question: bytes | None = None
+        self._received_bytes = 0
+        self._handled_bytes = 0
+        self._has_told = False
+        # While nobody else writes what the agent is told, because it lies before the tick at which the run goes on.
+        self.is_writer = False
+
+    def listen(self) -> None:
+        """Hear the agent from now on."""
+        key = keys.raw_command(self._agent)
+        self._bus.subscribe(key, self.on_command, max_bytes=MAX_COMMAND_BYTES, on_longer=self.on_longer)
+
+    def brief(self, briefing: Briefing, payload: bytes) -> None:
+        """Keep the briefing for a repetition; see `AgentLink`."""
+        del briefing
+        self._briefing = payload
+        if self.is_writer:
+            self._bus.publish(keys.briefing(self._agent), payload, encoding=codec.get_encoding(Briefing))
+
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
+        """Keep a question for a repetition; see `AgentLink`."""
+        if observation.awaiting_command:
+            self._question = payload
+        if self.is_writer:
+            for key in (keys.observation, keys.question) if observation.awaiting_command else (keys.observation,):
+                self._bus.publish(key(self._agent), payload, encoding=codec.get_encoding(Observation), urgent=True)
+
+    def repeat(self) -> None:
+        """Publish briefing and last question again, which is harmless; see `AgentLink`."""
+        if self._briefing is not None:
+            self._bus.publish(keys.briefing(self._agent), self._briefing)
+        if self._question is not None:
+            for key in (keys.observation(self._agent), keys.question(self._agent)):
+                self._bus.publish(key, self._question, urgent=True)
+
+    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
+        """Take note that a command has been judged; see `AgentLink`."""
+        if isinstance(event, CommandReceived):
+            self._handled_bytes += len(event.payload) + _EVENT_BYTES
+
+    def end(self, ending: Ending, payload: bytes) -> None:
+        """Publish the end of the run; see `AgentLink`."""
+        self._bus.publish(keys.ending(self._agent), payload, encoding=codec.get_encoding(type(ending)), urgent=True)
+
+    def on_command(self, key: str, payload: bytes) -> None:
+        """Take a command from the bus."""
+        del key
+        if self._received_bytes - self._handled_bytes < MAX_QUEUED_BYTES:
+            self._received_bytes += len(payload) + _EVENT_BYTES
+            self._put(CommandReceived(agent=self._agent, payload=payload))
+        elif not self._has_told:
+            self._has_told = True
+            text = "expected one command for each observation that awaits one, was a flood; some of it was dropped."
+            self._put(CommandRefused(agent=self._agent, text=text))
+
+    def on_longer(self, key: str, n_bytes: int) -> None:
+        """Take note of a command that is too long to be fetched."""
+        del key
+        text = f"expected at most {MAX_COMMAND_BYTES} bytes, was {n_bytes}."
+        self._put(CommandRefused(agent=self._agent, text=text))
+
+
+class AgentHost:
+    """Session of one agent as a participant on the bus: observations in, commands out, losses repaired.
+
+    Args:
+        desk: The desk.
+        bus: The supervisor's connection.
+        on_resent: Is told, on any thread, an observation that was asked for again.
+        more_ticks: For so many ticks more commands are kept for who has missed them.
+    """
+
+    def __init__(self, desk: AgentSession, bus: Bus, on_resent: Callable[[bytes], None], more_ticks: int = 0) -> None:
+        self.desk = desk
+        self._name = get_agent_participant(desk.agent)
+        self._bus = bus
+        self._on_resent = on_resent
+        self._in_order: ReorderBuffer[tuple[codec.ObservationHead, bytes]] = ReorderBuffer()
+        self._kept = RetransmitBuffer(RETRANSMIT_TICKS + more_ticks)
+        self._told_tick = -1
+
+    def listen(self) -> None:
+        """Answer who missed a command."""
+        self._bus.answer(protocol.build_resend_key(self._name), self._kept.answer)
+        self._bus.answer(protocol.build_finished_key(self._name), lambda _: [self._finished()])
+
+    def _finished(self) -> bytes:
+        return protocol.ReaderReport(name=self._name, tick=self.desk.last_tick).to_bytes()
+
+    def brief(self, payload: bytes) -> None:
+        """Take the agent's briefing."""
+        self.desk.brief(codec.decode_trusted(Briefing, payload), payload)
+
+    def observe(self, payload: bytes) -> None:
+        """Take an observation, in any order; ask for one that seems to be lost."""
+        head = codec.decode_observation_head(payload)
+        for next_head, message in self._in_order.take(head.tick, (head, payload)):
+            self._observe(next_head, message)
+        if (tick := self._in_order.lost()) is not None:
+            question = protocol.ResendRequest(port=keys.observation(self.desk.agent), tick=tick).to_bytes()
+            self._bus.ask(protocol.build_resend_key("sensing"), question, lambda _, resent: self._on_resent(resent))
+
+    def handle(self, event: AgentEvent) -> None:
+        """Take what the agent did."""
+        self._publish(self.desk.handle(event))
+
+    def lose(self, reason: str) -> None:
+        """Take note that the agent is gone."""
+        self._publish(self.desk.lose(reason))
+
+    def check_deadline(self) -> None:
+        """Give the agent up where it has owed an answer for too long."""
+        self._publish(self.desk.check_deadline())
+
+    # The agent is sent the bytes as they are, so nobody has to look at the rest.
+    def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
+        passed = self.desk.observe(head, payload)
+        if head.tick - self._told_tick >= PROGRESS_PERIOD_TICKS:
+            self._told_tick = head.tick
+            self._bus.publish(protocol.build_progress_key(self._name), protocol.TickReport(tick=head.tick).to_bytes())
+        self._publish(passed)
+
+    def _publish(self, passed: Iterable[SentMessage]) -> None:
+        for sent in passed:
+            self._kept.keep(sent)
+            self._bus.publish(sent.port, sent.payload, encoding=codec.get_encoding(Command), urgent=True)
+
+
+def replay_observations(
+    setup: RunSetup, doors: Mapping[str, AgentHost], links: Mapping[str, BusTransport]
+) -> Iterator[None]:
+    """Brief all agents, send them the observations before the snapshot tick by tick, and wait for their answers.
+
+    Sensing briefs them in the same words when it goes on; that is a repetition.
+
+    Args:
+        setup: The run.
+        doors: The agents' doors, by agent.
+        links: Those of agents on the bus, by agent, to whom sensing writes otherwise.
+
+    Yields:
+        Whenever somebody owes an answer, so that it can be heard.
+    """
+    snapshot, scenario = setup.snapshot, setup.scenario
+    if snapshot is None:
+        return
+    for link in links.values():
+        link.is_writer = True
+    for kind in list_services(scenario):
+        if kind.build_briefings is not None:
+            for agent, briefing in kind.build_briefings(setup).items():
+                doors[agent].brief(codec.encode(briefing))
+    for told in snapshot.told():
+        for agent, payload in told:
+            doors[agent].observe(payload)
+        while any(door.desk.is_pending for door in doors.values()):
+            yield
+    for link in links.values():
+        link.is_writer = False

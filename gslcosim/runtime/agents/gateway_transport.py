@@ -1,0 +1,297 @@
+"""Agents behind the gateway: their processes, and the transport to each of them."""
+
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gslcosim.agent_kit.connection import AGENT_VARIABLE
+from gslcosim.contract.messages import Briefing, Ending
+from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
+from gslcosim.gateway.frame_codec import read_agent_name
+from gslcosim.runtime.agents.loader import build_start_command
+from gslcosim.runtime.agents.transport import (
+    AgentJoined,
+    AgentLost,
+    CommandReceived,
+    CommandRefused,
+    EventSink,
+    ObservationOrHead,
+)
+from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
+from gslcosim.runtime.processes.children import ChildProcesses, describe_stop
+from gslcosim.runtime.processes.sandbox.launcher_client import Confinement
+from gslcosim.runtime.processes.sandbox.selection import build_confinement
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario.models.scenario import AgentSpec
+
+GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
+TOKEN_VARIABLE = "GSLCOSIM_TOKEN"
+# A process's end and its stream's end are seen by two threads; what they say together is one fault.
+LOG_TAIL_WAIT_S = 0.3
+
+
+@dataclass
+class _AgentProcess:
+    """Process of one or several agents; it has the name of the first."""
+
+    spec: AgentSpec
+    agents: tuple[str, ...]
+    put: EventSink
+    link: ThreadedConnection = field(init=False)
+    listener: Listener | None = None
+    is_open: bool = False
+    refused_connection: str = ""
+    _has_stopped_talking: threading.Event = field(default_factory=threading.Event)
+    _has_exited: threading.Event = field(default_factory=threading.Event)
+    _rest: str = ""
+    _is_gone: bool = False
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        self.link = ThreadedConnection(self.spec.start.format, self._on_event)
+
+    def exited(self, how: str) -> None:
+        """Take note of the end of the process; what it had said before comes first."""
+        self._has_exited.set()
+        if self.is_open:
+            self._has_stopped_talking.wait(LOG_TAIL_WAIT_S)
+        self._tell_gone(f"the agent's process {how} before the end of the run.")
+
+    def was_stopped(self) -> None:
+        """Take note that the process was stopped for too long, and is being killed."""
+        self._tell_gone(f"the agent's process {describe_stop()}.")
+
+    def _on_event(self, kind: EventKind, data: bytes) -> None:
+        if kind == "command":
+            self._put_command(data)
+        elif kind == "refused":
+            self.put(CommandRefused(agent=self.spec.name, text=data.decode(errors="replace")))
+        elif kind == "closed":
+            self._tell_gone(f"the agent was given up: {data.decode()}")
+        else:
+            self._rest = data.decode()
+            self._has_stopped_talking.set()
+            if self.spec.start.attach or not self._has_exited.wait(LOG_TAIL_WAIT_S):
+                self._tell_gone("the agent closed its output before the end of the run.")
+
+    # Where a process flies several agents its frames say which of them speaks.
+    def _put_command(self, payload: bytes) -> None:
+        name = read_agent_name(payload)
+        if name is None and len(self.agents) > 1:
+            text = "Command: agent: expected one of the process's agents, was missing."
+            self.put(CommandRefused(agent=self.spec.name, text=text))
+        elif name is None or name in self.agents:
+            self.put(CommandReceived(agent=name or self.spec.name, payload=payload))
+        else:
+            text = f"Command: agent: expected {' or '.join(self.agents)}, was {name[:80]!r}."
+            self.put(CommandRefused(agent=self.spec.name, text=text))
+
+    def _tell_gone(self, text: str) -> None:
+        with self._lock:
+            if self._is_gone:
+                return
+            self._is_gone = True
+        for addition in (self._rest, self.refused_connection):
+            text = f"{text} {_end_sentence(addition)}".rstrip()
+        for name in self.agents:
+            self.put(AgentLost(agent=name, reason=text))
+
+
+class GatewayTransport:
+    """Transport to one agent behind the gateway; agents of one process share its stream."""
+
+    is_lossy = False
+
+    def __init__(self, process: _AgentProcess) -> None:
+        self._process = process
+        self._waiting: list[bytes] | None = []
+
+    def brief(self, briefing: Briefing, payload: bytes) -> None:
+        """Send the briefing, then what has waited for it; see `AgentLink`."""
+        del briefing
+        if self._waiting is None:
+            return
+        waiting, self._waiting = self._waiting, None
+        self._process.link.tell("Briefing", payload)
+        for observation in waiting:
+            self._process.link.tell("Observation", observation)
+
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
+        """Send an observation, after the briefing; only questions where the agent wants no others; see `AgentLink`."""
+        if self._process.spec.start.observations == "asked" and not observation.awaiting_command:
+            return
+        if self._waiting is None:
+            self._process.link.tell("Observation", payload)
+        else:
+            self._waiting.append(payload)
+
+    def repeat(self) -> None:
+        """Do nothing: a stream loses nothing; see `AgentLink`."""
+
+    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
+        """Let the next frame come; see `AgentLink`."""
+        del event
+        self._process.link.acknowledge()
+
+    def end(self, ending: Ending, payload: bytes) -> None:
+        """Tell the process the end of the run, and end its stream; see `AgentLink`."""
+        del ending
+        self._process.link.tell("Ending", payload)
+        self._process.link.end()
+
+
+class GatewayAgents:
+    """Processes of all agents of a run behind the gateway. Their events are put from many threads."""
+
+    def __init__(self, setup: RunSetup, directory: Path, network: Network, put: EventSink) -> None:
+        self._setup = setup
+        self._directory = directory
+        self._network = network
+        self._put = put
+        self._by_agent: dict[str, _AgentProcess] = {}
+        specs = {agent.name: agent for agent in setup.scenario.agents}
+        for process, agents in setup.scenario.agents_by_process().items():
+            if specs[process].start.is_behind_gateway:
+                guest = _AgentProcess(specs[process], agents, put)
+                self._by_agent |= dict.fromkeys(agents, guest)
+
+    def __contains__(self, agent: str) -> bool:
+        return agent in self._by_agent
+
+    def start(self, children: ChildProcesses, socket_dir: Path) -> None:
+        """Start every process, or write the join files of those that attach themselves.
+
+        Args:
+            children: What the processes become part of.
+            socket_dir: A private folder for unix sockets.
+
+        Raises:
+            GslCosimError: a command cannot be started, or an address not be listened on.
+        """
+        for guest in self._processes():
+            if guest.spec.start.door == "stdio":
+                self._start_piped(guest, children, socket_dir)
+            else:
+                self._start_connecting(guest, children, socket_dir)
+
+    def get_transport(self, agent: str) -> GatewayTransport:
+        """Return a link to an agent."""
+        return GatewayTransport(self._by_agent[agent])
+
+    def exited(self, process: str, code: int, how: str) -> bool:
+        """Take note of a process's end, in words, on any thread; return whether it is one of these."""
+        del code
+        for guest in self._processes():
+            if get_agent_participant(guest.spec.name) == process:
+                guest.exited(how)
+                return True
+        return False
+
+    def stopped(self, process: str) -> bool:
+        """Take note, on any thread, that a process was stopped for too long; return whether it is one of these."""
+        for guest in self._processes():
+            if get_agent_participant(guest.spec.name) == process:
+                guest.was_stopped()
+                return True
+        return False
+
+    def describe_absence(self, agent: str) -> str:
+        """Return what to say of an agent, behind the gateway or not, that has not come in time."""
+        note = self._by_agent[agent].refused_connection if agent in self._by_agent else ""
+        return f"{describe_absence()} {_end_sentence(note)}".rstrip()
+
+    def close(self) -> None:
+        """End all streams, and let nobody in any more."""
+        for guest in self._processes():
+            guest.link.end()
+            if guest.listener is not None:
+                guest.listener.close()
+
+    def _processes(self) -> list[_AgentProcess]:
+        return [guest for name, guest in self._by_agent.items() if guest.spec.name == name]
+
+    def _start_piped(self, guest: _AgentProcess, children: ChildProcesses, private_dir: Path) -> None:
+        name = guest.spec.name
+        command = build_start_command(guest.spec, self._directory) or []
+        pipes = children.start_piped(
+            get_agent_participant(name),
+            command,
+            variables=self._variables(guest),
+            log=self._setup.run_dir.log(get_agent_participant(name)),
+            cwd=self._directory,
+            confinement=self._confinement(guest, command, private_dir),
+        )
+        self._open(guest, PipeStream(*pipes))
+
+    def _start_connecting(self, guest: _AgentProcess, children: ChildProcesses, socket_dir: Path) -> None:
+        name = guest.spec.name
+        listener = guest.listener = self._listener(guest, socket_dir)
+        listener.admit(
+            guest.spec.start.format,
+            lambda stream, _: self._open(guest, stream),
+            lambda text: setattr(guest, "refused_connection", text),
+        )
+        command = build_start_command(guest.spec, self._directory)
+        if command is None:
+            fields = {
+                "name": name,
+                "gateway": listener.address,
+                "token": listener.token,
+                "format": guest.spec.start.format,
+                **({"agents": guest.agents} if len(guest.agents) > 1 else {}),
+            }
+            self._network.write_join_file("agents", name, fields, self._setup.run_dir.path)
+            return
+        children.start_without_bus(
+            get_agent_participant(name),
+            command,
+            variables=self._variables(guest) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
+            log=self._setup.run_dir.log(get_agent_participant(name)),
+            cwd=self._directory,
+            confinement=self._confinement(guest, command, socket_dir, listener.address),
+        )
+
+    def _confinement(
+        self, guest: _AgentProcess, command: list[str], private_dir: Path, address: str = ""
+    ) -> Confinement:
+        kind, _, place = address.partition(":")
+        return build_confinement(
+            guest.spec,
+            command,
+            self._setup,
+            directory=self._directory,
+            private_dir=private_dir,
+            sockets=[Path(place)] if kind == "unix" else (),
+            tcp_port=int(place.rpartition(":")[2]) if kind == "tcp" else None,
+        )
+
+    def _listener(self, guest: _AgentProcess, socket_dir: Path) -> Listener:
+        if guest.spec.start.door == "unix":
+            # Addresses of sockets are short, agents' names may be long.
+            return Listener.open_unix(socket_dir / f"{list(self._by_agent).index(guest.spec.name)}.sock")
+        if guest.spec.start.attach and (endpoint := self._network.public_endpoint):
+            return Listener.open_tcp("0.0.0.0", public_name=_parse_host(endpoint))
+        return Listener.open_tcp()
+
+    def _variables(self, guest: _AgentProcess) -> dict[str, str]:
+        return {AGENT_VARIABLE: ",".join(guest.agents)}
+
+    def _open(self, guest: _AgentProcess, stream: Stream) -> None:
+        guest.is_open = True
+        guest.link.open(stream)
+        for name in guest.agents:
+            self._put(AgentJoined(agent=name))
+
+
+def describe_absence() -> str:
+    """Return what to say of a participant that has not come in time."""
+    return f"expected to join within {JOIN_TIMEOUT_S:g} s, did not."
+
+
+def _parse_host(endpoint: str) -> str:
+    return endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")[0]
+
+
+def _end_sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]

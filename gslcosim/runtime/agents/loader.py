@@ -1,0 +1,105 @@
+"""Loading of agents: the command line of a process, or the class of an object in this one."""
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Container, Sequence
+from pathlib import Path
+
+from gslcosim.agent_kit import Agent
+from gslcosim.base.command_lines import build_python_command
+from gslcosim.base.errors import UsageError
+from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.scenario.models.scenario import AgentSpec, Scenario
+
+
+def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
+    """Return the command line of an agent, or None when it attaches itself.
+
+    Args:
+        agent: The agent of the scenario.
+        directory: The scenario's folder; relative paths start there.
+    """
+    if agent.start.python is not None:
+        return build_python_command(str(find_python_agent(agent.start.python, directory)))
+    if agent.start.command is not None:
+        return resolve_command(agent.start.command, directory)
+    return None
+
+
+def load_agent_types(scenario: Scenario, directory: Path, guests: Container[str]) -> dict[str, type[Agent]]:
+    """Return the classes of agents that are objects in this process, by process, so that its agents share here, too.
+
+    Args:
+        scenario: The scenario.
+        directory: Its folder; relative paths start there.
+        guests: The agents that are processes.
+
+    Raises:
+        UsageError: an agent is neither, or cannot be loaded.
+    """
+    types: dict[str, type[Agent]] = {}
+    for agent in scenario.agents:
+        if agent.name in guests or agent.process != agent.name:
+            continue
+        if agent.start.python is None:
+            raise UsageError(
+                f"agents.{agent.name}.start: expected a python agent, or one with door: stdio, tcp or unix, for a run "
+                "in one process, was one with door: zenoh. Leave out --in-process."
+            )
+        types[agent.name] = load_python_agent(find_python_agent(agent.start.python, directory))
+    return types
+
+
+def find_python_agent(name: str, directory: Path) -> Path:
+    """Return the file of a Python agent: a path relative to the scenario, or the name of a bundled agent.
+
+    Raises:
+        UsageError: there is none.
+    """
+    beside = directory / name
+    if beside.is_file():
+        return beside.absolute()
+    bundled = bundled_agents()
+    if name in bundled:
+        return bundled[name]
+    raise UsageError(f"start.python: expected a .py file or one of {sorted(bundled)}, was {name!r}.\nFile: {beside}")
+
+
+def load_python_agent(path: Path) -> type[Agent]:
+    """Import an agent's file and return the one `Agent` it defines.
+
+    Raises:
+        UsageError: the file cannot be imported, or defines no agent or several.
+    """
+    module_name = f"gslcosim_agent_{path.parent.name}_{path.stem}"
+    spec = importlib.util.spec_from_file_location(module_name, path)
+    if spec is None or spec.loader is None:
+        raise UsageError(f"expected a Python file.\nFile: {path}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise UsageError(f"expected an agent that can be imported, got {error!r}.\nFile: {path}") from error
+    found = [item for item in vars(module).values() if _is_agent_class(item, module_name)]
+    if len(found) != 1:
+        names = [item.__name__ for item in found]
+        raise UsageError(f"expected one subclass of gslcosim.agent_kit.Agent, found {names}.\nFile: {path}")
+    return found[0]
+
+
+def _is_agent_class(item: object, module_name: str) -> bool:
+    return (
+        inspect.isclass(item)
+        and issubclass(item, Agent)
+        and not inspect.isabstract(item)
+        and item.__module__ == module_name
+    )
+
+
+def resolve_command(command: Sequence[str], directory: Path) -> list[str]:
+    """Return a command line whose program, where it has a slash, is looked for in a scenario's folder."""
+    program, *arguments = command
+    beside = directory / program
+    return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]

@@ -1,0 +1,445 @@
+"""Validation of agents' commands: a pure state machine, one valid command for each observation that awaits one."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from gslcosim.base.errors import ContractError, RunFolderError
+from gslcosim.base.ticks import NS_PER_S
+from gslcosim.contract import codec
+from gslcosim.contract.messages import AGENT_KINDS, Belief, Command, Observation
+from gslcosim.contract.schema import ContractVersionError, check_contract
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import AgentSpec
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedCommands:
+    """Commands that count at ticks before `until_tick`, by agent and tick, whatever the agents answer there."""
+
+    commands: Mapping[str, Mapping[int, Command]]
+    until_tick: int
+
+
+def get_recorded_command(commands: Mapping[int, Command], agent: str, tick: int) -> Command:
+    """Return what an agent's command of the past was at a tick.
+
+    Raises:
+        RunFolderError: there was none.
+    """
+    if tick not in commands:
+        raise RunFolderError(
+            f"inputs.log: expected a command of {agent} for tick {tick}, at which it was asked again, found none. "
+            "The run does not repeat: it was flown by other code, or its files were changed."
+        )
+    return commands[tick]
+
+
+MAX_COMMAND_BYTES = 1024 * 1024
+# At most one belief in so much simulated time is taken.
+BELIEF_PERIOD_S = 1
+MAX_EARLY_ANSWERS = 16
+MAX_EARLY_TICKS = 64
+MAX_FAULTS = 50
+# How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
+AGENT_LOST_REASON = "the agent is gone"
+FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
+
+
+UnpackedAnswer = dict[str, object] | ContractError
+"""What an agent has sent: a map that is not judged yet, or why it is none."""
+
+
+def unpack_answer(payload: bytes) -> UnpackedAnswer:
+    """Return what is in an agent's bytes, which may be at most `MAX_COMMAND_BYTES`."""
+    try:
+        return codec.unpack_untrusted("Command", payload)
+    except ContractError as error:
+        return error
+
+
+def build_plain_validator(agent: AgentSpec, scenario: Scenario) -> "CommandValidator":
+    """Return the validator of an agent of a scenario, without recorded commands."""
+    return CommandValidator(
+        agent.name,
+        may_overlap=agent.latency_ticks > 1,
+        belief_every_ticks=max(1, round(BELIEF_PERIOD_S * NS_PER_S / scenario.tick_ns)),
+    )
+
+
+AGENT_PREFIX = "agent_"
+
+
+def get_agent_participant(agent: str) -> str:
+    """Return the name of the participant that stands for an agent."""
+    return f"{AGENT_PREFIX}{agent}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentFault:
+    """Something an agent did wrong: what was expected and what came. It is a result of the run, not an error in it."""
+
+    agent: str
+    tick: int
+    text: str
+
+
+@dataclass
+class CommandValidator:
+    """Validator of one agent's answers, which passes one command for each observation that awaits it.
+
+    An answer that is not valid lets a `hold` through instead and leaves a fault that says what was expected. An agent
+    that is gone lets `failed` through at the first tick it owes an answer; nothing follows it. Answers nobody asked
+    for are counted and dropped without being read.
+
+    Observations and answers may arrive in either order: a few early answers are kept until their observation comes.
+    `may_overlap` says that a later observation can await an answer while an earlier one still does (latency mode).
+    Of the beliefs only one in `belief_every_ticks` passes; a command that brings one sooner passes without it.
+    """
+
+    agent: str
+    may_overlap: bool = False
+    belief_every_ticks: int = 1
+    faults: list[AgentFault] = field(default_factory=list[AgentFault])
+    n_faults: int = 0
+    latest_tick: int = -1
+    is_closed: bool = False
+    _pending: dict[int, None] = field(default_factory=dict[int, None])
+    _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
+    _gone: str | None = None
+    _refused_early: tuple[int, str] | None = None
+    _told_contract: str | None = None
+    _belief_tick: int | None = None
+
+    @property
+    def pending(self) -> tuple[int, ...]:
+        """The ticks of the observations that await an answer, oldest first."""
+        return tuple(self._pending)
+
+    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
+        """Take note of an observation on its way to the agent; return the commands that can pass now."""
+        if not self._is_new(observation.tick):
+            return []
+        if observation.awaiting_command:
+            self._pending[observation.tick] = None
+        if self._gone is not None:
+            return self._fail()
+        if observation.awaiting_command and (refused := self._take_refused_early(observation.tick)):
+            return refused
+        early, self._early = self._early, []
+        return [command for tick, payload in early for command in self._judge_early(tick, payload)]
+
+    def received(self, payload: bytes) -> list[Command]:
+        """Take what the agent sent; return the commands that can pass now."""
+        if self.is_closed or self._gone is not None:
+            return []
+        if len(payload) > MAX_COMMAND_BYTES:
+            return self._refuse(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
+        said = unpack_answer(payload)
+        tick = _read_tick(said)
+        if tick is not None and tick > self.latest_tick:
+            return self._keep_early(tick, payload)
+        return self._judge(tick, said)
+
+    def refused(self, text: str) -> list[Command]:
+        """Take note that what the agent sent could not even be read; return the commands that can pass now."""
+        return [] if self.is_closed or self._gone is not None else self._refuse(text)
+
+    def lost(self, reason: str) -> list[Command]:
+        """Take note that the agent is gone; return `failed` when it owes an answer."""
+        if self.is_closed or self._gone is not None:
+            return []
+        self._gone = reason
+        self._note(reason)
+        return self._fail()
+
+    def _is_new(self, tick: int) -> bool:
+        if tick <= self.latest_tick or self.is_closed:
+            return False
+        self.latest_tick = tick
+        return True
+
+    def _judge_early(self, tick: int, payload: bytes) -> list[Command]:
+        return self._keep_early(tick, payload) if tick > self.latest_tick else self._judge(tick, unpack_answer(payload))
+
+    def _judge(self, tick: int | None, said: UnpackedAnswer) -> list[Command]:
+        if not self._pending:
+            if tick is None:
+                return self._refuse(_describe_unreadable(said))
+            if not self._is_repeat(tick):
+                self._note("expected no command now (no observation awaits one), one came.")
+            return []
+        try:
+            command = self._read(said)
+        except ContractVersionError as error:
+            return self.lost(str(error))
+        except ContractError as error:
+            return self._refuse(str(error))
+        if command.tick not in self._pending:
+            if self._is_repeat(command.tick):
+                return []
+            return self._refuse(f"Command: tick: expected {self._oldest()}, was {command.tick}.")
+        if command.kind == "failed":
+            return self._refuse(FAILED_KIND_FAULT)
+        del self._pending[command.tick]
+        # Who answers the same must leave the same trail, whether it says what it speaks or not.
+        return [command.model_copy(update={"contract": None, "belief": self._timely_belief(command)})]
+
+    # Its contract before the rest: what is wrong with the rest may well be that it is of another contract.
+    def _read(self, said: UnpackedAnswer) -> Command:
+        if isinstance(said, ContractError):
+            raise said
+        told = said.get("contract")
+        if isinstance(told, str):
+            self._check_contract(told)
+        return codec.build_message(Command, said)
+
+    # By ticks and not by a clock, so that the same commands always leave the same trail.
+    def _timely_belief(self, command: Command) -> Belief | None:
+        if command.belief is None:
+            return None
+        if self._belief_tick is not None and command.tick - self._belief_tick < self.belief_every_ticks:
+            self._note(
+                f"Command: belief: expected at most one in {self.belief_every_ticks} ticks (a second of simulated "
+                f"time), was the next after {command.tick - self._belief_tick}. The command counts without it."
+            )
+            return None
+        self._belief_tick = command.tick
+        return command.belief
+
+    # An answer that cannot be read may have overtaken its observation too; the question must not wait for another.
+    def _take_refused_early(self, tick: int) -> list[Command]:
+        refused, self._refused_early = self._refused_early, None
+        if refused is None or tick - refused[0] > MAX_EARLY_TICKS or tick not in self._pending:
+            return []
+        del self._pending[tick]
+        return [Command(tick=tick, kind="hold", reason=f"refused: {refused[1]}"[:500])]
+
+    def _check_contract(self, told: str) -> None:
+        if told == self._told_contract:
+            return
+        self._told_contract = told
+        try:
+            check_contract(told)
+        except ContractVersionError:
+            raise
+        except ContractError as error:
+            self._note(str(error))
+
+    # An answer for a tick that was already answered is a repetition, harmless and expected after a lost message.
+    def _is_repeat(self, tick: int) -> bool:
+        return tick < self._oldest() if self._pending else tick <= self.latest_tick
+
+    # An early answer waits for its observation. Where no later observation can exist before the pending one is
+    # answered, the agent has the tick wrong, and waiting would be for ever.
+    def _keep_early(self, tick: int, payload: bytes) -> list[Command]:
+        if self._pending and not self.may_overlap:
+            return self._refuse(f"Command: tick: expected {self._oldest()}, was {tick}.")
+        if len(self._early) < MAX_EARLY_ANSWERS:
+            self._early.append((tick, payload))
+        else:
+            self._note(f"Command: tick: expected at most {self.latest_tick}, was {tick}.")
+        return []
+
+    def _refuse(self, text: str) -> list[Command]:
+        self._note(text)
+        if not self._pending:
+            self._refused_early = (self.latest_tick, text)
+            return []
+        tick = self._oldest()
+        del self._pending[tick]
+        return [Command(tick=tick, kind="hold", reason=f"refused: {text}"[:500])]
+
+    def _fail(self) -> list[Command]:
+        if not self._pending:
+            return []
+        tick = self._oldest()
+        self._close()
+        return [Command(tick=tick, kind="failed", reason=AGENT_LOST_REASON)]
+
+    def _close(self) -> None:
+        self._pending.clear()
+        self.is_closed = True
+
+    def _oldest(self) -> int:
+        return next(iter(self._pending))
+
+    def _note(self, text: str) -> None:
+        self.n_faults += 1
+        if len(self.faults) < MAX_FAULTS:
+            self.faults.append(AgentFault(agent=self.agent, tick=max(self.latest_tick, 0), text=text))
+
+
+# Only the tick, so that an answer can be put in its place before it is judged.
+def _read_tick(said: UnpackedAnswer) -> int | None:
+    tick = None if isinstance(said, ContractError) else said.get("tick")
+    return tick if type(tick) is int else None
+
+
+def _describe_unreadable(said: UnpackedAnswer) -> str:
+    if isinstance(said, ContractError):
+        return str(said)
+    try:
+        codec.build_message(Command, said)
+    except ContractError as error:
+        return str(error)
+    return "expected no command now (no observation awaits one), one came."
+
+
+def collect_faults(doors: Iterable[CommandValidator]) -> list[AgentFault]:
+    """Return all recorded faults, by tick."""
+    return sorted((fault for door in doors for fault in door.faults), key=lambda fault: fault.tick)
+
+
+_MAX_RADIO_TEXTS = 16
+
+
+@dataclass
+class FreeRunningValidator(CommandValidator):
+    """Validator in free mode, which passes one command at each observation at once: the last to come, or `noop`.
+
+    The agent may be asked, or speak unasked; what it says twice, byte for byte, is a repetition. What passes when
+    depends on the clock: it gets the tick at which it passes, and is an input of the run.
+
+    A later command takes the place of one that has not passed yet, but a `noop` replaces nothing, a declaration of the
+    source is always made, and texts and a belief of what is replaced go with what replaces it. A command that is not
+    valid becomes a `hold`, and leaves a fault. An agent that is gone lets `failed` through.
+
+    Before `until_tick` the commands of `past` pass, whatever comes.
+    """
+
+    past: Mapping[int, Command] = field(default_factory=dict[int, Command])
+    until_tick: int = 0
+    _waiting: list[Command] = field(default_factory=list[Command])
+    _last_payload: bytes = b""
+
+    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
+        """Take note of an observation on its way to the agent; return the command that passes now."""
+        tick = observation.tick
+        if not self._is_new(tick):
+            return []
+        if tick < self.until_tick:
+            self._waiting.clear()
+            command = get_recorded_command(self.past, self.agent, tick)
+        elif self._gone is not None:
+            command = Command(tick=tick, kind="failed", reason=AGENT_LOST_REASON)
+        else:
+            command = self._next(tick)
+        if command.kind == "failed":
+            self._close()
+        return [command]
+
+    def received(self, payload: bytes) -> list[Command]:
+        """Take what the agent sent; it passes with the next observation."""
+        if self.is_closed or self._gone is not None or payload == self._last_payload:
+            return []
+        self._last_payload = payload
+        if len(payload) > MAX_COMMAND_BYTES:
+            return self.refused(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
+        try:
+            command = self._read(unpack_answer(payload))
+        except ContractVersionError as error:
+            return self.lost(str(error))
+        except ContractError as error:
+            return self.refused(str(error))
+        if command.kind == "failed":
+            return self.refused(FAILED_KIND_FAULT)
+        self._keep(command.model_copy(update={"contract": None}))
+        return []
+
+    def refused(self, text: str) -> list[Command]:
+        """Take note that what the agent sent could not even be read; it holds from the next observation on."""
+        if not (self.is_closed or self._gone is not None):
+            self._note(text)
+            self._keep(Command(tick=0, kind="hold", reason=f"refused: {text}"[:500]))
+        return []
+
+    def _keep(self, command: Command) -> None:
+        if not self._waiting:
+            self._waiting.append(command)
+            return
+        last = self._waiting[-1]
+        if command.kind == "noop" or last.kind != "declare_source" or command.kind == "declare_source":
+            stays = last if command.kind == "noop" else command
+            self._waiting[-1] = stays.model_copy(
+                update={
+                    "outgoing": (*last.outgoing, *command.outgoing)[-_MAX_RADIO_TEXTS:],
+                    "belief": command.belief or last.belief,
+                }
+            )
+        else:
+            self._waiting.append(command)
+
+    def _next(self, tick: int) -> Command:
+        if not self._waiting:
+            return Command(tick=tick, kind="noop")
+        command = self._waiting.pop(0).model_copy(update={"tick": tick})
+        return command.model_copy(update={"belief": self._timely_belief(command)})
+
+
+@dataclass
+class ReplayValidator(CommandValidator):
+    """Validator of a fork, which passes a recorded command for each answer of the agent before `until_tick`.
+
+    The agent is asked at each tick at which the past one was, and time waits for it as usual, so that it has seen
+    everything when its own answers begin to count. An agent that is gone before fails at the first tick from
+    `until_tick` on at which it owes an answer. Where the past agent failed before, nothing follows, as then.
+    """
+
+    past: Mapping[int, Command] = field(default_factory=dict[int, Command])
+    until_tick: int = 0
+
+    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
+        """Take note of an observation on its way to the agent; return the commands that can pass now."""
+        return self._as_it_was(super().observed(observation))
+
+    def received(self, payload: bytes) -> list[Command]:
+        """Take what the agent sent; return the commands that can pass now."""
+        return self._as_it_was(super().received(payload))
+
+    def refused(self, text: str) -> list[Command]:
+        """Take note that what the agent sent could not even be read; return the commands that can pass now."""
+        return self._as_it_was(super().refused(text))
+
+    def lost(self, reason: str) -> list[Command]:
+        """Take note that the agent is gone; return `failed` when it owes an answer that counts."""
+        return self._as_it_was(super().lost(reason))
+
+    # What it owes from before the fork is known, and does not end its part in the run.
+    def _fail(self) -> list[Command]:
+        known = [tick for tick in self._pending if tick < self.until_tick]
+        for tick in known:
+            del self._pending[tick]
+        return [*(Command(tick=tick, kind="hold", reason=AGENT_LOST_REASON) for tick in known), *super()._fail()]
+
+    def _as_it_was(self, commands: Iterable[Command]) -> list[Command]:
+        passed: list[Command] = []
+        for command in commands:
+            passed.append(self._past_command(command.tick) if command.tick < self.until_tick else command)
+            if passed[-1].kind == "failed":
+                self._close()
+                break
+        return passed
+
+    def _past_command(self, tick: int) -> Command:
+        return get_recorded_command(self.past, self.agent, tick)
+
+
+def build_validator(agent: AgentSpec, scenario: Scenario, past: RecordedCommands | None) -> CommandValidator:
+    """Return the validator of an agent of a scenario, with recorded commands where the run is a fork."""
+    door = build_plain_validator(agent, scenario)
+    known, until_tick = dict[int, Command](), 0
+    if past is not None:
+        known, until_tick = dict(past.commands.get(agent.name, known)), past.until_tick
+    if agent.is_free:
+        return FreeRunningValidator(
+            door.agent, belief_every_ticks=door.belief_every_ticks, past=known, until_tick=until_tick
+        )
+    if past is None:
+        return door
+    return ReplayValidator(
+        door.agent,
+        may_overlap=door.may_overlap,
+        belief_every_ticks=door.belief_every_ticks,
+        past=known,
+        until_tick=until_tick,
+    )

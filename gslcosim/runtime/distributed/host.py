@@ -1,0 +1,678 @@
+"""Host of the cores of a process behind a bus: collects inputs, steps when allowed, publishes, repairs losses."""
+
+import contextlib
+import itertools
+import os
+import queue
+import socket
+import threading
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import gslcosim
+from gslcosim.base.errors import ContractError, RunTimeoutError
+from gslcosim.base.os_errors import format_fault
+from gslcosim.bus.interface import Bus
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Message, Verdict
+from gslcosim.contract.participant import Core, Episode, SupportsClose, SupportsPrefetch, SupportsSummary
+from gslcosim.contract.schema import get_contract_hash
+from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
+from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
+from gslcosim.runtime.stepper import PACED_PARTICIPANT, ClockPace, MissingInput, SentMessage, Stepper
+
+
+def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
+    """Report to the supervisor what has ended a participant."""
+    text = format_fault(error, "".join(traceback.format_exception(error)))
+    note = protocol.FaultReport(participant=participant, tick=tick, text=text[-protocol.MAX_TEXT :])
+    bus.publish(protocol.FAULT_KEY, note.to_bytes(), urgent=True)
+
+
+# Links between services may come up later than those to the router. Who is not there by then asks again for what it has
+# missed.
+SUBSCRIBER_TIMEOUT_S = 5.0
+
+
+class SubscriberBarrier:
+    """Barrier before the first tick: readers in other processes that are not connected yet.
+
+    Args:
+        readers: All who read what it writes, in other processes.
+        dataflow: Of the whole run.
+    """
+
+    def __init__(self, readers: Iterable[str], dataflow: Dataflow) -> None:
+        # Agents are told at their doors, which are there already.
+        self._names = {name for name in readers if not _is_agent(name, dataflow)}
+        self._deadline_s: float | None = None
+
+    def watch(self, bus: Bus, on_came: Callable[[str], None]) -> None:
+        """Let `on_came` be told, on any thread, who is there."""
+        for name in self._names:
+            bus.watch_alive(
+                protocol.build_liveliness_key(name), lambda _, is_alive, name=name: on_came(name) if is_alive else None
+            )
+
+    def mark_connected(self, name: str) -> None:
+        """Take note that a reader is there."""
+        self._names.discard(name)
+
+    def left_s(self, now_s: float) -> float:
+        """Return for how long the rest is still to be waited for [s], from the first call on."""
+        if self._deadline_s is None:
+            self._deadline_s = now_s + SUBSCRIBER_TIMEOUT_S
+        return max(self._deadline_s - now_s, 0.0) if self._names else 0.0
+
+
+def _is_agent(name: str, dataflow: Dataflow) -> bool:
+    return all(protocol.is_read_by_agents(read.port) for read in dataflow.by_name[name].reads)
+
+
+# And far less than the window of credit, so that nobody ever waits for a note that is not sent yet.
+PROGRESS_PERIOD_TICKS = 64
+_PROGRESS_WINDOW_DIVISOR = 4
+# A slow run shows that it moves.
+PROGRESS_PERIOD_S = 1.0
+BUNDLE_TICKS = 64
+RETRANSMIT_TICKS = 1024
+MAX_RETRANSMITTED_AT_ONCE = 32
+
+
+@dataclass
+class RetransmitBuffer:
+    """Buffer of each port's messages in its last ticks, for readers that missed one; shared between two threads."""
+
+    n_ticks: int = RETRANSMIT_TICKS
+    _payloads: dict[str, OrderedDict[int, bytes]] = field(default_factory=dict[str, OrderedDict[int, bytes]])
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def keep(self, sent: SentMessage) -> None:
+        """Remember a message and forget those that are too old for anybody to ask for."""
+        tick = sent.message.tick
+        with self._lock:
+            payloads = self._payloads.setdefault(sent.port, OrderedDict())
+            payloads[tick] = sent.payload
+            while next(iter(payloads)) <= tick - self.n_ticks:
+                payloads.popitem(last=False)
+
+    def answer(self, question: bytes) -> list[bytes]:
+        """Return the message asked for and those after it, none when it is not here (any more, or yet).
+
+        Messages travel in bundles, so what follows a lost one was most likely lost with it.
+        """
+        try:
+            request = protocol.ResendRequest.from_bytes(question)
+        except ContractError:
+            return []
+        with self._lock:
+            payloads = self._payloads.get(request.port, OrderedDict[int, bytes]())
+            if request.tick not in payloads:
+                return []
+            later = (payload for tick, payload in payloads.items() if tick >= request.tick)
+            return list(itertools.islice(later, MAX_RETRANSMITTED_AT_ONCE))
+
+
+class ParticipantRunner:
+    """Participant on a bus, which it may share with others of its process.
+
+    Args:
+        bus: The process's connection.
+        core: The participant.
+        dataflow: Of the whole run.
+        neighbours: The participants of its process; what only they read does not travel.
+        pace: Holds its ticks back, if anything does.
+        keeping: What is kept of the run's state; absent: nothing.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        core: Core,
+        dataflow: Dataflow,
+        neighbours: Collection[str],
+        pace: ClockPace | None = None,
+        keeping: SnapshotPolicy | None = None,
+    ) -> None:
+        self._bus = bus
+        self._core = core
+        self._works_ahead = core if isinstance(core, SupportsPrefetch) else None
+        self._pace = pace
+        self._keeping = keeping
+        self.stepper = Stepper(core, dataflow) if keeping is None else keeping.stepper(core, dataflow)
+        self.gate = self.stepper.gate
+        self.name = self.stepper.spec.name
+        reads = self.stepper.spec.reads
+        self.ports_read = {read.port for read in reads}
+        self.outer_ports_read = {port for port in self.ports_read if dataflow.writer_of[port] not in neighbours}
+        self._neighbours_read = {reader.name for reader in dataflow.readers_of(self.name) if reader.name in neighbours}
+        self.outer_readers = {reader.name for reader in dataflow.readers_of(self.name)} - self._neighbours_read
+        self._bundle_key = protocol.build_bundle_key(self.name, self.outer_readers)
+        self._ports_that_leave = {
+            write.port
+            for write in self.stepper.spec.writes
+            if protocol.is_always_published(write.port)
+            or any(
+                read.port == write.port
+                for reader in dataflow.readers_of(self.name)
+                if reader.name in self.outer_readers
+                for read in reader.reads
+            )
+        }
+        readers = dataflow.readers_of(self.name)
+        # Who misses a message is a window behind at most, and asks for it before its writer is another one ahead.
+        more_ticks = 0 if keeping is None else keeping.extra_retained_ticks
+        self.kept = RetransmitBuffer(
+            more_ticks + max([RETRANSMIT_TICKS, *(2 * reader.window_ticks for reader in readers)])
+        )
+        self._bundle: list[SentMessage] = []
+        self._bundled_from = 0
+        window_ticks = dataflow.by_name[self.name].window_ticks
+        self._progress_every_ticks = max(1, min(PROGRESS_PERIOD_TICKS, window_ticks // _PROGRESS_WINDOW_DIVISOR))
+        self._told_tick, self._told_at_s = -1, time.monotonic()
+
+    @property
+    def is_awaited(self) -> bool:
+        """True when somebody may wait for what it writes."""
+        return bool(self.stepper.spec.writes)
+
+    @property
+    def last_tick(self) -> int:
+        """The last tick that it has finished, -1 before the first."""
+        return self.gate.next_tick - 1
+
+    def reset(self, episode: Episode) -> list[SentMessage]:
+        """Reset the core and return what it writes once."""
+        return self.stepper.reset(episode)
+
+    def can_step(self) -> bool:
+        """Return whether the next step may happen now: its inputs are here, and its time has come."""
+        return self.gate.can_step() and not self.pace_wait_s
+
+    @property
+    def pace_wait_s(self) -> float:
+        """Time until the next step may start [s]; 0 where it may, or has no time of its own."""
+        return 0.0 if self._pace is None else self._pace.wait_s(self.gate.next_tick, time.monotonic())
+
+    def go_on(self) -> None:
+        """Keep, for readers that have missed them, the messages with which it goes on."""
+        for sent in self.stepper.recent:
+            if sent.port in self._ports_that_leave:
+                self.kept.keep(sent)
+
+    def step(self) -> list[SentMessage]:
+        """Step the core once and return what it wrote; the verdict ends the run for the one who writes it too."""
+        if self._pace is not None:
+            self._pace.begins(self.gate.next_tick, time.monotonic())
+        outputs = self.stepper.step()
+        for sent in outputs:
+            if isinstance(sent.message, Verdict):
+                self.gate.final_tick = sent.message.tick
+        return outputs
+
+    def write_snapshot_if_due(self) -> None:
+        """Write what is kept of the state, after what was sent before."""
+        if self._keeping is not None and self._keeping.is_due(self.stepper):
+            self.flush()
+            self._keeping.write_due_parts([self.stepper])
+
+    def prefetch(self) -> bool:
+        """Let the core do what it can without its inputs; return whether there was anything to do."""
+        return self._works_ahead is not None and self._works_ahead.prefetch()
+
+    def missing_external_inputs(self) -> list[MissingInput]:
+        """Return what the next step needs from other processes."""
+        return [missing for missing in self.gate.missing() if missing.port in self.outer_ports_read]
+
+    # While a participant runs ahead its outputs travel in bundles; before it waits for anything they are on their way.
+    def publish(self, outputs: list[SentMessage]) -> None:
+        """Send messages to other processes, at the latest with the next `flush`."""
+        leaving = [sent for sent in outputs if sent.port in self._ports_that_leave]
+        for sent in leaving:
+            self.kept.keep(sent)
+        self._bundle += leaving
+        if self.gate.next_tick - self._bundled_from >= BUNDLE_TICKS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send what waits."""
+        bundled = [(sent.port, sent.payload) for sent in self._bundle if protocol.fits_in_bundle(sent)]
+        if bundled:
+            self._bus.publish(self._bundle_key, protocol.pack_bundle(bundled))
+        for sent in self._bundle:
+            if protocol.is_sent_alone(sent):
+                self._publish_alone(sent)
+        self._bundle.clear()
+        self._bundled_from = self.gate.next_tick
+
+    # To nobody where nobody listens: Zenoh sends nothing that has no reader.
+    def _publish_alone(self, sent: SentMessage) -> None:
+        encoding, is_question = codec.get_encoding(type(sent.message)), sent.message.is_question
+        self._bus.publish(sent.port, sent.payload, encoding=encoding, urgent=is_question)
+        if is_question:
+            self._bus.publish(protocol.build_question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
+
+    def report_progress_if_due(self) -> None:
+        """Tell now and then which tick is finished: writers count on it, and the supervisor."""
+        n_ticks = self.last_tick - self._told_tick
+        if n_ticks >= self._progress_every_ticks or time.monotonic() - self._told_at_s > PROGRESS_PERIOD_S:
+            self.report_progress()
+
+    def report_progress(self) -> None:
+        """Tell which tick is finished, unless that is known."""
+        if self.last_tick > self._told_tick:
+            self._told_tick, self._told_at_s = self.last_tick, time.monotonic()
+            self._bus.publish(
+                protocol.build_progress_key(self.name), protocol.TickReport(tick=self.last_tick).to_bytes()
+            )
+
+    def report_waiting(self) -> None:
+        """Tell what it waits for."""
+        note = protocol.WaitingReport(
+            tick=self.gate.next_tick,
+            missing=[(missing.port, missing.tick) for missing in self.gate.missing()],
+            lacking_credit=self.gate.lacking_credit(),
+        )
+        self._bus.publish(protocol.build_waiting_key(self.name), note.to_bytes())
+
+    # Who has missed how far its readers are, or did not live yet when they told it, would wait for ever.
+    def query_readers(self, put: Callable[[bytes], None]) -> None:
+        """Ask those whose credit it lacks how far they are; `put` is told, on any thread."""
+        for reader in self.gate.lacking_credit():
+            if reader in self.outer_readers:
+                self._bus.ask(protocol.build_finished_key(reader), b"", lambda _, payload: put(payload))
+
+    def description(self) -> bytes:
+        """Return what it is; may be called on any thread."""
+        return protocol.ParticipantDescription(
+            name=self.name,
+            version=gslcosim.__version__,
+            contract_hash=get_contract_hash(),
+            pid=os.getpid(),
+            host=socket.gethostname(),
+        ).to_bytes()
+
+    def finished(self) -> bytes:
+        """Return the last tick it has finished, for a writer that has missed it; may be called on any thread."""
+        return protocol.ReaderReport(name=self.name, tick=self.last_tick).to_bytes()
+
+    def inspection(self) -> bytes:
+        """Return how it goes, for somebody who looks; may be called on any thread."""
+        return protocol.ParticipantInspection(
+            name=self.name,
+            tick=self.last_tick,
+            is_finished=self.gate.is_finished,
+            waits_for=list(self.gate.waits_for),
+            queued_ticks=self.gate.n_queued_ticks,
+            pid=os.getpid(),
+            cpu_s=read_cpu_s(),
+            memory_bytes=read_memory_bytes(),
+            n_resends=self.stepper.timing.n_resends,
+        ).to_bytes()
+
+    def close(self) -> None:
+        """Let the core write what it holds."""
+        if isinstance(self._core, SupportsClose):
+            self._core.close()
+
+    def send_final_report(self) -> None:
+        """Send the final report with the digests; sent again until the supervisor has it."""
+        bye = protocol.FinalReport(
+            name=self.name,
+            last_tick=self.last_tick,
+            trails={port: trail.as_fields() for port, trail in self.stepper.trails.items()},
+            timing=self.stepper.timing.as_fields(),
+            summary=self._account(),
+        )
+        self._bus.publish(protocol.build_final_report_key(self.name), bye.to_bytes(), urgent=True)
+
+    def _account(self) -> dict[str, Any]:
+        own = dict(self._core.summary()) if isinstance(self._core, SupportsSummary) else {}
+        return own | (self._pace.summary() if self._pace else {})
+
+
+MIN_RESEND_AFTER_S = 0.2
+MAX_RESEND_AFTER_S = 2.0
+FINAL_REPORT_PERIOD_S = 0.5
+_LINK_LOST = "link lost"
+_READER_REPORTED = "reader told"
+_READER_CONNECTED = "reader came"
+
+
+class Host:
+    """Host of the participants of a process on a bus, from joining to the final report: mostly one, or a group.
+
+    What they write for each other is handed over as it is; the rest travels. `run` returns when the supervisor has
+    dismissed them. It raises what a core raises, after telling the supervisor, and `RunTimeoutError` when the link to
+    the router is lost.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        cores: Sequence[Core],
+        dataflow: Dataflow,
+        episode: Episode,
+        pace: ClockPace | None = None,
+        keeping: SnapshotPolicy | None = None,
+    ) -> None:
+        """Prepare to host cores, each of a participant of its own.
+
+        Args:
+            bus: The process's connection.
+            cores: From upstream to downstream.
+            dataflow: Of the whole run.
+            episode: What is flown.
+            pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
+            keeping: What is kept of the run's state; absent: nothing.
+        """
+        self._bus = bus
+        self._dataflow = dataflow
+        self._episode = episode
+        names = {core.spec.name for core in cores}
+        self._hosted = [
+            ParticipantRunner(
+                bus, core, dataflow, names, pace if core.spec.name == PACED_PARTICIPANT else None, keeping
+            )
+            for core in cores
+        ]
+        self._is_paced = pace is not None
+        self._keeping = keeping
+        self._readers = {
+            port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
+        }
+        # A process of one participant is woken by what it waits for most, without a callback between.
+        self._events = bus.mailbox(
+            protocol.build_incoming_bundles_key(self._hosted[0].name) if len(names) == 1 else None
+        )
+        self._once: list[tuple[ParticipantRunner, list[SentMessage]]] = []
+        # Who is at fault where something goes wrong now.
+        self._acting = self._hosted[0]
+        # Receiving and waiting are the process's: they are counted for its first participant.
+        self._timing = self._hosted[0].stepper.timing
+        self._handlers: dict[str, Callable[[bytes], object]] = {
+            protocol.START_KEY: lambda _: self._set_started(),
+            protocol.STOP_KEY: self._on_stop,
+            protocol.CLOSE_KEY: lambda _: self._set_dismissed(),
+            _LINK_LOST: lambda _: self._on_lost_link(),
+            _READER_REPORTED: self._on_reader_told,
+            _READER_CONNECTED: lambda payload: self._absent.mark_connected(payload.decode()),
+        }
+        self._outer_readers = set[str]().union(*(hosted.outer_readers for hosted in self._hosted))
+        self._absent = SubscriberBarrier(self._outer_readers, dataflow)
+        self._is_started = False
+        self._is_dismissed = False
+        self._has_end = False
+        self._has_said_goodbye = False
+        self._was_resent = False
+        self._asked: set[MissingInput] = set()
+
+    def join(self) -> None:
+        """Reset the cores, listen to everything they read from elsewhere, and show that they are ready.
+
+        Those that only read are reset last: nobody waits for what they write, and messages wait for them.
+        """
+        awaited = [hosted for hosted in self._hosted if hosted.is_awaited]
+        self._reset(awaited)
+        ports = sorted(set[str]().union(*(hosted.outer_ports_read for hosted in self._hosted)))
+        for port in ports:
+            if not protocol.is_read_by_agents(port):
+                self._listen(port, lambda payload, port=port: self._on_input(port, payload))
+        for writer in sorted({self._dataflow.writer_of[port] for port in ports if len(self._hosted) > 1}):
+            self._bus.subscribe(protocol.build_outgoing_bundles_key(writer), self._events.put)
+        for reader in sorted(self._outer_readers):
+            self._listen(
+                protocol.build_progress_key(reader), lambda payload, name=reader: self._on_progress(name, payload)
+            )
+        self._absent.watch(self._bus, lambda name: self._events.put(_READER_CONNECTED, name.encode()))
+        for key in (protocol.START_KEY, protocol.STOP_KEY, protocol.CLOSE_KEY):
+            self._listen(key, self._handlers[key])
+        for hosted in self._hosted:
+            self._bus.answer(protocol.build_resend_key(hosted.name), hosted.kept.answer)
+            self._bus.answer(
+                protocol.build_description_key(hosted.name), lambda _, hosted=hosted: [hosted.description()]
+            )
+            self._bus.answer(protocol.build_finished_key(hosted.name), lambda _, hosted=hosted: [hosted.finished()])
+            self._bus.answer(protocol.build_inspection_key(hosted.name), lambda _, hosted=hosted: [hosted.inspection()])
+        for hosted in self._hosted:
+            self._bus.declare_alive(protocol.build_liveliness_key(hosted.name))
+        self._reset([hosted for hosted in self._hosted if hosted not in awaited])
+
+    def on_link_lost(self) -> None:
+        """Tell the host, from any thread, that the link to the router is gone."""
+        self._events.put(_LINK_LOST, b"")
+
+    def run(self) -> None:
+        """Take part in the run from the start signal to the final report."""
+        try:
+            while not self._is_started and not self._is_dismissed:
+                self._handle(self._events.get())
+            while not self._is_dismissed and (left_s := self._absent.left_s(time.monotonic())) > 0:
+                with contextlib.suppress(queue.Empty):
+                    self._handle(self._events.get(left_s))
+            if self._is_started:
+                for hosted, outputs in self._once:
+                    self._pass_on(hosted, outputs)
+                self._fly()
+                self._flush()
+            self._say_goodbye()
+        except Exception as error:
+            self._report(error)
+            raise
+
+    def _reset(self, several: Sequence[ParticipantRunner]) -> None:
+        try:
+            for hosted in several:
+                self._acting = hosted
+                self._once.append((hosted, hosted.reset(self._episode)))
+            if self._keeping is not None:
+                self._keeping.go_on([hosted.stepper for hosted in several], self._dataflow)
+                for hosted in several:
+                    hosted.go_on()
+        except Exception as error:
+            self._report(error)
+            raise
+
+    @property
+    def last_tick(self) -> int:
+        """The last tick that all its participants have finished, -1 before the first."""
+        return min(hosted.last_tick for hosted in self._hosted)
+
+    @property
+    def is_whole(self) -> bool:
+        """True when all its participants have come to the end of the run."""
+        return self._has_end and all(hosted.gate.is_finished for hosted in self._hosted)
+
+    @property
+    def n_resends(self) -> int:
+        """Number of messages it had to ask for again."""
+        return self._timing.n_resends
+
+    @property
+    def _are_finished(self) -> bool:
+        return self._is_dismissed or (self._has_end and all(hosted.gate.is_finished for hosted in self._hosted))
+
+    def _fly(self) -> None:
+        while not self._are_finished:
+            self._drain()
+            if not self._step_those_that_may():
+                self._flush()
+                self._wait_for_input()
+
+    # A tick each, in the order of the dataflow, so that what one writes is still warm when the next reads it.
+    def _step_those_that_may(self) -> bool:
+        has_stepped = False
+        for hosted in self._hosted:
+            if hosted.can_step():
+                self._acting = hosted
+                self._pass_on(hosted, hosted.step())
+                hosted.write_snapshot_if_due()
+                hosted.report_progress_if_due()
+                has_stepped = True
+        return has_stepped
+
+    def _pass_on(self, hosted: ParticipantRunner, outputs: list[SentMessage]) -> None:
+        for sent in outputs:
+            for reader in self._readers[sent.port]:
+                reader.gate.deliver(sent.port, sent.message)
+        for other in self._hosted:
+            if other is not hosted:
+                other.gate.grant(hosted.name, hosted.last_tick)
+                if hosted.gate.final_tick is not None:
+                    other.gate.final_tick = hosted.gate.final_tick
+        self._has_end = self._has_end or hosted.gate.final_tick is not None
+        hosted.publish(outputs)
+
+    def _drain(self) -> None:
+        started = time.perf_counter_ns()
+        while (event := self._events.get_nowait()) is not None:
+            self._handle(event)
+        self._timing.receiving_ns += time.perf_counter_ns() - started
+
+    def _flush(self) -> None:
+        for hosted in self._hosted:
+            hosted.flush()
+
+    def _wait_for_input(self) -> None:
+        started = time.perf_counter_ns()
+        patience_s = MIN_RESEND_AFTER_S
+        self._asked.clear()
+        if self._was_resent:
+            # Where one was missing the next most likely is, too: whoever catches up waits for nothing else.
+            self._was_resent = False
+            for hosted in self._hosted:
+                self._ask_again(hosted, only_lost=False)
+        # Nobody could step just now; where time alone is waited for, that may have changed.
+        is_known_to_wait = not self._is_paced
+        while not self._are_finished and (is_known_to_wait or not any(hosted.can_step() for hosted in self._hosted)):
+            is_known_to_wait = False
+            for hosted in self._hosted:
+                if hosted.gate.has_waiting_inputs:
+                    self._ask_again(hosted, only_lost=True)
+            event = self._events.get_nowait()
+            while event is None and self._work_ahead():
+                event = self._events.get_nowait()
+            early_s = self._early_s() if self._is_paced else 0.0
+            try:
+                self._handle(event or self._events.get(early_s or patience_s))
+            except queue.Empty:
+                if early_s:
+                    continue
+                self._asked.clear()
+                for hosted in self._hosted:
+                    hosted.report_progress()
+                    self._ask_again(hosted, only_lost=False)
+                    hosted.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
+                    hosted.report_waiting()
+                patience_s = min(2 * patience_s, MAX_RESEND_AFTER_S)
+        self._timing.waiting_ns += time.perf_counter_ns() - started
+
+    # Whose inputs are here waits for its time alone, and everybody for it.
+    def _early_s(self) -> float:
+        return max((hosted.pace_wait_s for hosted in self._hosted if hosted.gate.can_step()), default=0.0)
+
+    def _work_ahead(self) -> bool:
+        for hosted in self._hosted:
+            self._acting = hosted
+            if hosted.prefetch():
+                return True
+        return False
+
+    # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
+    def _ask_again(self, hosted: ParticipantRunner, *, only_lost: bool) -> None:
+        for missing in hosted.missing_external_inputs():
+            if missing in self._asked or (only_lost and not hosted.gate.has_later(missing)):
+                continue
+            # Once in a while: each answer brings many messages, and each of them would ask again.
+            self._asked.add(missing)
+            writer = self._dataflow.writer_of[missing.port]
+            question = protocol.ResendRequest(port=missing.port, tick=missing.tick).to_bytes()
+            self._bus.ask(
+                protocol.build_resend_key(writer),
+                question,
+                lambda _, payload, port=missing.port: self._on_resent(port, payload),
+            )
+
+    def _on_reader_told(self, payload: bytes) -> None:
+        note = protocol.ReaderReport.from_bytes(payload)
+        for hosted in self._hosted:
+            hosted.gate.grant(note.name, note.tick)
+
+    def _on_resent(self, port: str, payload: bytes) -> None:
+        self._events.put(f"resent:{port}", payload)
+
+    def _report(self, error: Exception) -> None:
+        report_fault(self._bus, self._acting.name, error, tick=self._acting.last_tick)
+
+    def _say_goodbye(self) -> None:
+        for hosted in self._hosted:
+            self._acting = hosted
+            hosted.close()
+            hosted.report_progress()
+        while not self._is_dismissed:
+            for hosted in self._hosted:
+                hosted.send_final_report()
+            self._has_said_goodbye = True
+            resend_at = time.monotonic() + FINAL_REPORT_PERIOD_S
+            while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
+                try:
+                    self._handle(self._events.get(left_s))
+                except queue.Empty:
+                    break
+
+    def _listen(self, key: str, handler: Callable[[bytes], object]) -> None:
+        self._handlers[key] = handler
+        self._bus.subscribe(key, self._events.put)
+
+    def _handle(self, event: tuple[str, bytes]) -> None:
+        key, payload = event
+        if key.startswith("resent:"):
+            is_new = self._on_input(key.removeprefix("resent:"), payload)
+            self._timing.n_resends += is_new
+            self._was_resent = self._was_resent or is_new
+        elif key.startswith(protocol.BUNDLE_PREFIX):
+            self._on_bundle(payload)
+        else:
+            self._handlers[key](payload)
+
+    def _on_input(self, port: str, payload: bytes) -> bool:
+        message: Message = codec.decode_trusted(self._dataflow.message_types[port], payload)
+        is_new = [reader.gate.deliver(port, message) for reader in self._readers[port]]
+        return any(is_new)
+
+    def _on_bundle(self, payload: bytes) -> None:
+        for port, message in protocol.unpack_bundle(payload):
+            if self._readers.get(port):
+                self._on_input(port, message)
+
+    def _on_progress(self, reader: str, payload: bytes) -> None:
+        tick = protocol.TickReport.from_bytes(payload).tick
+        for hosted in self._hosted:
+            hosted.gate.grant(reader, tick)
+
+    def _on_stop(self, payload: bytes) -> None:
+        tick = protocol.TickReport.from_bytes(payload).tick
+        for hosted in self._hosted:
+            hosted.gate.final_tick = tick
+        self._has_end = True
+
+    def _on_lost_link(self) -> None:
+        if self._has_said_goodbye:
+            # On a bad link the last word may come too late; nobody needs us any more.
+            self._set_dismissed()
+            return
+        raise RunTimeoutError(
+            f"{self._acting.name}: the link to the run's router was lost; the supervisor may have ended."
+        )
+
+    def _set_started(self) -> None:
+        self._is_started = True
+
+    def _set_dismissed(self) -> None:
+        self._is_dismissed = True

@@ -1,0 +1,187 @@
+"""Launch of a distributed run: opens the router, starts each service's and agent's process, leaves none behind."""
+
+import queue
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from pathlib import Path
+
+from gslcosim.base.command_lines import build_python_command
+from gslcosim.base.errors import MachineError, SimulationFault
+from gslcosim.base.files import append_bytes
+from gslcosim.base.interruption import Interruption
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim.runtime.agents.gateway_transport import GatewayAgents
+from gslcosim.runtime.agents.loader import build_start_command
+from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.runtime.distributed.protocol import Interrupted, ProcessEnded, ProcessStopped, SupervisorEvent
+from gslcosim.runtime.distributed.router import RunRouter
+from gslcosim.runtime.distributed.supervisor import RunEndedError, Supervisor
+from gslcosim.runtime.distributed.watchdog import RestartPolicy
+from gslcosim.runtime.network import Network
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault
+from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses, StopMonitor, can_detect_stops
+from gslcosim.runtime.processes.current_process import keep_memory_private
+from gslcosim.runtime.processes.fork_client import FORK_SERVER, ForkServer
+from gslcosim.runtime.processes.sandbox.selection import build_confinement
+from gslcosim.runtime.remote.run_server import RunServer
+from gslcosim.runtime.services import ServiceGroup, get_process_name
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.status import RunStatus
+
+
+def run_distributed(
+    setup: RunSetup,
+    directory: Path,
+    network: Network,
+    report: Callable[[RunStatus], None],
+    groups: Sequence[ServiceGroup],
+    fork_server: ForkServer | None = None,
+) -> RunOutcome:
+    """Run a scenario as separate processes until the verdict, a fault or an interruption; none is left afterwards.
+
+    Args:
+        setup: The run.
+        directory: The scenario's folder, where relative paths of agents start.
+        network: How processes reach the run's router.
+        report: Is told how the flight goes.
+        groups: The services of each process.
+        fork_server: Forks the services, if there is one already.
+    """
+    keep_memory_private()
+    outcome = RunOutcome()
+    began = time.perf_counter()
+    notices: queue.SimpleQueue[SupervisorEvent] = queue.SimpleQueue()
+    guests = GatewayAgents(setup, directory, network, notices.put)
+
+    # On the thread that waits for the process.
+    def on_exit(name: str, exit_code: int, how: str) -> None:
+        if fork_server is not None and fork_server.has_failed:
+            name = FORK_SERVER
+        if not guests.exited(name, exit_code, how):
+            notices.put(ProcessEnded(name, exit_code, how))
+
+    # On the thread of the watch.
+    def on_stopped(name: str) -> None:
+        if not guests.stopped(name):
+            notices.put(ProcessStopped(name))
+
+    crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in guests}
+    with ExitStack() as stack:
+        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
+        stack.callback(guests.close)
+        interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
+        starts_services = not all(network.is_remote(group[0]) for group in groups)
+        if fork_server is None and starts_services and ForkServer.is_possible():
+            fork_server = stack.enter_context(ForkServer())
+        children = stack.enter_context(ChildProcesses(on_exit))
+        stack.enter_context(StopMonitor(lambda: _list_pids(children, fork_server), on_stopped))
+        here = [get_process_name(group) for group in groups if not network.is_remote(group[0])]
+        router = RunRouter(setup.run_dir, network, socket_dir, crews, mesh=here)
+        bus = stack.enter_context(router.open())
+
+        def start_again(group: ServiceGroup, how: str) -> None:
+            log = setup.run_dir.log(get_process_name(group))
+            with suppress(OSError):
+                append_bytes(log.parent, log.name, f"The process {how}; it is started again.\n".encode())
+            _start_services(setup, network, router, children, [group], fork_server)
+
+        restarts = RestartPolicy(setup.scenario, groups, start_again)
+        supervisor = Supervisor(setup, bus, guests, notices, report, groups, restarts)
+        expected = [group[0] for group in groups if network.is_remote(group[0])]
+        offering = RunServer(setup, expected) if expected else None
+        try:
+            supervisor.listen()
+            if offering is not None:
+                offering.serve_on(bus)
+            _start_services(setup, network, router, children, groups, fork_server)
+            if fork_server is not None:
+                fork_server.release_unused()
+            _start_agents(setup, directory, network, router, children, tuple(crews), socket_dir)
+            guests.start(children, socket_dir)
+            supervisor.await_all_ready(interruption)
+            outcome.start_up_s = time.perf_counter() - began
+            supervisor.fly(interruption)
+        except RunEndedError as ended:
+            outcome.fault = _append_log_tail(ended.fault, fork_server)
+        except MachineError as error:
+            outcome.fault = supervisor.fault(str(error))
+        outcome.is_interrupted = interruption.is_set() and outcome.fault is None
+        supervisor.shut_down()
+        if fork_server is not None:
+            fork_server.wake()
+        # Before its start nobody has anything to finish, and who has not joined yet hears nothing.
+        children.wait(EXIT_TIMEOUT_S if supervisor.has_begun else 0.0)
+        if offering is not None:
+            offering.wait_until_gone(EXIT_TIMEOUT_S)
+        supervisor.complete(outcome)
+    return outcome
+
+
+def _append_log_tail(fault: ServiceFault, fork_server: ForkServer | None) -> ServiceFault:
+    if fork_server is None or fault.participant != FORK_SERVER:
+        return fault
+    return replace(fault, text=f"{fault.text}{fork_server.log_tail()}")
+
+
+def _list_pids(children: ChildProcesses, fork_server: ForkServer | None) -> dict[str, int]:
+    # First, since nothing is known of its forks while it is stopped.
+    server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
+    return server | children.pids
+
+
+def _start_services(
+    setup: RunSetup,
+    network: Network,
+    router: RunRouter,
+    children: ChildProcesses,
+    groups: Sequence[ServiceGroup],
+    fork_server: ForkServer | None,
+) -> None:
+    run_dir = setup.run_dir
+    # The last has most to import.
+    for group in reversed(groups):
+        name = get_process_name(group)
+        is_elsewhere = network.is_remote(group[0])
+        join = router.join_of_service(name, is_watched=not is_elsewhere and can_detect_stops())
+        if is_elsewhere:
+            network.write_join("services", join, run_dir.path)
+        elif fork_server is not None:
+            try:
+                children.adopt(name, fork_server.fork(name, group, join=join, log=run_dir.log(name)))
+            except SimulationFault as error:
+                raise RunEndedError(ServiceFault(participant=FORK_SERVER, tick=0, text=str(error))) from error
+        else:
+            command = build_python_command("-m", "gslcosim_services", *group)
+            children.start(name, command, join=join, log=run_dir.log(name))
+
+
+def _start_agents(
+    setup: RunSetup,
+    directory: Path,
+    network: Network,
+    router: RunRouter,
+    children: ChildProcesses,
+    processes: tuple[str, ...],
+    private_dir: Path,
+) -> None:
+    run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
+    for process in processes:
+        command = build_start_command(specs[process], directory)
+        join = router.join_of_process(process, is_watched=command is not None and can_detect_stops())
+        if command is None:
+            network.write_join("agents", join, run_dir.path)
+            continue
+        confinement = build_confinement(
+            specs[process],
+            command,
+            setup,
+            directory=directory,
+            private_dir=private_dir,
+            sockets=[router.socket],
+        )
+        log = run_dir.log(get_agent_participant(process))
+        children.start(
+            get_agent_participant(process), command, join=join, log=log, cwd=directory, confinement=confinement
+        )

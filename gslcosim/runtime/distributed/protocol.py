@@ -1,0 +1,395 @@
+"""Protocol between the supervisor and hosts: keys, control messages, bundles, and events of the supervisor."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import msgpack  # pyright: ignore[reportMissingTypeStubs]
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from typing_extensions import TypedDict
+
+from gslcosim.base.errors import ContractError
+from gslcosim.contract import keys
+from gslcosim.contract.schema import get_contract_hash
+from gslcosim.runtime.agents.transport import AgentEvent
+from gslcosim.runtime.stepper import SentMessage
+
+START_KEY = "ctl/start"
+STOP_KEY = "ctl/stop"
+CLOSE_KEY = "ctl/close"
+FAULT_KEY = "ctl/fault"
+BUNDLE_PREFIX = "bundle/"
+# Without type stubs, so its functions are Any.
+_msgpack: Any = msgpack
+
+LARGE_BYTES = 4096
+
+# These messages cross hosts: no number, name or text of another host is taken as it comes.
+MAX_MESSAGE_BYTES = 1 << 30
+MAX_TICK = 1 << 53
+MAX_TEXT = 1 << 20
+Tick = Annotated[int, Field(ge=-1, le=MAX_TICK)]
+ParticipantName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}$")]
+PortName = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}(/[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}){0,9}$")
+]
+ShortText = Annotated[str, StringConstraints(max_length=300)]
+Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
+Amount = Annotated[int, Field(ge=0, le=1 << 62)]
+_MAX_ITEMS = 100_000
+_Base64 = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?$")]
+
+
+def build_liveliness_key(name: str) -> str:
+    """Return the key of a participant's liveliness token."""
+    return f"alive/{name}"
+
+
+def build_progress_key(name: str) -> str:
+    """Return the key on which a participant tells which tick it has finished."""
+    return f"ctl/progress/{name}"
+
+
+def build_waiting_key(name: str) -> str:
+    """Return the key on which a participant tells what it has been waiting for."""
+    return f"ctl/waiting/{name}"
+
+
+def build_final_report_key(name: str) -> str:
+    """Return the key on which a participant hands over its digests when it is done."""
+    return f"ctl/bye/{name}"
+
+
+def build_bundle_key(writer: str, readers: Iterable[str]) -> str:
+    """Return the key on which a participant sends the messages of several ports and ticks in one, to its readers.
+
+    They are named so that each gets all that concerns it, and no more, with one subscription.
+    """
+    return f"{BUNDLE_PREFIX}{writer}/.{'.'.join(sorted(readers))}."
+
+
+def build_incoming_bundles_key(reader: str) -> str:
+    """Return the keys on which others send bundles to a participant."""
+    return f"{BUNDLE_PREFIX}*/$*.{reader}.$*"
+
+
+def build_outgoing_bundles_key(writer: str) -> str:
+    """Return the keys on which a participant sends bundles, whoever reads them."""
+    return f"{BUNDLE_PREFIX}{writer}/*"
+
+
+def is_read_by_agents(port: str) -> bool:
+    """Return whether agents read a port: then each message is also sent on its own key, as the contract says."""
+    return port.startswith("agents/")
+
+
+def is_always_published(port: str) -> bool:
+    """Return whether a port is sent whoever shares the writer's process: agents read it, or the supervisor."""
+    return is_read_by_agents(port) or port == keys.VERDICT
+
+
+def fits_in_bundle(sent: SentMessage) -> bool:
+    """Return whether a message travels in a bundle; a large one would only burden those who do not read it."""
+    return len(sent.payload) <= LARGE_BYTES or is_read_by_agents(sent.port)
+
+
+def build_question_key(port: str) -> str:
+    """Return the key on which a question to the agent of this port is asked beside the port's own."""
+    return keys.question(port.split("/")[1])
+
+
+def is_sent_alone(sent: SentMessage) -> bool:
+    """Return whether a message travels on its own key."""
+    return len(sent.payload) > LARGE_BYTES or is_read_by_agents(sent.port)
+
+
+def pack_bundle(messages: list[tuple[str, bytes]]) -> bytes:
+    """Return messages as one payload: a msgpack list of (port, payload)."""
+    return _msgpack.packb(messages)
+
+
+def unpack_bundle(payload: bytes) -> list[tuple[str, bytes]]:
+    """Return the messages of a bundle.
+
+    Raises:
+        ContractError: it is not a bundle.
+    """
+    try:
+        messages: Any = _msgpack.unpackb(payload, use_list=False)
+        return [(str(port), bytes(message)) for port, message in messages]
+    except (ValueError, TypeError, msgpack.UnpackException) as error:
+        raise ContractError(f"bundle: expected a list of (port, payload), was {payload[:32]!r}.") from error
+
+
+def build_resend_key(name: str) -> str:
+    """Return the key on which a participant answers with a message it has sent before."""
+    return f"rpc/{name}/resend"
+
+
+def build_description_key(name: str) -> str:
+    """Return the key on which a participant says what it is."""
+    return f"rpc/{name}/describe"
+
+
+def build_finished_key(name: str) -> str:
+    """Return the key on which a participant says which tick it has finished, for who has missed that."""
+    return f"rpc/{name}/finished"
+
+
+def build_inspection_key(name: str) -> str:
+    """Return the key on which a participant says how it goes."""
+    return f"rpc/{name}/inspect"
+
+
+class ControlMessage(BaseModel):
+    """Base of the control messages."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    def to_bytes(self) -> bytes:
+        """Return the message as msgpack."""
+        return _msgpack.packb(self.model_dump())
+
+    @classmethod
+    def from_bytes(cls, payload: bytes) -> Any:
+        """Return the message in a payload.
+
+        Raises:
+            ContractError: it is not this message.
+        """
+        if len(payload) > MAX_MESSAGE_BYTES:
+            raise ContractError(
+                f"{cls.__name__}: expected at most {MAX_MESSAGE_BYTES} bytes, was {len(payload)}. Another host sends "
+                "what gslcosim does not."
+            )
+        try:
+            return cls.model_validate(_msgpack.unpackb(payload))
+        except ValidationError as error:
+            raise ContractError(f"{cls.__name__}: {_first_problem(error)}") from error
+        except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
+            raise ContractError(f"{cls.__name__}: expected a control message, was {payload[:32]!r}.") from error
+
+
+# In one sentence, with no more of the value than fits in it.
+def _first_problem(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_context=False)[0]
+    place = ".".join(str(part)[:80] for part in first["loc"]) or "message"
+    return f"{place}: expected something else ({first['msg'][:300]}), was {str(first['input'])[:80]!r}."
+
+
+class TickReport(ControlMessage):
+    """A tick: the last one finished (progress), or the last one that counts (stop)."""
+
+    tick: Tick
+
+
+class ReaderReport(ControlMessage):
+    """The last tick that a participant has finished, with its name."""
+
+    name: ParticipantName
+    tick: Tick
+
+
+class WaitingReport(ControlMessage):
+    """Inputs that a participant lacks for its next tick: (port, tick) pairs, or credit of readers."""
+
+    tick: Tick
+    missing: list[tuple[PortName, Tick]] = Field(default=[], max_length=_MAX_ITEMS)
+    lacking_credit: list[ParticipantName] = Field(default=[], max_length=_MAX_ITEMS)
+
+
+class FaultReport(ControlMessage):
+    """A participant's own failure."""
+
+    participant: ParticipantName
+    tick: Tick
+    text: Text
+
+
+class ResendRequest(ControlMessage):
+    """Ask for the message of a port at a tick."""
+
+    port: PortName
+    tick: Tick
+
+
+class ParticipantDescription(ControlMessage):
+    """Description of a participant: its name, version, and the hash of the contract it speaks."""
+
+    name: ParticipantName
+    version: ShortText
+    contract_hash: ShortText
+    pid: Amount
+    host: ShortText
+
+    @property
+    def difference(self) -> str:
+        """Why it cannot take part in a run of this process: its contract is another; empty where it can."""
+        if self.contract_hash == get_contract_hash():
+            return ""
+        return (
+            f"expected contract {get_contract_hash()}, was {self.contract_hash} (gslcosim {self.version} on "
+            f"{self.host}). Install the same version everywhere."
+        )
+
+
+class ParticipantInspection(ControlMessage):
+    """State of a participant, and the usage of its process; see `ParticipantStatus`."""
+
+    name: ParticipantName
+    tick: Tick
+    is_finished: bool
+    waits_for: list[ShortText] = Field(max_length=_MAX_ITEMS)
+    queued_ticks: Amount
+    pid: Amount
+    cpu_s: float = Field(ge=0, allow_inf_nan=False)
+    memory_bytes: Amount | None
+    n_resends: Amount
+
+
+class HashChainFields(TypedDict):
+    """The hash chain of a port; see `gslcosim.runtime.digest.HashChain`."""
+
+    ticks: list[Tick]
+    links: _Base64
+
+
+class FinalReport(ControlMessage):
+    """Final report of a participant: its last tick, the hash chains of its ports, where its time went, its summary."""
+
+    name: ParticipantName
+    last_tick: Tick
+    trails: dict[PortName, HashChainFields]
+    timing: dict[ShortText, int]
+    summary: dict[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class BundleReceived:
+    """A service has sent the messages of several ports and ticks in one."""
+
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class BriefingReceived:
+    """The briefing of an agent, on its way there."""
+
+    agent: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class ObservationReceived:
+    """An observation of an agent that was asked for again."""
+
+    agent: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class VerdictReceived:
+    """The verdict, which was asked for again."""
+
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class ProgressReported:
+    """A participant tells which tick it has finished."""
+
+    name: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class WaitingReported:
+    """A participant tells what it waits for."""
+
+    name: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class ServiceFinished:
+    """A service is done."""
+
+    name: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class FaultReported:
+    """A service has failed and says how."""
+
+    name: str
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class ServiceAppeared:
+    """A service's liveliness token is there."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class ServiceDescribed:
+    """A service says what it is."""
+
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class ServiceVanished:
+    """A service's liveliness token is gone."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class AgentVanished:
+    """The liveliness token of an agent on the bus is gone."""
+
+    agent: str
+
+
+@dataclass(frozen=True)
+class ProcessEnded:
+    """A process that joins the bus has ended."""
+
+    name: str
+    exit_code: int
+    how: str
+
+
+@dataclass(frozen=True)
+class ProcessStopped:
+    """A process that joins the bus has been stopped for too long, and is being killed."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """Somebody wants the run to end."""
+
+
+SupervisorEvent = (
+    BundleReceived
+    | BriefingReceived
+    | ObservationReceived
+    | VerdictReceived
+    | ProgressReported
+    | WaitingReported
+    | ServiceFinished
+    | FaultReported
+    | ServiceAppeared
+    | ServiceDescribed
+    | ServiceVanished
+    | AgentVanished
+    | ProcessEnded
+    | ProcessStopped
+    | Interrupted
+    | AgentEvent
+)

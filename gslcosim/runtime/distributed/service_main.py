@@ -1,0 +1,109 @@
+"""Main program of a service process, from the environment variable to the exit code."""
+
+import faulthandler
+import logging
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.base.os_errors import format_fault
+from gslcosim.bus.interface import JoinData
+from gslcosim.contract.participant import Core, Episode
+from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.distributed.host import Host, report_fault
+from gslcosim.runtime.processes.current_process import keep_memory_private
+from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
+from gslcosim.runtime.services import default_services
+
+if TYPE_CHECKING:
+    from gslcosim.runtime.stepper import ClockPace
+
+
+def main(words: Sequence[str]) -> None:
+    """Serve the services that the command line names, in this one process, or fork servers of them.
+
+    Args:
+        words: The command line after the program: at least one name, or `--fork-server` and a file descriptor.
+    """
+    if words[:1] == ["--fork-server"]:
+        from gslcosim.runtime.processes import fork_server
+
+        fork_server.main(int(words[1]))
+        return
+    if not words:
+        names = ", ".join(kind.name for kind in default_services())
+        sys.stderr.write(f"usage: python -m gslcosim_services NAME…, with names of services: {names}\n")
+        sys.exit(ExitCode.USAGE)
+    serve(words)
+
+
+def serve(names: Sequence[str], join: JoinData | None = None) -> None:
+    """Build the cores of services, take part in a run, and return when they are dismissed.
+
+    Args:
+        names: The services.
+        join: How they join the run; absent: as `GSLCOSIM_JOIN` says.
+
+    Exits with code 3 after a fault; the log says why.
+    """
+    keep_memory_private()
+    faulthandler.enable()
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    # Ctrl-C is the supervisor's to handle; it dismisses the services in order.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        _build_and_host(names, join)
+    except Exception as error:
+        logging.getLogger("+".join(names)).error("%s", format_fault(error, traceback.format_exc()))
+        sys.exit(ExitCode.FAULT)
+
+
+def _build_and_host(names: Sequence[str], join: JoinData | None) -> None:
+    from gslcosim.runtime.services import build_core, build_dataflow
+    from gslcosim.runtime.setup import RunSetup
+    from gslcosim.runtime.stepper import build_clock_pace
+
+    join = join or JoinData.from_environment()
+    if join.run_dir is None:
+        raise UsageError(f"{names[0]}: expected run_dir in the join data of a service, found none.")
+    at_fault = names[0]
+    try:
+        setup = RunSetup.load(Path(join.run_dir))
+        cores: list[Core] = []
+        for at_fault in names:
+            cores.append(build_core(at_fault, setup))
+        dataflow = build_dataflow(setup.scenario, window_ticks=join.window_ticks)
+    except Exception as error:
+        _report_start_fault(join, at_fault, error)
+        raise
+    host_cores(join, cores, dataflow, setup.episode, build_clock_pace(setup), SnapshotPolicy.of(setup))
+
+
+# The log says it too, but where a disk is full there is none.
+def _report_start_fault(join: JoinData, name: str, error: Exception) -> None:
+    from gslcosim.bus.zenoh_bus import ZenohBus
+
+    with ZenohBus.open_member(join) as bus:
+        report_fault(bus, name, error, tick=0)
+
+
+def host_cores(
+    join: JoinData,
+    cores: Sequence[Core],
+    dataflow: Dataflow,
+    episode: Episode,
+    pace: "ClockPace | None" = None,
+    keeping: SnapshotPolicy | None = None,
+) -> None:
+    """Host cores in the run that `join` leads to, until they are dismissed."""
+    from gslcosim.bus.zenoh_bus import ZenohBus
+
+    with ZenohBus.open_member(join) as bus:
+        host = Host(bus, cores, dataflow, episode, pace, keeping)
+        bus.on_disconnect(host.on_link_lost)
+        host.join()
+        host.run()

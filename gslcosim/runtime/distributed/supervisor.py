@@ -1,0 +1,459 @@
+"""Supervisor of a distributed run: watches its processes, reports its status, and names the culprit when one fails."""
+
+import queue
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import takewhile
+
+from gslcosim.base.errors import ExitCode
+from gslcosim.base.interruption import Interruption
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.bus.interface import Bus
+from gslcosim.bus.zenoh_bus import ZenohBus
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Verdict
+from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
+from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
+from gslcosim.runtime.agents.session import AgentSession, build_agent_statuses, build_session
+from gslcosim.runtime.agents.transport import AgentJoined, AgentLost
+from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.outcome_collection import collect_outcome
+from gslcosim.runtime.distributed.protocol import (
+    AgentVanished,
+    BriefingReceived,
+    BundleReceived,
+    FaultReported,
+    Interrupted,
+    ObservationReceived,
+    ProcessEnded,
+    ProcessStopped,
+    ProgressReported,
+    ServiceAppeared,
+    ServiceDescribed,
+    ServiceFinished,
+    ServiceVanished,
+    SupervisorEvent,
+    VerdictReceived,
+    WaitingReported,
+)
+from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
+from gslcosim.runtime.network import JOIN_TIMEOUT_S
+from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.processes.children import PauseDetector, describe_stop
+from gslcosim.runtime.processes.fork_client import FORK_SERVER
+from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
+from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.status import ParticipantState, ParticipantStatus, RunStatus
+
+STATUS_PERIOD_S = 0.1
+# Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.
+LATE_AFTER_S = 4.0
+
+
+class StatusReporter:
+    """Reporter of a run's status: not too often, but each state at once.
+
+    Args:
+        report: Is told the status.
+        tick_ns: How long a tick is.
+        participants: Looks at the participants, for whoever is told the status.
+    """
+
+    def __init__(
+        self,
+        report: Callable[[RunStatus], None],
+        tick_ns: int,
+        participants: Callable[[], list[ParticipantStatus]],
+    ) -> None:
+        self._report = report
+        self._tick_ns = tick_ns
+        self._participants = participants
+        self._told_at_s, self._told_state = 0.0, ""
+
+    def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
+        """Tell who has not joined yet, and after a while for how long."""
+        text = f"waiting for {', '.join(names)}"
+        if waited_s <= LATE_AFTER_S:
+            self._tell(RunStatus(state="starting", text=text))
+        else:
+            self._tell(RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True))
+
+    def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
+        """Tell how far the flight has come, and what else there is to tell."""
+        sim_time_s = seconds_from_ticks(tick, self._tick_ns)
+        factor = sim_time_s / wall_s if wall_s > 0 else 0.0
+        self._tell(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
+
+    def _tell(self, status: RunStatus) -> None:
+        now_s = time.monotonic()
+        if status.state != self._told_state or now_s - self._told_at_s >= STATUS_PERIOD_S:
+            self._told_at_s, self._told_state = now_s, status.state
+            self._report(replace(status, participants=self._participants))
+
+
+# Who has not answered by then is silent: it is stopped, or its process has too much to do.
+INSPECTION_TIMEOUT_S = 0.5
+
+
+class ParticipantInspector:
+    """Inspector of a run's services, which asks them only when a client wants to see them.
+
+    Args:
+        bus: The supervisor's connection.
+        services: Those of the run.
+        watchdog: Knows who has said goodbye.
+        desks: Of the agents.
+    """
+
+    def __init__(
+        self, bus: Bus, services: Sequence[str], watchdog: Watchdog, desks: Mapping[str, AgentSession]
+    ) -> None:
+        self._bus = bus
+        self._services = services
+        self._watchdog = watchdog
+        self._desks = desks
+
+    def look(self) -> list[ParticipantStatus]:
+        """Return one moment of all participants; may be called on any thread."""
+        answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        asked = [name for name in self._services if name not in self._watchdog.final_reports]
+        for name in asked:
+            self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
+        came = _collect_answers(answers, len(asked))
+        return [self._service(name, came.get(name)) for name in self._services] + build_agent_statuses(self._desks)
+
+    def _service(self, name: str, told: protocol.ParticipantInspection | None) -> ParticipantStatus:
+        if told is None:
+            state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
+            return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
+        return ParticipantStatus(
+            name=name,
+            state="done" if told.is_finished else "waiting" if told.waits_for else "working",
+            tick=told.tick,
+            waits_for=tuple(told.waits_for),
+            queued_ticks=told.queued_ticks,
+            pid=told.pid,
+            cpu_s=told.cpu_s,
+            memory_bytes=told.memory_bytes,
+            n_resends=told.n_resends,
+        )
+
+
+def _collect_answers(answers: "queue.SimpleQueue[bytes]", n_asked: int) -> dict[str, protocol.ParticipantInspection]:
+    came: dict[str, protocol.ParticipantInspection] = {}
+    deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
+    with suppress(queue.Empty):
+        while len(came) < n_asked:
+            told: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(
+                answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
+            )
+            came[told.name] = told
+    return came
+
+
+POLL_PERIOD_S = 0.1
+# Between two looks at the clock, however many messages an agent sends.
+MAX_EVENTS_AT_ONCE = 256
+
+
+class RunEndedError(Exception):
+    """The run is over before its verdict; carries the fault."""
+
+    def __init__(self, fault: ServiceFault) -> None:
+        super().__init__(fault.text)
+        self.fault = fault
+
+
+class Supervisor:
+    """Supervisor of one run: validates agents' commands, and ends the run with the culprit's name.
+
+    What it hears comes as notices from many threads and is handled on the one that calls `fly`.
+    """
+
+    def __init__(
+        self,
+        setup: RunSetup,
+        bus: ZenohBus,
+        guests: GatewayAgents,
+        notices: "queue.SimpleQueue[SupervisorEvent]",
+        report: Callable[[RunStatus], None],
+        groups: Sequence[ServiceGroup],
+        restarts: RestartPolicy,
+    ) -> None:
+        self._setup = setup
+        self._bus = bus
+        self._guests = guests
+        self._events = notices
+        self._dataflow = build_dataflow(setup.scenario)
+        self._services = list_service_names(setup.scenario)
+        self._watchdog = Watchdog(groups, setup.run_dir)
+        self._restarts = restarts
+        self._bus_links = {
+            agent.name: BusTransport(agent.name, bus, notices.put)
+            for agent in setup.scenario.agents
+            if agent.name not in guests
+        }
+        self._doors = {agent.name: self._door_host(agent.name) for agent in setup.scenario.agents}
+        desks = {name: door.desk for name, door in self._doors.items()}
+        inspector = ParticipantInspector(bus, self._services, self._watchdog, desks)
+        self._teller = StatusReporter(report, setup.scenario.tick_ns, inspector.look)
+        self._observed_by = {keys.observation(name): door for name, door in self._doors.items()}
+        self._described: set[str] = set()
+        self._departed_at_s: dict[str, float] = {}
+        self._verdict: Verdict | None = None
+        self._pauses = PauseDetector()
+        self._started_at_s: float | None = None
+        self._ended_at_s: float | None = None
+
+    @property
+    def has_begun(self) -> bool:
+        """True when simulated time has started."""
+        return self._started_at_s is not None
+
+    def listen(self) -> None:
+        """Hear services and agents from now on."""
+        bus, put = self._bus, self._events.put
+        for name, door in self._doors.items():
+            bus.subscribe(keys.briefing(name), lambda _, payload, name=name: put(BriefingReceived(name, payload)))
+            door.listen()
+        for link in self._bus_links.values():
+            link.listen()
+        for name in ("sensing", "referee"):
+            bus.subscribe(protocol.build_outgoing_bundles_key(name), lambda _, payload: put(BundleReceived(payload)))
+        bus.subscribe(protocol.FAULT_KEY, lambda _, payload: put(FaultReported("", payload)))
+        for key, notice in (
+            (protocol.build_progress_key("*"), ProgressReported),
+            (protocol.build_waiting_key("*"), WaitingReported),
+            (protocol.build_final_report_key("*"), ServiceFinished),
+        ):
+            bus.subscribe(key, lambda at, payload, notice=notice: put(notice(at.rsplit("/", 1)[-1], payload)))
+        bus.watch_alive(protocol.build_liveliness_key("*"), self._on_service_alive)
+        bus.watch_alive("agents/*/alive", self._on_agent_alive)
+
+    def await_all_ready(self, interruption: Interruption) -> None:
+        """Wait until all services and agents are there, or interruption.
+
+        Raises:
+            RunEndedError: a service has not come in time, or has failed.
+        """
+        began_s = time.monotonic()
+        while lacking := self._not_ready():
+            if interruption.is_set():
+                return
+            began_s += self._renew()
+            waited_s = time.monotonic() - began_s
+            if waited_s > JOIN_TIMEOUT_S:
+                self._give_up_on(lacking)
+            self._teller.report_awaited(lacking, waited_s)
+            self._handle_next()
+
+    def fly(self, interruption: Interruption) -> None:
+        """Let simulated time begin, and watch until all services are done, or interruption.
+
+        Raises:
+            RunEndedError: a service has failed, or nothing moves any more.
+        """
+        if interruption.is_set():
+            return
+        self._started_at_s = time.perf_counter()
+        self._watchdog.moved(time.monotonic())
+        for _ in takewhile(
+            lambda _: not interruption.is_set(), replay_observations(self._setup, self._doors, self._bus_links)
+        ):
+            self._handle_next()
+            self._check_time()
+        self._bus.publish(protocol.START_KEY, b"", urgent=True)
+        while not self._watchdog.is_finished and not interruption.is_set():
+            self._handle_next()
+            self._check_time()
+            self._report_run()
+
+    def fault(self, text: str) -> ServiceFault:
+        """Return a fault of the supervisor's own, at the tick that all services have reached."""
+        return ServiceFault(participant="supervisor", tick=self._watchdog.finished_tick, text=text)
+
+    def shut_down(self) -> None:
+        """Send agents and services the end of the run."""
+        self._ended_at_s = time.perf_counter()
+        for door in self._doors.values():
+            door.desk.end(build_ending(self._verdict))
+        self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
+
+    def complete(self, outcome: RunOutcome) -> None:
+        """Add to the outcome what the run has brought in."""
+        if self._started_at_s is not None and self._ended_at_s is not None:
+            outcome.flight_wall_s = self._ended_at_s - self._started_at_s
+        collect_outcome(outcome, self._watchdog, self._doors, self._verdict, self._dataflow, self._restarts)
+
+    def _door_host(self, name: str) -> AgentHost:
+        agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
+        link = self._bus_links.get(name) or self._guests.get_transport(name)
+        put = self._events.put
+        desk, more_ticks = build_session(agent, self._setup, link), SnapshotPolicy.of(self._setup).extra_retained_ticks
+        return AgentHost(desk, self._bus, lambda got: put(ObservationReceived(name, got)), more_ticks)
+
+    # ------------------------------------------------------------ what it hears
+
+    def _on_service_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
+        name = key.split("/")[1]
+        if name in self._watchdog:
+            self._events.put(ServiceAppeared(name) if is_alive else ServiceVanished(name))
+
+    def _on_agent_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - as above
+        name = key.split("/")[1]
+        if name in self._bus_links:
+            self._events.put(AgentJoined(agent=name) if is_alive else AgentVanished(name))
+
+    def _handle_next(self) -> None:
+        try:
+            self._handle(self._events.get(timeout=POLL_PERIOD_S))
+        except queue.Empty:
+            return
+        for _ in range(MAX_EVENTS_AT_ONCE):
+            if self._events.empty():
+                return
+            self._handle(self._events.get())
+
+    def _handle(self, notice: SupervisorEvent) -> None:
+        match notice:
+            case BundleReceived(payload):
+                self._on_bundle(payload)
+            case ProgressReported(name, payload):
+                self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
+            case WaitingReported(name, payload):
+                self._watchdog.record_waiting(name, protocol.WaitingReport.from_bytes(payload))
+            case ServiceFinished(_, payload):
+                self._on_bye(protocol.FinalReport.from_bytes(payload))
+            case VerdictReceived(payload):
+                self._on_verdict(payload)
+            case BriefingReceived(agent, payload):
+                self._doors[agent].brief(payload)
+            case ObservationReceived(agent, payload):
+                self._doors[agent].observe(payload)
+            case FaultReported() | ServiceAppeared() | ServiceDescribed() | ServiceVanished():
+                self._on_life(notice)
+            case ProcessEnded(name, _, how):
+                self._on_end_of(name, how)
+            case ProcessStopped(name) if not self._restarts.covers(name):
+                self._on_end_of(name, describe_stop())
+            case AgentVanished(agent):
+                # Its process may have ended too; that says more, and comes within a moment.
+                self._departed_at_s.setdefault(agent, time.monotonic())
+            case Interrupted() | ProcessStopped():
+                return
+            case _:
+                self._doors[notice.agent].handle(notice)
+
+    def _on_life(self, notice: FaultReported | ServiceAppeared | ServiceDescribed | ServiceVanished) -> None:
+        match notice:
+            case FaultReported(payload=payload):
+                note = protocol.FaultReport.from_bytes(payload)
+                if self._restarts.absorbs_fault(note):
+                    return
+                raise RunEndedError(ServiceFault(participant=note.participant, tick=note.tick, text=note.text.strip()))
+            case ServiceAppeared(name):
+                put = self._events.put
+                self._watchdog.record_contact_regained(name)
+                self._bus.ask(
+                    protocol.build_description_key(name), b"", lambda _, answer: put(ServiceDescribed(answer))
+                )
+            case ServiceDescribed(payload):
+                self._on_described(protocol.ParticipantDescription.from_bytes(payload))
+            case ServiceVanished(name):
+                if not self._restarts.is_under_way(name):
+                    self._watchdog.record_contact_lost(name, time.monotonic())
+
+    def _on_described(self, description: protocol.ParticipantDescription) -> None:
+        if text := description.difference:
+            raise RunEndedError(self._watchdog.fault(description.name, text))
+        self._described.add(description.name)
+        if self._restarts.mark_reconnected(description.name):
+            self._bus.publish(protocol.START_KEY, b"", urgent=True)
+            self._tell_stop()
+
+    def _on_bundle(self, payload: bytes) -> None:
+        for port, message in protocol.unpack_bundle(payload):
+            door = self._observed_by.get(port)
+            if door is not None:
+                door.observe(message)
+            elif port == keys.VERDICT:
+                self._on_verdict(message)
+
+    def _on_verdict(self, payload: bytes) -> None:
+        self._verdict = codec.decode_trusted(Verdict, payload)
+        self._tell_stop()
+
+    def _tell_stop(self) -> None:
+        if self._verdict is not None:
+            self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
+
+    def _on_bye(self, bye: protocol.FinalReport) -> None:
+        self._watchdog.record_final_report(bye, time.monotonic())
+        if bye.name == "referee" and self._verdict is None:
+            # It has ended the run, so its verdict got lost on the way.
+            question = protocol.ResendRequest(port=keys.VERDICT, tick=bye.last_tick).to_bytes()
+            put = self._events.put
+            self._bus.ask(
+                protocol.build_resend_key("referee"), question, lambda _, payload: put(VerdictReceived(payload))
+            )
+
+    def _on_end_of(self, name: str, how: str) -> None:
+        if name == FORK_SERVER:
+            text = f"{how}; the services are its forks and end with it."
+            raise RunEndedError(ServiceFault(participant=name, tick=self._watchdog.finished_tick, text=text))
+        if self._watchdog.watches_process(name):
+            if self._watchdog.is_restarted(name, time.monotonic(), lambda at: self._restarts.begin(name, how, at)):
+                return
+            raise RunEndedError(self._watchdog.fault(name, self._restarts.reason(name, how)))
+        for agent in self._setup.scenario.agents:
+            if get_agent_participant(agent.process) == name:
+                reason = f"the agent's process {how} before the end of the run."
+                self._doors[agent.name].handle(AgentLost(agent=agent.name, reason=reason))
+
+    # ------------------------------------------------------------ time
+
+    def _not_ready(self) -> list[str]:
+        services = [name for name in self._services if name not in self._described]
+        return services + [name for name, door in self._doors.items() if door.desk.is_awaited]
+
+    def _give_up_on(self, lacking: list[str]) -> None:
+        for name in lacking:
+            if name not in self._doors:
+                raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
+            self._doors[name].lose(self._guests.describe_absence(name))
+
+    # While this process stood still nobody was late.
+    def _renew(self) -> float:
+        now_s = time.monotonic()
+        missed_s = self._pauses.missed_s(now_s)
+        if missed_s > 0:
+            self._watchdog.extend_deadlines(missed_s, now_s)
+            # An agent's deadlines are those of its desk; one that has left has left.
+            for door in self._doors.values():
+                door.desk.extend_deadlines(missed_s)
+        return missed_s
+
+    def _check_time(self) -> None:
+        self._renew()
+        now_s = time.monotonic()
+        for name, since_s in list(self._departed_at_s.items()):
+            if now_s - since_s > LOST_CONTACT_GRACE_S:
+                del self._departed_at_s[name]
+                self._doors[name].lose(f"the agent left the run before its end.{self._watchdog.pause_text}")
+        for door in self._doors.values():
+            if door.desk.is_pending:
+                # An agent that owes an answer is not a stall of the run; it has its own deadline.
+                self._watchdog.moved(now_s)
+                door.check_deadline()
+        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None)
+        if fault is not None:
+            raise RunEndedError(fault)
+
+    def _report_run(self) -> None:
+        wall_s = time.perf_counter() - self._started_at_s if self._started_at_s is not None else 0.0
+        state = "flying" if self._verdict is None else "closing"
+        self._teller.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)

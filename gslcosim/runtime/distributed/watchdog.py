@@ -1,0 +1,262 @@
+"""Watchdog of services: decides which one hangs, and whether one that has died is started again."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from gslcosim.base.errors import ExitCode
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.protocol import FinalReport, TickReport, WaitingReport
+from gslcosim.runtime.outcome import ServiceFault
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.services import ServiceGroup, find_service, get_process_name
+from gslcosim.scenario import Scenario
+
+STALL_TIMEOUT_S = 30.0
+FINISH_TIMEOUT_S = 120.0
+LOST_CONTACT_GRACE_S = 0.3
+
+
+class Watchdog:
+    """Watches the services of a run. It reads no clock: times [s] of a monotonic one are handed in."""
+
+    def __init__(self, groups: Sequence[ServiceGroup], run_dir: RunDir) -> None:
+        """Watch the services of a run, those of each process together."""
+        self._services = tuple(name for group in groups for name in group)
+        self._process_of = {name: get_process_name(group) for group in groups for name in group}
+        self._run_dir = run_dir
+        self._progress = dict.fromkeys(self._services, -1)
+        self._waiting: dict[str, WaitingReport] = {}
+        self._byes: dict[str, FinalReport] = {}
+        self._lost_since_s: dict[str, float] = {}
+        self._moved_at_s = 0.0
+        self._missed_s = 0.0
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._progress
+
+    def watches_process(self, name: str) -> bool:
+        """Return whether services live in a process of that name."""
+        return name in self._process_of.values()
+
+    def is_restarted(self, process: str, now_s: float, begin: Callable[[int], bool]) -> bool:
+        """Let a process that has ended be started again, and return whether it is; one that is done is not missed.
+
+        Args:
+            process: Its name.
+            now_s: The time.
+            begin: Is told the last tick that all its services have finished, and starts it where that is wanted.
+        """
+        services = [name for name, its in self._process_of.items() if its == process]
+        if all(name in self._byes for name in services):
+            return True
+        # Before simulated time begins there is nothing to go on with.
+        if not self._moved_at_s or not begin(min(self.tick_of(name) for name in services)):
+            return False
+        for name in services:
+            self.record_contact_regained(name)
+            self._waiting.pop(name, None)
+        self._moved_at_s = now_s
+        return True
+
+    @property
+    def final_reports(self) -> dict[str, FinalReport]:
+        """Final reports of services that have finished."""
+        return self._byes
+
+    @property
+    def is_finished(self) -> bool:
+        """True when all services have sent their final report."""
+        return len(self._byes) == len(self._services)
+
+    @property
+    def finished_tick(self) -> int:
+        """The last tick that all services have finished, at least 0."""
+        return max(min(self._progress.values()), 0)
+
+    def tick_of(self, name: str) -> int:
+        """Return the last tick that a service has finished, at least 0."""
+        return max(self._progress.get(name, 0), 0)
+
+    def moved(self, now_s: float) -> None:
+        """Take note that simulated time has not stalled, or waits for somebody with a deadline of its own."""
+        self._moved_at_s = now_s
+
+    def record_progress(self, name: str, note: TickReport, now_s: float) -> None:
+        """Take note of a finished tick; doors of agents tell theirs too, which says nothing of services."""
+        if note.tick > self._progress.get(name, note.tick):
+            self._progress[name] = note.tick
+            self._moved_at_s = now_s
+            self._waiting.pop(name, None)
+
+    def record_waiting(self, name: str, note: WaitingReport) -> None:
+        """Take note of what a service waits for."""
+        self._waiting[name] = note
+
+    def record_final_report(self, bye: FinalReport, now_s: float) -> None:
+        """Take note that a service is done."""
+        if bye.name not in self._byes:
+            self._byes[bye.name] = bye
+            self._moved_at_s = now_s
+
+    def record_contact_lost(self, name: str, now_s: float) -> None:
+        """Take note that a service's token has vanished.
+
+        Its process may have ended too; that says more, and comes within a moment.
+        """
+        self._lost_since_s.setdefault(name, now_s)
+
+    def record_contact_regained(self, name: str) -> None:
+        """Take note that a service's token is there, perhaps again."""
+        self._lost_since_s.pop(name, None)
+
+    def extend_deadlines(self, missed_s: float, now_s: float) -> None:
+        """Move all deadlines by time [s] in which nobody looked, until now."""
+        self._missed_s = missed_s
+        self._moved_at_s = min(self._moved_at_s + missed_s, now_s)
+        self._lost_since_s = {name: min(since_s + missed_s, now_s) for name, since_s in self._lost_since_s.items()}
+
+    @property
+    def pause_text(self) -> str:
+        """Addition where contact was lost: empty unless this side stood still itself."""
+        return f" The supervisor itself had stood still for {self._missed_s:.0f} s." if self._missed_s else ""
+
+    def check(self, now_s: float, *, is_judged: bool) -> ServiceFault | None:
+        """Return who is at fault where contact is lost or nothing moves any more.
+
+        Args:
+            now_s: The time.
+            is_judged: Whether the verdict is there, so that services only have to finish.
+        """
+        for name, since_s in self._lost_since_s.items():
+            if now_s - since_s > LOST_CONTACT_GRACE_S:
+                return self.fault(name, f"contact was lost: it hangs, or its link is down.{self.pause_text}")
+        limit_s = FINISH_TIMEOUT_S if is_judged else STALL_TIMEOUT_S
+        return self._stall(limit_s) if now_s - self._moved_at_s > limit_s else None
+
+    def fault(self, name: str, text: str, exit_code: ExitCode = ExitCode.FAULT) -> ServiceFault:
+        """Return a fault of a participant, with the end of its log."""
+        process = self._process_of.get(name, name)
+        tail = self._run_dir.log_tail(process)
+        text = f"{text}\nLast lines of its log:\n{tail}" if tail else text
+        text = f"{text}\nLog: {self._run_dir.log(process)}"
+        return ServiceFault(participant=name, tick=self.tick_of(name), text=text, exit_code=exit_code)
+
+    def _stall(self, limit_s: float) -> ServiceFault:
+        silent = [name for name in self._services if name not in self._waiting and name not in self._byes]
+        culprit = silent[0] if silent else min(self._progress, key=lambda name: self._progress[name])
+        lines = [f"nothing moved for {limit_s:g} s; it is at tick {self._progress[culprit] + 1}."]
+        for name, note in self._waiting.items():
+            needs = [f"{port} at tick {tick}" for port, tick in note.missing]
+            needs += [f"{reader} to catch up" for reader in note.lacking_credit]
+            lines.append(f"  {name} waits at tick {note.tick} for {', '.join(needs)}")
+        return self.fault(culprit, "\n".join(lines), ExitCode.TIMEOUT)
+
+
+@dataclass
+class _FailureCount:
+    """Number of times that a process has died without progress, and where it was then."""
+
+    tick: int = -1
+    n: int = 0
+
+
+@dataclass
+class RestartPolicy:
+    """Decides whether a process that has died is started again. It waits for nothing and reads no clock.
+
+    A process is started again as long as the run has come further since it last died, and otherwise `restart.tries`
+    times: what dies at the same tick again and again is a fault. One that only reads, such as the recorder, is not:
+    what it has seen is nowhere else.
+
+    Args:
+        scenario: Says whether services are started again.
+        groups: The services of each process.
+        start: Starts the process of a group, and is told how it ended.
+    """
+
+    scenario: Scenario
+    groups: Sequence[ServiceGroup]
+    start: Callable[[ServiceGroup, str], object]
+    told: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    _deaths: dict[str, _FailureCount] = field(default_factory=dict[str, _FailureCount])
+    _faults: dict[str, protocol.FaultReport] = field(default_factory=dict[str, protocol.FaultReport])
+    _awaited: set[str] = field(default_factory=set[str])
+
+    def covers(self, process: str) -> bool:
+        """Return whether a process would be started again; then one that is stopped counts once it is killed."""
+        return self.scenario.restart is not None and all(self._has_state(name) for name in self._group(process))
+
+    def absorbs_fault(self, note: protocol.FaultReport) -> bool:
+        """Take what a service says of its own failure; return whether its end is waited for, to start it again."""
+        process = next((get_process_name(group) for group in self.groups if note.participant in group), "")
+        if not process or not self.covers(process):
+            return False
+        self._faults[process] = note
+        return True
+
+    def begin(self, process: str, how: str, tick: int) -> bool:
+        """Start a process that has ended again, or return false where that is of no use, or not wanted.
+
+        Args:
+            process: Its name.
+            how: How it ended.
+            tick: The last tick that its services are known to have finished.
+        """
+        spec = self.scenario.restart
+        if spec is None or not self.covers(process):
+            return False
+        # Who tells of an error knows its tick; of others the last that they have told is known.
+        fault = self._faults.get(process)
+        if fault is not None:
+            tick = max(tick, fault.tick)
+        deaths = self._deaths.setdefault(process, _FailureCount())
+        deaths.n = 1 if tick > deaths.tick else deaths.n + 1
+        deaths.tick = max(tick, deaths.tick)
+        if deaths.n > spec.tries:
+            return False
+        self._faults.pop(process, None)
+        self._awaited |= set(self._group(process))
+        told = how if fault is None else fault.text.strip()
+        self.told.append({"process": process, "tick": tick, "how": told.splitlines()[-1]})
+        self.start(self._group(process), how)
+        return True
+
+    def is_under_way(self, service: str) -> bool:
+        """Return whether a service is being started again."""
+        return service in self._awaited
+
+    def mark_reconnected(self, service: str) -> bool:
+        """Take note that a service is there; return whether it had been started again."""
+        if service not in self._awaited:
+            return False
+        self._awaited.discard(service)
+        return True
+
+    def reason(self, process: str, how: str) -> str:
+        """Return why the end of a process ends the run."""
+        fault = self._faults.get(process)
+        text = f"{how}; the run is not valid without it." if fault is None else fault.text.strip()
+        if self.scenario.restart is None:
+            return text
+        if not self.covers(process):
+            return f"{text} It is not started again: what it has seen is in its file, which is not whole."
+        return f"{text} It was started again {self.scenario.restart.tries} times, and has come no further."
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Entry of restarts in `result.json`."""
+        return {"restarts": self.told} if self.told else {}
+
+    @property
+    def text(self) -> str:
+        """Text for the status line."""
+        if not self.told:
+            return ""
+        return f"{self.told[-1]['process']} was started again, restart {len(self.told)}"
+
+    def _group(self, process: str) -> ServiceGroup:
+        return next((group for group in self.groups if get_process_name(group) == process), ())
+
+    def _has_state(self, service: str) -> bool:
+        return bool(find_service(service, self.scenario).build_spec(self.scenario).writes)

@@ -1,0 +1,387 @@
+"""Core of an external participant: starts its program, sends it the inputs of each step, and waits for the answer."""
+
+import hashlib
+import queue
+import shutil
+import threading
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+from gslcosim.base.errors import ContractError, SimulationFault
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.rng import stream
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract import codec
+from gslcosim.contract.environment_messages import WIND, WindShare
+from gslcosim.contract.messages import Bounds, Ending, Message
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participation import (
+    PARTICIPATION_VERSION,
+    VENTILATION,
+    ParticipantBriefing,
+    ParticipantHello,
+    ParticipantOutputs,
+    PortRead,
+    PortWrite,
+    VehicleOfRun,
+    encode_inputs,
+)
+from gslcosim.gateway.connections import (
+    AnswerTimeoutError,
+    BlockingConnection,
+    Listener,
+    PipeStream,
+    Stream,
+    StreamEndedError,
+)
+from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.agents.loader import resolve_command
+from gslcosim.runtime.external.protocol import (
+    build_external_spec,
+    check_hello,
+    get_period_ticks,
+    read_hello,
+    read_outputs,
+)
+from gslcosim.runtime.processes.children import ChildProcesses
+from gslcosim.runtime.processes.sandbox.selection import build_confinement
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario.models.participants import ParticipantProgramSpec
+
+
+def hash_programs(participants: Iterable[ParticipantProgramSpec], directory: Path) -> dict[str, dict[str, str]]:
+    """Return for each participant the words of its command that are files, with the SHA-256 of what is in them.
+
+    Args:
+        participants: Those of a scenario.
+        directory: Where their relative paths start.
+    """
+    return {
+        each.name: {
+            word: hashlib.sha256(path.read_bytes()).hexdigest()
+            for i, word in enumerate(each.start.command)
+            if (path := _find_file(each.start.command, i, directory)) is not None
+        }
+        for each in participants
+    }
+
+
+# The program itself may be one of the system's; its arguments are looked for where it is started.
+def _find_file(command: tuple[str, ...], i: int, directory: Path) -> Path | None:
+    word = resolve_command(command, directory)[i]
+    found = shutil.which(word) if i == 0 else None
+    path = Path(found) if found is not None else directory / Path(word).expanduser()
+    try:
+        return path if path.is_file() else None
+    except OSError:
+        return None
+
+
+# Beside the time that a run waits for whoever joins; a program that has to load much first says hello before that.
+HELLO_TIMEOUT_S = 60.0
+EXIT_TIMEOUT_S = 2.0
+PARTICIPANT_VARIABLE = "GSLCOSIM_PARTICIPANT"
+# A process's end and its stream's end are seen by two threads.
+_LOG_TAIL_WAIT_S = 0.3
+_POLL_PERIOD_S = 0.1
+_PREFIX = "participant_"
+
+
+class ParticipantProgram:
+    """One start of a participant's program.
+
+    Whatever it does wrong becomes a `SimulationFault` that says what was expected, with the end of its log.
+    """
+
+    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup) -> None:
+        self._own = own
+        self._setup = setup
+        self._directory = setup.directory or Path.cwd()
+        self._stack = ExitStack()
+        self._exchange: BlockingConnection | None = None
+        self._children = ChildProcesses(self._exited)
+        self._has_exited = threading.Event()
+        self._how = ""
+        self._has_failed = False
+
+    def start(self) -> None:
+        """Start the program; over tcp and unix, wait until it has connected.
+
+        Raises:
+            UsageError: it cannot be started.
+            SimulationFault: it does not connect.
+        """
+        private_dir = self._stack.enter_context(ScratchFolder.for_sockets()).path
+        self._stack.enter_context(self._children)
+        own = self._own
+        command = resolve_command(own.start.command, self._directory)
+        listener = self._listener(private_dir)
+        kind, _, place = listener.address.partition(":") if listener else ("", "", "")
+        confinement = build_confinement(
+            own,
+            command,
+            self._setup,
+            directory=self._directory,
+            private_dir=private_dir,
+            sockets=[Path(place)] if kind == "unix" else (),
+            tcp_port=int(place.rpartition(":")[2]) if kind == "tcp" else None,
+        )
+        name, log, cwd = self._process, self._setup.run_dir.log(self._process), self._directory
+        variables = {PARTICIPANT_VARIABLE: own.name}
+        if listener is None:
+            pipes = self._children.start_piped(
+                name, command, variables=variables, log=log, cwd=cwd, confinement=confinement
+            )
+            self._open(PipeStream(*pipes))
+            return
+        connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
+        refused: list[str] = []
+        listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
+        variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
+        self._children.start_without_bus(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
+        self._open(self._awaited(connected, refused))
+
+    def say(self, name: str, payload: bytes) -> None:
+        """Send the canonical bytes of a message, named by its type.
+
+        Raises:
+            SimulationFault: the program does not read it.
+        """
+        try:
+            self._opened.send(name, payload, within_s=self._own.answer_within_s)
+        except StreamEndedError as error:
+            raise self.fault(f"expected a program that reads {name}, {self._ended(error)}.") from error
+        except AnswerTimeoutError as error:
+            raise self.fault(f"expected a program that reads {name}, {error}.") from error
+
+    def hear(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
+        """Return what the program says next, as msgpack.
+
+        Args:
+            message_type: What it is meant to be.
+            what: What is expected, for the fault.
+            within_s: How long to wait for it [s].
+
+        Raises:
+            SimulationFault: nothing comes, or no frame.
+        """
+        try:
+            return self._opened.receive(message_type, within_s=within_s)
+        except StreamEndedError as error:
+            raise self.fault(f"expected {what}, {self._ended(error)}.") from error
+        except (AnswerTimeoutError, ContractError) as error:
+            raise self.fault(f"expected {what}, {error}") from error
+
+    def check_silence(self, what: str) -> None:
+        """Check that the program has said nothing more.
+
+        Raises:
+            SimulationFault: it has.
+        """
+        if self._opened.has_more:
+            raise self.fault(f"expected {what}, something came before it was asked.")
+
+    def fault(self, text: str) -> SimulationFault:
+        """Return the fault of the program, with the end of its log."""
+        self._has_failed = True
+        words = self._setup.run_dir.log_tail(self._process)
+        text = f"{text.rstrip('.')}."
+        return SimulationFault(f"{text} The end of its log:\n{words}" if words else text)
+
+    def end(self, reason: str) -> None:
+        """Tell the program that the run is over, and end it where it does not; nothing of it is left.
+
+        One that has failed is not waited for.
+        """
+        exchange, self._exchange = self._exchange, None
+        if exchange is not None:
+            # Where it is gone already, or does not read, it hears nothing.
+            with suppress(StreamEndedError, AnswerTimeoutError):
+                within_s = 0.0 if self._has_failed else EXIT_TIMEOUT_S
+                exchange.send("Ending", codec.encode(Ending(tick=0, reason=reason)), within_s=within_s)
+            exchange.close_output()
+            self._has_exited.wait(0.0 if self._has_failed else EXIT_TIMEOUT_S)
+            exchange.close_input()
+        self._stack.close()
+
+    @property
+    def _process(self) -> str:
+        return f"{_PREFIX}{self._own.name}"
+
+    @property
+    def _opened(self) -> BlockingConnection:
+        if self._exchange is None:
+            raise SimulationFault(f"{self._own.name}: expected a program that has been started.")
+        return self._exchange
+
+    def _open(self, stream: Stream) -> None:
+        self._exchange = BlockingConnection(stream, self._own.start.format)
+
+    def _ended(self, error: Exception) -> str:
+        if self._has_exited.wait(_LOG_TAIL_WAIT_S):
+            return f"but its process {self._how}"
+        return str(error)
+
+    def _exited(self, name: str, code: int, how: str) -> None:
+        del name, code
+        self._how = how
+        self._has_exited.set()
+
+    def _listener(self, private_dir: Path) -> Listener | None:
+        if self._own.start.door == "stdio":
+            return None
+        is_unix = self._own.start.door == "unix"
+        listener = Listener.open_unix(private_dir / "door.sock") if is_unix else Listener.open_tcp()
+        self._stack.callback(listener.close)
+        return listener
+
+    def _awaited(self, connected: "queue.SimpleQueue[Stream]", refused: list[str]) -> Stream:
+        deadline_s = time.monotonic() + HELLO_TIMEOUT_S
+        while time.monotonic() < deadline_s:
+            try:
+                return connected.get(timeout=_POLL_PERIOD_S)
+            except queue.Empty:
+                if self._has_exited.is_set() and connected.empty():
+                    break
+        how = f"but its process {self._how}" if self._has_exited.is_set() else f"nobody within {HELLO_TIMEOUT_S:g} s"
+        note = f" ({refused[-1].rstrip('.')})" if refused else ""
+        raise self.fault(f"expected its program to connect to {GATEWAY_VARIABLE}, {how}{note}.")
+
+
+END_REASON = "the run is over"
+
+
+class ExternalCore:
+    """Stands for a program among the cores of a run. State: the program, and what it has said of the wind.
+
+    Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
+    through them. They are kept only where a run has snapshots.
+
+    Args:
+        own: The participant in the scenario.
+        setup: The run.
+        message_types: The name of the message on each port that it reads or writes.
+    """
+
+    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, message_types: Mapping[str, str]) -> None:
+        self.spec: ParticipantSpec = build_external_spec(own, setup.scenario)
+        self._own = own
+        self._setup = setup
+        self._message_types = message_types
+        self._period_ticks = get_period_ticks(own, setup.scenario)
+        self._program: ParticipantProgram | None = None
+        self._wind: WindShare | None = None
+        self._is_kept = setup.scenario.snapshots is not None or setup.snapshot is not None
+        self._past: list[tuple[int, bytes]] = []
+        self._answers_hash = b""
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Start the program anew, hear its hello and tell it its briefing."""
+        self.close()
+        self._wind, self._past, self._answers_hash = None, [], b""
+        program = self._program = ParticipantProgram(self._own, self._setup)
+        program.start()
+        payload = program.hear(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
+        try:
+            hello = read_hello(payload)
+            check_hello(hello, reads=(read.port for read in self._own.reads), writes=self._own.writes)
+        except ContractError as error:
+            raise program.fault(str(error)) from error
+        program.say("ParticipantBriefing", codec.encode(self._briefing(episode)))
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Let the program step, where its period is over; the wind stays as it was in between."""
+        if tick % self._period_ticks:
+            return {} if self._wind is None else {WIND: WindShare(tick=tick, share=self._wind.share)}
+        time_s = seconds_from_ticks(tick, self._setup.scenario.tick_ns)
+        ports = (read.port for read in self._own.reads if read.port in inbox)
+        inputs = encode_inputs(tick, time_s, {port: codec.encode(inbox[port]) for port in ports})
+        return self._ask(tick, inputs)
+
+    def state(self) -> Mapping[str, Any]:
+        """Return all inputs that the program was sent, and a hash of its answers; see `Snapshots`."""
+        return {"past": list(self._past), "answers_hash": self._answers_hash}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Let the program step through its past again; see `Snapshots`.
+
+        Raises:
+            SimulationFault: it answers otherwise than in the past.
+        """
+        for tick, inputs in state["past"]:
+            self._ask(int(tick), bytes(inputs))
+        if self._answers_hash != bytes(state["answers_hash"]):
+            raise self._running().fault(
+                f"expected the answers of the past {len(self._past)} steps again, were others: it is not "
+                "deterministic, or has changed. Repeat the run from its start, with --from-start."
+            )
+
+    def close(self) -> None:
+        """Tell the program the end, and end it."""
+        program, self._program = self._program, None
+        if program is not None:
+            program.end(END_REASON)
+
+    def _running(self) -> ParticipantProgram:
+        if self._program is None:
+            raise SimulationFault(f"{self._own.name}: expected a reset before the first step.")
+        return self._program
+
+    def _ask(self, tick: int, inputs: bytes) -> Outbox:
+        program = self._running()
+        what = f"an answer to the inputs of tick {tick}"
+        program.check_silence(f"no answer before the inputs of tick {tick}")
+        program.say("ParticipantInputs", inputs)
+        payload = program.hear(ParticipantOutputs, what, within_s=self._own.answer_within_s)
+        try:
+            answers = read_outputs(payload, tick, self._own.writes)
+        except ContractError as error:
+            raise program.fault(str(error)) from error
+        wind = answers.get(VENTILATION)
+        self._wind = wind if isinstance(wind, WindShare) else None
+        if self._is_kept:
+            self._past.append((tick, inputs))
+            digest = hashlib.blake2b(self._answers_hash, digest_size=16)
+            for answer in answers.values():
+                digest.update(codec.encode(answer))
+            self._answers_hash = digest.digest()
+        return {self._own.port_of(word): answer for word, answer in answers.items()}
+
+    def _briefing(self, episode: Episode) -> ParticipantBriefing:
+        scenario, own = self._setup.scenario, self._own
+        grid = self._setup.environment.grid
+        return ParticipantBriefing(
+            tick=0,
+            participant=own.name,
+            contract_version=PARTICIPATION_VERSION,
+            scenario=scenario.name,
+            tick_ns=scenario.tick_ns,
+            period_ticks=self._period_ticks,
+            seed=int(stream(episode.seed, f"participant.{own.name}").integers(2**31)),
+            time_limit_s=scenario.referee.stop.time_limit_s,
+            bounds=Bounds(min_m=_to_floats(grid.origin_m), max_m=_to_floats(grid.max_m)),
+            gases=tuple(dict.fromkeys(source.gas or scenario.gas.gas for source in scenario.gas.sources)),
+            vehicles=tuple(
+                VehicleOfRun(agent=agent.name, sensors=tuple(sensor.name for sensor in agent.sensors))
+                for agent in scenario.agents
+            ),
+            reads=tuple(
+                PortRead(port=read.port, delay_ticks=read.delay, message=self._message_types[read.port])
+                for read in own.reads
+            ),
+            writes=tuple(
+                PortWrite(word=word, port=own.port_of(word), message=self._message_types[own.port_of(word)])
+                for word in own.writes
+            ),
+            parameters=own.parameters,
+        )
+
+
+def _to_floats(corner_m: Sequence[float]) -> Vec3:
+    x_m, y_m, z_m = corner_m
+    return (float(x_m), float(y_m), float(z_m))

@@ -1,5 +1,0 @@
-"""Participants that are programs of the user's own, in any language.
-
-Each is a service to the run: `foreign_core.ForeignCore` is its core, which asks the program over the gateway's frames
-at each step. `hearing` judges what the program says, `program` starts and ends it, `declared` knows its ports.
-"""

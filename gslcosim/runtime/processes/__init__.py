@@ -1,0 +1,1 @@
+"""Processes of a run: started, forked, sandboxed, watched and ended."""

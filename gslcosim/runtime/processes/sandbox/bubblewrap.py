@@ -1,0 +1,116 @@
+"""Bubblewrap (`bwrap`): an agent in namespaces of its own, with a file system that holds what its policy names."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE
+from gslcosim.runtime.processes.sandbox.pipes import PIPES_AT
+from gslcosim.runtime.processes.sandbox.policy import SYSTEM_FOLDERS, SandboxPolicy
+
+PROBE_TIMEOUT_S = 5.0
+SCRATCH_BYTES = 256 << 20
+SHARED_MEMORY_BYTES = 64 << 20
+HOME = Path("/tmp/home")
+KERNELS = Path("/tmp/kernels")
+
+
+@cache
+def find_bubblewrap_failure() -> str:
+    """Return why bubblewrap does not work here, empty when it works: it is tried once."""
+    program = shutil.which("bwrap")
+    if sys.platform != "linux" or program is None:
+        return "bubblewrap is not installed"
+    call = [
+        program,
+        *_BASE_OPTIONS,
+        "--unshare-net",
+        "--ro-bind",
+        "/usr",
+        "/usr",
+        *_list_system_links(),
+        "/usr/bin/env",
+        "true",
+    ]
+    try:
+        tried = subprocess.run(
+            call, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PROBE_TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"bubblewrap does not start: {error}"
+    return tried.stderr.strip() or f"bubblewrap ended with exit code {tried.returncode}" if tried.returncode else ""
+
+
+def build_bubblewrap_command(
+    cell: SandboxPolicy,
+    command: Sequence[str],
+    *,
+    has_pipes: bool,
+    kernels: Path | None = None,
+    calls: int | None = None,
+) -> list[str]:
+    """Return the command line that starts a command in its cell.
+
+    Args:
+        cell: What it sees.
+        command: The program and its arguments.
+        has_pipes: Whether its standard input and output come as `launcher.PIPES_AT`, so that bubblewrap, which stays
+            beside it, does not keep them open.
+        kernels: A folder of its own with the compiled kernels. Bubblewrap takes 9000 words at most, so that these
+            are not linked by it one by one.
+        calls: The descriptor of a filter of system calls.
+    """
+    places: dict[Path, list[str]] = {}
+    for path in cell.reads:
+        if path.exists() and not (path.is_symlink() and str(path) in SYSTEM_FOLDERS):
+            places[path] = ["--ro-bind", str(path), str(path)]
+    empty: list[str] = []
+    for path in cell.hidden:
+        # A link leads to what is hidden in its own place.
+        if any(path.is_relative_to(folder) for folder in cell.reads) and path not in places and not path.is_symlink():
+            places[path] = ["--tmpfs", str(path)] if path.is_dir() else ["--ro-bind", "/dev/null", str(path)]
+            empty += ["--remount-ro", str(path)] if path.is_dir() else []
+    for path in (*cell.writes, *cell.sockets):
+        places[path] = ["--bind", str(path), str(path)]
+    if kernels is not None:
+        places[KERNELS] = ["--bind", str(kernels), str(KERNELS)]
+    places.setdefault(cell.directory, ["--dir", str(cell.directory)])
+    line = [shutil.which("bwrap") or "bwrap", *_BASE_OPTIONS]
+    line += [] if cell.tcp_port is not None else ["--unshare-net"]
+    line += [] if calls is None else ["--seccomp", str(calls)]
+    line += [*_list_system_links(), "--dir", str(HOME)]
+    # What lies deeper is put upon what lies around it.
+    for path in sorted(places, key=lambda path: len(path.parts)):
+        line += places[path]
+    line += [*empty, "--remount-ro", "/", "--remount-ro", "/dev", "--chdir", str(cell.directory), "--"]
+    if has_pipes:
+        in_, out = PIPES_AT
+        line += ["/bin/sh", "-c", f'exec "$@" <&{in_} >&{out} {in_}<&- {out}>&-', "sh"]
+    return [*line, *command]
+
+
+def build_bubblewrap_variables(cell: SandboxPolicy) -> dict[str, str]:
+    """Return what changes in the environment of a process in its cell."""
+    kernels = {NUMBA_VARIABLE: str(KERNELS)} if cell.kernels is not None else {}
+    return {"HOME": str(HOME), "TMPDIR": "/tmp", **kernels}
+
+
+def _list_system_links() -> list[str]:
+    line: list[str] = []
+    for folder in SYSTEM_FOLDERS:
+        if Path(folder).is_symlink():
+            line += ["--symlink", os.readlink(folder), folder]  # noqa: PTH115 - as it stands
+    return line
+
+
+_BASE_OPTIONS = (
+    "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
+    "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",
+    # Whoever is root could change settings of the machine there.
+    "--ro-bind", "/proc/sys", "/proc/sys", "--dev", "/dev",
+    "--size", str(SHARED_MEMORY_BYTES), "--tmpfs", "/dev/shm", "--size", str(SCRATCH_BYTES), "--tmpfs", "/tmp",
+)  # fmt: skip

@@ -1,0 +1,232 @@
+"""Client of the launcher: the plan that it gets, and the failure that it reports in the end."""
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
+from gslcosim.base.scratch import build_temporary_directory_error
+from gslcosim.runtime.processes.sandbox import seccomp
+from gslcosim.runtime.processes.sandbox.bubblewrap import build_bubblewrap_command, build_bubblewrap_variables
+from gslcosim.runtime.processes.sandbox.pipes import PIPES_AT
+from gslcosim.runtime.processes.sandbox.policy import SandboxPolicy, split_readable_paths
+from gslcosim.scenario.models.sandbox import AgentLimitsSpec
+
+if sys.platform != "win32":
+    import fcntl
+
+# The packages around the launcher stay empty: what they import would cost as much as all the rest.
+_LAUNCHER_CODE = """
+import sys
+whole = ""
+for name, folder in zip(("gslcosim", "runtime", "processes", "sandbox"), sys.argv[1:5]):
+    whole = whole + "." * bool(whole) + name
+    sys.modules[whole] = type(sys)(whole)
+    sys.modules[whole].__path__ = [folder]
+from gslcosim.runtime.processes.sandbox.launcher import main
+main()
+"""
+_KERNELS = "kernels"
+_HERE = Path(__file__).parent
+_PACKAGE = _HERE.parents[2]
+_DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
+_READABLE_PROC_FILES = ("cpuinfo", "meminfo", "stat", "loadavg", "uptime", "version", "filesystems", "sys")
+_LIMIT_TEXTS = {"cpu_s": "cpu_s of {:g} s", "memory_mb": "memory_mb of {:g} MB", "n_processes": "n_processes of {:g}"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confinement:
+    """Confinement of one process of agents: by which policy, if any, and by which limits."""
+
+    kind: str = "none"
+    policy: SandboxPolicy | None = None
+    limits: AgentLimitsSpec = field(default_factory=AgentLimitsSpec)
+    environment: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+def is_launcher_possible() -> bool:
+    """Return whether processes of agents can be watched and confined on this system."""
+    return sys.platform == "linux"
+
+
+class Launch:
+    """One process that is started by the launcher; who starts it closes `descriptors` afterwards.
+
+    Args:
+        confinement: How it is kept.
+        command: Its program and arguments.
+        has_pipes: Whether it speaks by standard input and output.
+        keep: Descriptors that the process itself inherits.
+    """
+
+    def __init__(
+        self, confinement: Confinement, command: Sequence[str], *, has_pipes: bool, keep: Sequence[int] = ()
+    ) -> None:
+        self._confinement = confinement
+        self._status, theirs = os.pipe()
+        is_bubblewrap = confinement.kind == "bubblewrap" and confinement.policy is not None
+        calls = _write_call_filter(confinement.policy) if is_bubblewrap and confinement.policy is not None else []
+        keep = [*keep, *calls]
+        plan = {
+            "command": list(command),
+            "supervisor": os.getpid(),
+            "status": theirs,
+            "keep": keep,
+            "limits": confinement.limits.model_dump(),
+            "is_bubblewrap": is_bubblewrap,
+            "pipes_apart": is_bubblewrap and has_pipes,
+            "landlock": None,
+            "seccomp": None,
+        }
+        if confinement.policy is not None:
+            plan |= (
+                _plan_bubblewrap(confinement.policy, command, has_pipes=has_pipes, calls=next(iter(calls), None))
+                if is_bubblewrap
+                else _plan_landlock(confinement.policy, has_pipes=has_pipes)
+            )
+        self._theirs = [theirs, *keep, write_memory_file(json.dumps(plan))]
+
+    @property
+    def command(self) -> list[str]:
+        """The launcher's command line."""
+        folders = (str(folder) for folder in (_PACKAGE, _HERE.parents[1], _HERE.parent, _HERE))
+        return [sys.executable, "-I", "-S", "-c", _LAUNCHER_CODE, *folders, str(self._theirs[-1])]
+
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """Descriptors that the launcher inherits, `keep` among them."""
+        return tuple(self._theirs)
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables that change."""
+        kind, cell = self._confinement.kind, self._confinement.policy
+        variables = {NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
+        if cell is None:
+            return variables
+        # It has links to what is compiled, and not the key by which that is checked.
+        variables[UNCHECKED_VARIABLE] = "1"
+        if kind == "bubblewrap":
+            return variables | build_bubblewrap_variables(cell)
+        return variables | _build_landlock_variables(cell)
+
+    def log_tail(self) -> str:
+        """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
+        with os.fdopen(self._status, "rb") as told:
+            lines = told.read().splitlines()
+        if not lines:
+            return ""
+        words: dict[str, str] = json.loads(lines[0])
+        if (key := words.get("reached")) is not None:
+            bound = _LIMIT_TEXTS[key].format(getattr(self._confinement.limits, key))
+            return f"used more than its limits.{bound}"
+        return f"could not be started ({words.get('could_not_start')})"
+
+
+def write_memory_file(text: str) -> int:
+    """Return the descriptor of a file in memory that holds a text and that only who inherits it can read."""
+    return _open_memory_file(text.encode())
+
+
+def _open_memory_file(data: bytes) -> int:
+    if hasattr(os, "memfd_create"):
+        descriptor = os.memfd_create("gslcosim", 0)
+    else:
+        file, path = tempfile.mkstemp()
+        Path(path).unlink()
+        descriptor = file
+    os.write(descriptor, data)
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    return descriptor
+
+
+# The filter that bubblewrap puts on before the program starts, where there is one for this machine.
+def _write_call_filter(cell: SandboxPolicy) -> list[int]:
+    if not seccomp.is_possible():
+        return []
+    code = seccomp.build_program(
+        os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
+        has_own_network=cell.tcp_port is None,
+    )  # fmt: skip
+    made = _open_memory_file(code)
+    # Away from the numbers that the launcher gives to pipes.
+    apart = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 2 * max(PIPES_AT))
+    os.close(made)
+    return [apart]
+
+
+def _plan_bubblewrap(
+    cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, calls: int | None
+) -> Mapping[str, Any]:
+    # It has its own network, but for one that reaches its door by TCP.
+    ports = [cell.tcp_port] if cell.tcp_port is not None else []
+    kernels = _prepare_kernels(cell)
+    return {
+        "command": build_bubblewrap_command(cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls),
+        "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
+    }
+
+
+def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]:
+    _prepare_kernels(cell)
+    reads, lists = split_readable_paths(cell)
+    return {
+        "landlock": {
+            "reads": [*map(str, reads), *(f"/proc/{name}" for name in _READABLE_PROC_FILES)],
+            "lists": [str(path) for path in lists],
+            "writes": [str(path) for path in (*cell.writes, cell.scratch)],
+            "files_rw": [*_DEVICES, *map(str, cell.sockets)],
+            "tcp_ports": [cell.tcp_port] if cell.tcp_port is not None else [],
+            "is_about_files": True,
+        },
+        "seccomp": {
+            "allows_unix": not has_pipes and cell.tcp_port is None,
+            "allows_tcp": cell.tcp_port is not None,
+        },
+    }
+
+
+def _build_landlock_variables(cell: SandboxPolicy) -> dict[str, str]:
+    variables = {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
+    own = cell.scratch / _KERNELS
+    return {**variables, NUMBA_VARIABLE: str(own)} if own.is_dir() else variables
+
+
+# Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles into a
+# folder of its own, which is thrown away.
+def _prepare_kernels(cell: SandboxPolicy) -> Path | None:
+    if cell.kernels is None:
+        return None
+    own = cell.scratch / _KERNELS
+    try:
+        _link_kernels(cell, cell.kernels, own)
+    except OSError as error:
+        raise build_temporary_directory_error(error) from error
+    return own
+
+
+def _link_kernels(cell: SandboxPolicy, kernels: Path, own: Path) -> None:
+    own.mkdir(exist_ok=True)
+    for code in (_PACKAGE, *(folder for folder in _PACKAGE.rglob("*") if folder.is_dir()), cell.directory, *cell.reads):
+        compiled = kernels / get_kernels_folder_name(code)
+        inside = own / compiled.name
+        if compiled.is_dir() and not inside.exists():
+            inside.mkdir()
+            for path in compiled.iterdir():
+                (inside / path.name).symlink_to(path)
+
+
+def get_kernels_folder_name(code: Path) -> str:
+    """Return the name of the folder in which numba keeps what it has compiled of the modules of a folder.
+
+    The cache is shared by all installations of the same packages, each of which would have thousands of links to make.
+    """
+    # Numba encodes paths as UTF-8, whatever the locale; one that is none has no kernels there.
+    name = str(code).encode(errors="surrogateescape")
+    return f"{code.name}_{hashlib.sha1(name, usedforsecurity=False).hexdigest()}"

@@ -1,0 +1,168 @@
+"""Policy of a sandbox: the files and sockets that one process may see and change."""
+
+import os
+import shutil
+import site
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import gslcosim
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root
+from gslcosim.base.user_state import user_state_folder
+from gslcosim.runtime.processes.daemon_client import get_daemon_folder
+from gslcosim.runtime.status import get_status_folder
+from gslcosim.scenario.bundled import bundled_agents, bundled_folder
+
+# Read-only for every agent, where they exist.
+SYSTEM_FOLDERS = (
+    "/usr",
+    "/bin",
+    "/sbin",
+    "/lib",
+    "/lib32",
+    "/lib64",
+    "/libx32",
+    "/etc",
+    "/opt",
+    "/nix",
+    "/sys/devices/system",
+)
+_OPTIONAL = "/opt"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SandboxPolicy:
+    """Files and sockets that one process may see and change.
+
+    `hidden` lies within `reads`, and is not seen. `sockets` are the unix sockets of its door, `tcp_port` is where it
+    connects to. `scratch` is a private folder on the disk for sandboxes that have none in memory.
+    """
+
+    directory: Path
+    reads: tuple[Path, ...]
+    hidden: tuple[Path, ...] = ()
+    writes: tuple[Path, ...] = ()
+    sockets: tuple[Path, ...] = ()
+    has_unix_door: bool = False
+    tcp_port: int | None = None
+    kernels: Path | None = None
+    scratch: Path
+
+
+def find_own_folders(command: Sequence[str], directory: Path) -> list[Path]:
+    """Return the folders that a command line names, and those of the files that it names, its program among them.
+
+    A program in a `bin` brings the folder around it, where its libraries are.
+
+    Args:
+        command: The command line.
+        directory: Where it starts.
+    """
+    found: list[Path] = []
+    program = shutil.which(command[0]) if "/" not in command[0] else str(directory / command[0])
+    for place in _add_link_target(Path(program)) if program is not None else ():
+        folder = place.parent
+        is_installed = folder.name == "bin" and folder.parent not in (Path.home(), Path("/"))
+        found.append(folder.parent if is_installed else folder)
+    for word in command[1:]:
+        # `--option=path` names one too, and `-cp here:there` several.
+        for text in dict.fromkeys((word, word.partition("=")[2], *word.split(os.pathsep))):
+            name = text.removesuffix("/*")  # so Java names all archives of a folder
+            place = directory / name if name and len(name) < 4096 and "\0" not in name else None
+            if place is not None and _is_file(place):
+                found += [each.parent for each in _add_link_target(place)]
+            elif place is not None and _is_separate_folder(place):
+                found += _add_link_target(place)
+    return [folder for folder in dict.fromkeys(found) if not is_system_path(folder)]
+
+
+def list_python_folders() -> list[Path]:
+    """Return the folders from which this Python imports, and gslcosim's own."""
+    paths = sysconfig.get_paths()
+    named = [sys.prefix, sys.base_prefix, *(paths[key] for key in ("stdlib", "platstdlib", "purelib", "platlib"))]
+    named += [*site.getsitepackages(), site.getusersitepackages()]
+    named += [entry for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry]
+    # Beside packages stand folders that a .pth file has added; the working directory is none of them.
+    named += [entry for entry in sys.path if Path(entry).name in ("site-packages", "dist-packages")]
+    folders = [Path(name) for name in named]
+    folders += [Path(gslcosim.__file__).parent, *(path.parent.parent for path in bundled_agents().values())]
+    for folder in (Path(sys.prefix), Path(sys.base_prefix)):
+        folders += [place.parent.parent for place in _add_link_target(folder / "bin" / "python3") if place.exists()]
+    return [folder for folder in dict.fromkeys(folders) if folder.is_dir() and not is_system_path(folder)]
+
+
+def list_code_folders() -> list[Path]:
+    """Return the folders from which processes of every run read code, which no agent may change."""
+    kernels = [Path(os.environ[NUMBA_VARIABLE])] if NUMBA_VARIABLE in os.environ else []
+    return [
+        *list_python_folders(),
+        get_cache_root(),
+        *kernels,
+        *(Path(folder) for folder in SYSTEM_FOLDERS if folder != _OPTIONAL),
+    ]
+
+
+def list_hidden_folders() -> list[Path]:
+    """Return what no agent sees wherever it lies.
+
+    Bundled scenarios, the cache with environments and gas, what the user has found out, and the folders of sockets at
+    which only those in no sandbox may ask.
+    """
+    return [bundled_folder("."), get_cache_root(), user_state_folder(), get_daemon_folder(), get_status_folder()]
+
+
+def is_system_path(path: Path) -> bool:
+    """Return whether a place is part of the system, which every agent reads; people keep their own things in /opt."""
+    return any(path.is_relative_to(folder) for folder in SYSTEM_FOLDERS if folder != _OPTIONAL)
+
+
+def split_readable_paths(cell: SandboxPolicy) -> tuple[list[Path], list[Path]]:
+    """Return what may be read, and what may be listed, where nothing within a folder can be taken from it again.
+
+    A folder with something hidden in it is read by its other entries. Only names can be seen then. All are real places,
+    for what is allowed is the place to which a link leads: a link in such a folder is none.
+
+    Args:
+        cell: What is to be seen.
+    """
+    reads: list[Path] = []
+    lists: list[Path] = []
+    hidden = {path.resolve() for path in cell.hidden}
+    for folder in dict.fromkeys(path.resolve() for path in cell.reads):
+        _add_readable_paths(folder, [path for path in hidden if path.is_relative_to(folder)], reads, lists)
+    return reads, lists
+
+
+def _add_readable_paths(folder: Path, hidden: list[Path], reads: list[Path], lists: list[Path]) -> None:
+    if folder in hidden:
+        return
+    if not hidden:
+        reads.append(folder)
+        return
+    lists.append(folder)
+    for entry in sorted(entry for entry in folder.iterdir() if not entry.is_symlink()):
+        _add_readable_paths(entry, [path for path in hidden if path.is_relative_to(entry)], reads, lists)
+
+
+def _add_link_target(path: Path) -> list[Path]:
+    return list(dict.fromkeys((path.absolute(), path.resolve())))
+
+
+# A word such as `/` or `..` is no place that an agent was given.
+def _is_separate_folder(path: Path) -> bool:
+    try:
+        around = (Path.home(), *Path.home().parents, *Path.cwd().parents, *Path(tempfile.gettempdir()).parents)
+        return path.is_dir() and path.resolve() not in (*around, Path(tempfile.gettempdir()))
+    except (OSError, RuntimeError):
+        return False
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        return False

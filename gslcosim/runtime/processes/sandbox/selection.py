@@ -1,0 +1,376 @@
+"""Selection of the sandbox that an agent or participant gets on this machine, and of how its process is confined."""
+
+import itertools
+import os
+import sys
+import tempfile
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Literal, Protocol
+
+from gslcosim.base.errors import UsageError
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE
+from gslcosim.runtime.agents.loader import build_start_command, resolve_command
+from gslcosim.runtime.processes.sandbox import landlock, seccomp
+from gslcosim.runtime.processes.sandbox.bubblewrap import find_bubblewrap_failure
+from gslcosim.runtime.processes.sandbox.launcher_client import Confinement, is_launcher_possible
+from gslcosim.runtime.processes.sandbox.policy import (
+    SYSTEM_FOLDERS,
+    SandboxPolicy,
+    find_own_folders,
+    list_code_folders,
+    list_hidden_folders,
+    list_python_folders,
+)
+from gslcosim.runtime.processes.sandbox.truth import (
+    MAX_BYTES,
+    MAX_ENTRIES,
+    TooMuchToSearchError,
+    find_truth,
+    is_truth_folder,
+)
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.sandbox import AgentLimitsSpec, SandboxChoice
+from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.sources import source_files
+
+SandboxKind = Literal["bubblewrap", "landlock", "none"]
+NONE_IN_THIS_PROCESS = "none: in this process"
+NONE_STARTED_ELSEWHERE = "none: started elsewhere"
+
+
+class ConfinementSpec(Protocol):
+    """Settings of a scenario for how the process of an agent or participant is confined; `place` is for errors."""
+
+    @property
+    def name(self) -> str:
+        """Name of the agent or participant."""
+        ...
+
+    @property
+    def place(self) -> str:
+        """Where it is in the scenario."""
+        ...
+
+    @property
+    def sandbox(self) -> SandboxChoice:
+        """Sandbox that its process is started in."""
+        ...
+
+    @property
+    def limits(self) -> AgentLimitsSpec:
+        """The bounds of what its processes use."""
+        ...
+
+    @property
+    def may_read(self) -> tuple[str, ...]:
+        """Folders that it sees besides its own."""
+        ...
+
+    @property
+    def may_write(self) -> tuple[str, ...]:
+        """Folders that it may change."""
+        ...
+
+    @property
+    def environment(self) -> dict[str, str | None] | None:
+        """Variables of its environment beside those that every program needs."""
+        ...
+
+
+def unavailable_reason(kind: SandboxKind) -> str:
+    """Return why a sandbox does not work on this machine, empty when it works."""
+    if kind == "none":
+        return ""
+    if kind == "bubblewrap":
+        return find_bubblewrap_failure()
+    if not landlock.read_version():
+        return "this kernel has no Landlock"
+    return "" if seccomp.is_possible() else "there is no filter of system calls for this kind of processor"
+
+
+def find_strongest_sandbox() -> SandboxKind:
+    """Return the strongest sandbox that works on this machine."""
+    if not unavailable_reason("bubblewrap"):
+        return "bubblewrap"
+    return "none" if unavailable_reason("landlock") else "landlock"
+
+
+def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[str, str]:
+    """Return by agent and participant what its process is confined by, in the words of `result.json`.
+
+    Args:
+        scenario: The scenario.
+        is_one_process: Whether Python agents are objects in this process.
+
+    Raises:
+        UsageError: the scenario demands what this machine lacks, or of an agent that is not started as a process.
+    """
+    starts = {agent.name: agent for agent in scenario.agents}
+    of_agents = {
+        agent.name: _describe_sandbox(starts[agent.process], is_one_process=is_one_process) for agent in scenario.agents
+    }
+    return {**of_agents, **{participant.name: _describe_started(participant) for participant in scenario.participants}}
+
+
+def is_sandboxed(told: str) -> bool:
+    """Return whether words of `describe_sandboxes`, or several of them joined by `; `, are all about sandboxes."""
+    return bool(told) and not any(each.startswith("none") for each in told.split("; "))
+
+
+def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
+    """Return which sandbox the process of an agent or participant is started in.
+
+    Raises:
+        UsageError: the one that the scenario demands does not work here.
+    """
+    if agent.sandbox == "auto":
+        return find_strongest_sandbox()
+    if agent.sandbox == "required":
+        if (strongest := find_strongest_sandbox()) == "none":
+            raise UsageError(
+                f"{agent.place}.sandbox: expected a sandbox on this machine, there is none: "
+                f"{unavailable_reason('bubblewrap')}; {unavailable_reason('landlock')}. Install bubblewrap, or take "
+                "auto."
+            )
+        return strongest
+    if reason := unavailable_reason(agent.sandbox):
+        raise UsageError(
+            f"{agent.place}.sandbox: expected {agent.sandbox} on this machine, but {reason}. Install it, or take "
+            "auto for the strongest that works here; `gslcosim doctor` says which that is."
+        )
+    return agent.sandbox
+
+
+def _describe_sandbox(agent: AgentSpec, *, is_one_process: bool) -> str:
+    is_object = is_one_process and not agent.start.is_behind_gateway
+    if agent.start.attach or is_object:
+        _check_no_demands(agent)
+        return NONE_STARTED_ELSEWHERE if agent.start.attach else NONE_IN_THIS_PROCESS
+    return _describe_started(agent)
+
+
+def _describe_started(agent: ConfinementSpec) -> str:
+    kind = choose_sandbox(agent)
+    if agent.limits.are_given and not is_launcher_possible():
+        raise UsageError(f"{agent.place}.limits: expected Linux for limits, was another system. Leave them out.")
+    gaps = open_gaps(kind)
+    name = f"landlock {landlock.read_version()}" if kind == "landlock" else kind
+    return f"{name} (open: {', '.join(gaps)})" if gaps else name
+
+
+def open_gaps(kind: SandboxKind) -> list[str]:
+    """Return in words what a sandbox leaves open on this machine that it closes on others."""
+    if kind == "landlock":
+        return landlock.missing_protections(landlock.read_version())
+    if kind == "bubblewrap" and not seccomp.is_possible():
+        return ["keys of the user, perf, watching of files and io_uring are not refused on this kind of processor"]
+    return []
+
+
+def _check_no_demands(agent: AgentSpec) -> None:
+    where = "started elsewhere" if agent.start.attach else "an object in this process"
+    remedy = (
+        "Confine it where it is started, and leave this out."
+        if agent.start.attach
+        else "Leave out --in-process, or start it with door: stdio."
+    )
+    wanted = {
+        "sandbox": {"required": "a sandbox", "auto": "", "none": ""}.get(agent.sandbox, agent.sandbox),
+        "limits": "bounds" if agent.limits.are_given else "",
+        "environment": "variables" if agent.environment else "",
+    }
+    for key, value in wanted.items():
+        if value:
+            raise UsageError(
+                f"agents.{agent.name}.{key}: expected an agent with a process that is started here for {value}, was "
+                f"{where}. {remedy}"
+            )
+
+
+# Where programs and their libraries are, the user's language and time, private folders, and numbers of threads.
+PASSED_ON = frozenset((
+    "PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG", "LANGUAGE", "TZ", "HOME", "TMPDIR",
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS", "RAYON_NUM_THREADS", "GOMAXPROCS", "JULIA_NUM_THREADS",
+    # Where compiled kernels are: an agent without a sandbox uses the same.
+    "GSLCOSIM_CACHE", "XDG_CACHE_HOME",
+    # Without these there is no process on Windows.
+    "SYSTEMROOT", "PATHEXT", "TEMP", "TMP",
+))  # fmt: skip
+PASSED_ON_PREFIXES = ("LC_", "NUMBA_")
+# Of our own Python: how it finds its packages and writes.
+_OF_PYTHON = frozenset((
+    "PYTHONPATH", "PYTHONHOME", "PYTHONNOUSERSITE", "PYTHONUSERBASE", "PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE",
+    "PYTHONUTF8", "PYTHONIOENCODING", "PYTHONHASHSEED",
+))  # fmt: skip
+
+
+def environment_for(
+    agent: ConfinementSpec, command: Sequence[str], surroundings: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Return the variables with which the process of an agent or participant starts; those of the run come on top.
+
+    Args:
+        agent: The agent or participant.
+        command: What starts it.
+        surroundings: From which variables are taken; absent: this process's own.
+
+    Raises:
+        UsageError: the scenario passes on a variable that is not set.
+    """
+    around = os.environ if surroundings is None else surroundings
+    is_ours = command[0] == sys.executable
+    passed_on = {
+        name: value
+        for name, value in around.items()
+        if name in PASSED_ON or name.startswith(PASSED_ON_PREFIXES) or (is_ours and name in _OF_PYTHON)
+    }
+    return passed_on | {name: _value(agent, name, value, around) for name, value in (agent.environment or {}).items()}
+
+
+def _value(agent: ConfinementSpec, name: str, value: str | None, around: Mapping[str, str]) -> str:
+    if value is not None:
+        return value
+    if name not in around:
+        raise UsageError(
+            f"{agent.place}.environment.{name}: expected a variable that is set where gslcosim starts, since it has "
+            "no value here, was unset. Set it, or write its value."
+        )
+    return around[name]
+
+
+def build_confinement(
+    agent: ConfinementSpec,
+    command: Sequence[str],
+    setup: RunSetup,
+    *,
+    directory: Path,
+    private_dir: Path,
+    sockets: Sequence[Path] = (),
+    tcp_port: int | None = None,
+) -> Confinement:
+    """Return how the process of an agent or participant is confined.
+
+    Args:
+        agent: The agent or participant whose process it is.
+        command: What starts it.
+        setup: The run, none of which it sees.
+        directory: The scenario's folder.
+        private_dir: Where private folders may be made.
+        sockets: The unix sockets of its door.
+        tcp_port: The port of its door.
+
+    Raises:
+        UsageError: the sandbox that the scenario demands does not work here, the command names the truth, or it may
+            write where others read code or where the run is.
+    """
+    kind = choose_sandbox(agent)
+    environment = environment_for(agent, command)
+    if kind == "none":
+        return Confinement(limits=agent.limits, environment=environment)
+    scratch = private_dir / f"scratch-{agent.name}"
+    scratch.mkdir(mode=0o700)
+    own = find_own_folders(command, directory)
+    granted = [(directory / Path(path).expanduser()).absolute() for path in agent.may_read]
+    sources = [*setup.sources, *source_files(setup.scenario, directory)]
+    _check_program(agent, [folder for folder in own if folder not in granted], setup, sources)
+    of_python = list_python_folders()
+    searched = {*own, *granted}.difference(of_python)
+    hidden = [*list_hidden_folders(), *_truth_within(agent, searched, sources), *_list_run_folders(setup), *sources]
+    hidden = [path for path in hidden if path not in (*own, *granted)]
+    is_python = Path(command[0]).name.startswith("python") and NUMBA_VARIABLE in os.environ
+    kernels = Path(os.environ[NUMBA_VARIABLE]) if is_python else None
+    writes = [(directory / Path(path).expanduser()).absolute() for path in agent.may_write]
+    _check_writes(agent, writes, setup, directory)
+    readable = [*own, *granted, *of_python, *map(Path, SYSTEM_FOLDERS)]
+    hidden += [path.resolve() for path in hidden]
+    cell = SandboxPolicy(
+        directory=directory.absolute(),
+        reads=_keep_existing([*readable, *([kernels] if kernels is not None else [])]),
+        hidden=_keep_existing([*hidden, *_under_other_names(hidden, readable)]),
+        writes=_keep_existing(writes),
+        sockets=tuple(sockets),
+        tcp_port=tcp_port,
+        kernels=kernels,
+        scratch=scratch,
+    )
+    return Confinement(kind=kind, policy=cell, limits=agent.limits, environment=environment)
+
+
+# What stands beside a program is seen by it.
+def _check_program(agent: ConfinementSpec, own: Sequence[Path], setup: RunSetup, sources: Sequence[Path]) -> None:
+    runs, temporary = setup.run_dir.path.absolute().parent, Path(tempfile.gettempdir())
+    for folder in own:
+        place = folder.resolve()
+        if is_truth_folder(folder) or any(place.is_relative_to(each.resolve()) for each in sources):
+            raise UsageError(
+                f"{agent.place}.start: expected a command that names no file of a run, of results or of an "
+                f"environment, which an agent in a sandbox does not see, was one in {folder}. Move the program "
+                "elsewhere, or name the folder in may_read."
+            )
+        if place == runs.resolve() or temporary.resolve().is_relative_to(place):
+            what = "runs are made" if place == runs.resolve() else "other processes keep their temporary files"
+            raise UsageError(
+                f"{agent.place}.start: expected a program in a folder of its own, which the agent in a sandbox sees "
+                f"with all that comes to lie there, was one in {folder}, where {what}. Move the program, or name "
+                "the folder in may_read."
+            )
+
+
+def _truth_within(agent: ConfinementSpec, searched: Collection[Path], sources: Collection[Path]) -> list[Path]:
+    try:
+        return find_truth(searched, sources)
+    except TooMuchToSearchError as error:
+        raise UsageError(
+            f"{agent.place}: expected at most {MAX_ENTRIES} files of {MAX_BYTES >> 20} MB in folders that the agent "
+            f"reads, which are searched for scenarios and runs that it must not see, was more in {error.folder}. Move "
+            "the program into a folder of its own, or name smaller folders in may_read."
+        ) from error
+
+
+# Where code or runs are nothing may be written, nor around it; agents may share a folder within that of their programs.
+def _check_writes(agent: ConfinementSpec, writes: Sequence[Path], setup: RunSetup, directory: Path) -> None:
+    closed = [*list_code_folders(), *list_hidden_folders(), *_list_run_folders(setup)]
+    programs = _list_other_programs(agent, setup, directory)
+    for given, folder in zip(agent.may_write, writes, strict=True):
+        for place in dict.fromkeys((folder, folder.resolve())):
+            within = (each for each in (*closed, *programs) if each.is_relative_to(place))
+            around = (each for each in closed if place.is_relative_to(each))
+            if (other := next(itertools.chain(within, around), None)) is not None:
+                raise UsageError(
+                    f"{agent.place}.may_write: expected a folder from which no other process reads code and which "
+                    f"holds nothing of runs, was {given!r}, which is part of {other} or has it within. Name a folder "
+                    "of its own."
+                )
+
+
+def _list_other_programs(agent: ConfinementSpec, setup: RunSetup, directory: Path) -> list[Path]:
+    scenario = setup.scenario
+    commands = [build_start_command(each, directory) for each in scenario.agents if each.name != agent.name]
+    commands += [
+        resolve_command(each.start.command, directory) for each in scenario.participants if each.name != agent.name
+    ]
+    own = [folder for command in commands if command is not None for folder in find_own_folders(command, directory)]
+    return [*own, *(folder.resolve() for folder in own)]
+
+
+def _list_run_folders(setup: RunSetup) -> list[Path]:
+    run = setup.run_dir.path.absolute()
+    return [run.parent, run, setup.environment_dir]
+
+
+# Where a folder is read by way of a link, what is hidden in it has that name too.
+def _under_other_names(hidden: Sequence[Path], readable: Sequence[Path]) -> list[Path]:
+    return [
+        folder / path.relative_to(folder.resolve())
+        for folder in readable
+        if folder.resolve() != folder
+        for path in hidden
+        if path.is_relative_to(folder.resolve())
+    ]
+
+
+def _keep_existing(paths: Sequence[Path]) -> tuple[Path, ...]:
+    return tuple(path for path in dict.fromkeys(paths) if path.exists())

@@ -1,1 +1,0 @@
-"""Runs flown again from what they have left: as they were, or another way from some tick on."""

@@ -1,0 +1,1 @@
+"""Past runs: state of cores, snapshots, replay, forks and comparison."""

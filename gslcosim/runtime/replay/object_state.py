@@ -1,0 +1,652 @@
+"""State of an object and of all that it holds, as plain values and arrays, and back into one built alike.
+
+A reference to a value is the value itself where it is plain, or a list with a letter in front: `n` a node by its index,
+`k` a thing that is known by its path, `t` a tuple of plain values, `i` a large integer, `s` a numpy scalar, `e` a
+member of an enumeration, `f` a type or function by name, `m` a method of something.
+"""
+
+import hashlib
+import importlib
+import re
+from array import array
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from pathlib import PurePath
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from typing import Any, cast
+
+import numpy as np
+from msgspec import Struct, StructMeta
+
+from gslcosim.base.errors import SnapshotError
+
+_IMMUTABLE_TYPES = (
+    FunctionType,
+    BuiltinFunctionType,
+    ModuleType,
+    frozenset,
+    Enum,
+    PurePath,
+    re.Pattern,
+    np.dtype,
+    np.void,
+)
+# Compiled functions, and models of scenes with what draws them: their data are kept elsewhere.
+_IMMUTABLE_LIBRARIES = frozenset({"numba", "mujoco"})
+PLAIN_TYPES = frozenset({type(None), bool, int, float, str, bytes})
+CONTAINERS = (list, deque, dict, set, frozenset, tuple)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExternalTypeAdapter:
+    """Adapter that reads the state of an object of another library as something that can be walked, and restores it."""
+
+    read: Callable[[Any], Any]
+    restore: Callable[[Any, Any], None]
+
+
+_EXTERNAL_TYPES: dict[type, ExternalTypeAdapter] = {}
+
+
+def register_external_type(type_: type, *, read: Callable[[Any], Any], bring_back: Callable[[Any, Any], None]) -> None:
+    """Let snapshots hold objects of another library's type.
+
+    Args:
+        type_: The type; types below it do not count.
+        read: Returns an object's state.
+        bring_back: Takes an object that is built alike, and such a state.
+    """
+    _EXTERNAL_TYPES[type_] = ExternalTypeAdapter(read=read, restore=bring_back)
+
+
+def find_external_adapter(value: Any) -> ExternalTypeAdapter | None:
+    """Return how a value of another library is kept, if anybody has said it."""
+    return _EXTERNAL_TYPES.get(type(value))
+
+
+def is_plain(value: Any) -> bool:
+    """Return whether a value is written as it is, or is a tuple of such values."""
+    return type(value) in PLAIN_TYPES or (type(value) is tuple and all(map(is_plain, cast("tuple[Any, ...]", value))))
+
+
+def is_walkable(value: Any, packages: frozenset[str]) -> bool:
+    """Return whether a value is an object of one of some packages, whose attributes are its state."""
+    type_ = type(value)
+    if issubclass(type_, (type, Enum, BaseException, np.ndarray, Struct, *CONTAINERS)):
+        return False
+    return type_.__module__.partition(".")[0] in packages
+
+
+def is_immutable_external(value: Any) -> bool:
+    """Return whether a value of another library never changes: only then may its state be left out."""
+    if isinstance(value, (type, *_IMMUTABLE_TYPES)):
+        return True
+    return type(value).__module__.partition(".")[0] in _IMMUTABLE_LIBRARIES
+
+
+def build_record(type_: Any, fields: dict[str, Any]) -> Any:
+    """Return a frozen record of fields that have been checked when they were first in one."""
+    return StructMeta.__call__(type_, **fields)
+
+
+def get_import_name(named: Any) -> str:
+    """Return the name under which a type or function is found again."""
+    return f"{named.__module__}:{named.__qualname__}"
+
+
+def import_by_name(name: str, packages: frozenset[str]) -> Any:
+    """Return a type or function by its name.
+
+    Args:
+        name: As from `get_import_name`.
+        packages: Those it may come from: what a file says is looked up nowhere else.
+
+    Raises:
+        SnapshotError: there is none.
+    """
+    module, _, qualname = name.partition(":")
+    if module.partition(".")[0] not in packages:
+        raise SnapshotError(f"expected something of {', '.join(sorted(packages))}, was {name}.")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in qualname.split("."):
+            found = getattr(found, part)
+    except (ImportError, AttributeError) as error:
+        raise SnapshotError(f"expected to find {name}, found none.") from error
+    return found
+
+
+def get_attributes(value: Any) -> dict[str, Any]:
+    """Return what an object holds, by attribute, in slots and in `__dict__`."""
+    held: dict[str, Any] = {}
+    for type_ in type(value).__mro__:
+        slots: Any = type_.__dict__.get("__slots__", ())
+        for name in (slots,) if isinstance(slots, str) else slots:
+            if name not in ("__dict__", "__weakref__") and hasattr(value, name):
+                held[name] = getattr(value, name)
+    held.update(getattr(value, "__dict__", {}))
+    return held
+
+
+def set_attributes(value: Any, held: dict[str, Any]) -> None:
+    """Let an object hold these attributes, and nothing else in its `__dict__`, whether it is frozen or not."""
+    own: dict[str, Any] | None = getattr(value, "__dict__", None)
+    if own is not None:
+        own.clear()
+    for name, inner in held.items():
+        object.__setattr__(value, name, inner)
+
+
+def iter_parts(value: Any, packages: frozenset[str]) -> Iterator[tuple[str, Any]]:
+    """Yield what a value is made of, each part with a label that is the same in an object built alike."""
+    match value:
+        case np.ndarray():
+            if isinstance(value.base, np.ndarray):
+                yield ".base", value.base
+        case dict():
+            for i, (key, inner) in enumerate(cast("dict[Any, Any]", value).items()):
+                yield f"[{key!r}]" if is_plain(key) else f"[#{i}]", inner
+        case list() | tuple() | deque():
+            for i, inner in enumerate(cast("Sequence[Any]", value)):
+                yield f"[{i}]", inner
+        case partial():
+            bound = cast("partial[Any]", value)
+            yield ".func", bound.func
+            yield ".args", bound.args
+            yield ".keywords", bound.keywords
+        case MethodType():
+            yield ".__self__", value.__self__
+        case Struct():
+            for name in value.__struct_fields__:
+                yield f".{name}", getattr(value, name)
+        case _:
+            if is_walkable(value, packages):
+                for name, inner in get_attributes(value).items():
+                    yield f".{name}", inner
+
+
+def hash_array(array: "np.ndarray[Any, Any]") -> bytes:
+    """Return a hash of an array's values."""
+    return hashlib.blake2b(array.tobytes(), digest_size=16).digest()
+
+
+# From so many bytes on an array that has not changed is left out.
+MIN_HASHED_BYTES = 1 << 14
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineEntry:
+    """Entry of a baseline: the path of a thing, and its content."""
+
+    path: str
+    value: Any
+    attributes: dict[str, Any] | None = None
+    fingerprint: bytes | None = None
+
+
+class Baseline:
+    """Baseline of an object: all that it held when built, by path such as `._crafts[0]._guide` and by identity."""
+
+    def __init__(self, root: object, *, fixed: tuple[type, ...], packages: frozenset[str]) -> None:
+        self._fixed = fixed
+        self._by_path: dict[str, BaselineEntry] = {}
+        self._by_id: dict[int, BaselineEntry] = {}
+        waiting: list[tuple[str, Any]] = [("", root)]
+        while waiting:
+            path, value = waiting.pop()
+            if is_plain(value) or id(value) in self._by_id:
+                continue
+            is_fixed = isinstance(value, fixed)
+            self._add(path, value, packages, is_fixed=is_fixed)
+            if not is_fixed:
+                waiting += [(path + label, part) for label, part in iter_parts(value, packages)]
+
+    def of(self, value: object) -> BaselineEntry | None:
+        """Return what is known of a thing, if it was there."""
+        return self._by_id.get(id(value))
+
+    def at(self, path: str) -> BaselineEntry | None:
+        """Return what was at a place."""
+        return self._by_path.get(path)
+
+    def is_fixed(self, value: object) -> bool:
+        """Return whether a thing is of a type that never changes."""
+        return isinstance(value, self._fixed)
+
+    def found(self) -> list[BaselineEntry]:
+        """Return all that was there."""
+        return list(self._by_path.values())
+
+    def _add(self, path: str, value: Any, packages: frozenset[str], *, is_fixed: bool) -> None:
+        attributes = mark = None
+        if isinstance(value, np.ndarray):
+            if value.nbytes >= MIN_HASHED_BYTES and value.flags.writeable:
+                mark = hash_array(value)
+        elif not is_fixed and find_external_adapter(value) is None and is_walkable(value, packages):
+            attributes = get_attributes(value)
+        self._by_id[id(value)] = self._by_path[path] = BaselineEntry(
+            path=path, value=value, attributes=attributes, fingerprint=mark
+        )
+
+
+_MAX_PLAIN_INT = 1 << 63
+Node = dict[str, Any]
+
+
+class StateReader:
+    """Reads one state; see `StateKeeper`."""
+
+    def __init__(self, known: Baseline, packages: frozenset[str]) -> None:
+        self._known = known
+        self._packages = packages
+        self._nodes: list[Node] = []
+        self._index: dict[int, int] = {}
+        # So that no identity is given away twice.
+        self._alive: list[Any] = []
+        self._way: list[str] = []
+
+    def read(self, root: object) -> dict[str, Any]:
+        """Return the state of an object."""
+        self._reference(root, "")
+        return {"nodes": self._nodes}
+
+    def _reference(self, value: Any, label: str) -> Any:
+        if type(value) in PLAIN_TYPES:
+            return ["i", hex(value)] if type(value) is int and not -_MAX_PLAIN_INT <= value < _MAX_PLAIN_INT else value
+        if is_plain(value):
+            return ["t", [self._reference(inner, "") for inner in value]]
+        if isinstance(value, Enum):
+            return ["e", get_import_name(type(value)), value.name]
+        if isinstance(value, np.generic) and not isinstance(value, np.void):
+            return ["s", value.dtype.str, value.tobytes()]
+        if id(value) in self._index:
+            return ["n", self._index[id(value)]]
+        self._way.append(label)
+        try:
+            return self._reference_to_thing(value)
+        finally:
+            self._way.pop()
+
+    def _reference_to_thing(self, value: Any) -> Any:
+        found = self._known.of(value)
+        if found is not None and self._is_unchanging(value):
+            return ["k", found.path]
+        if isinstance(value, MethodType):
+            return ["m", self._reference(value.__self__, ".__self__"), value.__func__.__name__]
+        if isinstance(value, (type, FunctionType, BuiltinFunctionType)) and _can_be_named(value):
+            return ["f", get_import_name(value)]
+        if isinstance(value, FunctionType) and (path := self._known_function(value)) is not None:
+            return ["k", path]
+        if hasattr(value, "__next__"):
+            raise self._cannot_keep(value)
+        index = self._index[id(value)] = len(self._nodes)
+        self._alive.append(value)
+        node: Node = {} if found is None else {"p": found.path}
+        self._nodes.append(node)
+        self._fill(node, value, found)
+        return ["n", index]
+
+    # One that was made anew in the same place, of settings alone, does the same.
+    def _known_function(self, value: FunctionType) -> str | None:
+        found = self._known.at("".join(self._way))
+        if found is None or getattr(found.value, "__code__", None) is not value.__code__:
+            return None
+        cells = [cell.cell_contents for cell in value.__closure__ or ()]
+        are_settings = all(is_plain(held) or self._known.is_fixed(held) or _is_frozen(held) for held in cells)
+        return found.path if are_settings else None
+
+    def _is_unchanging(self, value: Any) -> bool:
+        if isinstance(value, np.ndarray):
+            return not value.flags.writeable
+        if self._known.is_fixed(value):
+            return True
+        if find_external_adapter(value) is not None or is_walkable(value, self._packages):
+            return False
+        return is_immutable_external(value)
+
+    def _fill(self, node: Node, value: Any, found: BaselineEntry | None) -> None:
+        foreign = find_external_adapter(value)
+        if foreign is not None and found is not None:
+            node |= {"k": "x", "v": self._reference(foreign.read(value), "")}
+        elif isinstance(value, np.ndarray):
+            self._fill_array(node, cast("np.ndarray[Any, Any]", value), found)
+        elif isinstance(value, np.random.Generator):
+            generator: Any = value.bit_generator
+            node |= {"k": "r", "v": self._reference(generator.state, "")}
+        elif isinstance(value, array):
+            numbers = cast("array[Any]", value)
+            node |= {"k": "y", "c": numbers.typecode, "v": numbers.tobytes()}
+        elif isinstance(value, BaseException):
+            node |= {"k": "b", "t": get_import_name(type(value)), "v": self._items(value.args)}
+        elif isinstance(value, Struct):
+            fields = {name: self._reference(getattr(value, name), f".{name}") for name in value.__struct_fields__}
+            # It is frozen: one that was there holds what it held.
+            node |= {"k": "c", "t": get_import_name(type(value)), "a": fields if found is None else None}
+        elif isinstance(value, partial):
+            if found is None:
+                raise self._cannot_keep(value)
+            bound = cast("partial[Any]", value)
+            self._items([bound.args, bound.keywords])
+            node |= {"k": "p"}
+        elif is_walkable(value, self._packages):
+            self._fill_object(node, value, found)
+        else:
+            self._fill_container(node, value, found)
+
+    def _fill_container(self, node: Node, value: Any, found: BaselineEntry | None) -> None:
+        type_: type = type(value)
+        if isinstance(value, tuple):
+            fields = cast("Any", value)
+            # One that was there holds what it held; only what is in it can have changed.
+            items = self._items(fields)
+            node |= {
+                "k": "t",
+                "t": None if type_ is tuple else get_import_name(type_),
+                "v": items if found is None else None,
+            }
+        elif type_ in (list, set, frozenset):
+            node |= {"k": type_.__name__, "v": self._items(list(value))}
+        elif type_ is deque:
+            queue = cast("deque[Any]", value)
+            node |= {"k": "deque", "v": self._items(queue), "n": queue.maxlen}
+        elif isinstance(value, dict) and (found is not None or type_ in (dict, OrderedDict)):
+            pairs = cast("dict[Any, Any]", value)
+            items = [[self._reference(key, "{}"), self._reference(pairs[key], f"[{key!r}]")] for key in pairs]
+            node |= {"k": "dict" if type_ is dict else "odict", "v": items}
+        else:
+            raise self._cannot_keep(value)
+
+    def _fill_object(self, node: Node, value: Any, found: BaselineEntry | None) -> None:
+        before = found.attributes if found is not None else None
+        attributes = get_attributes(value)
+        node |= {"k": "o", "t": get_import_name(type(value)), "a": {}}
+        for name, inner in attributes.items():
+            reference = self._reference(inner, f".{name}")
+            if before is None or name not in before or not _is_same(inner, before[name]):
+                node["a"][name] = reference
+        if before is not None and (gone := [name for name in before if name not in attributes]):
+            node["g"] = gone
+
+    # Views are told as such: what they share goes on being shared, and kernels are compiled for how they lie.
+    def _fill_array(self, node: Node, value: "np.ndarray[Any, Any]", found: BaselineEntry | None) -> None:
+        if value.dtype.hasobject:
+            raise self._cannot_keep(value)
+        if found is not None and found.fingerprint is not None and found.fingerprint == hash_array(value):
+            node |= {"k": "u", "v": found.fingerprint}
+            return
+        node |= {"d": np.lib.format.dtype_to_descr(value.dtype), "s": list(value.shape)}
+        if not value.flags.writeable:
+            node["r"] = True
+        base = value.base
+        if found is None and isinstance(base, np.ndarray):
+            offset = value.__array_interface__["data"][0] - base.__array_interface__["data"][0]
+            node |= {"k": "v", "b": self._reference(base, ".base"), "o": offset, "t": list(value.strides)}
+            return
+        is_fortran = value.flags.f_contiguous and not value.flags.c_contiguous
+        node |= {"k": "a", "f": is_fortran, "v": value.tobytes("F" if is_fortran else "C")}
+
+    def _items(self, values: Sequence[Any] | Any) -> list[Any]:
+        return [self._reference(value, f"[{i}]") for i, value in enumerate(values)]
+
+    def _cannot_keep(self, value: Any) -> SnapshotError:
+        kind = type(value)
+        return SnapshotError(
+            f"{''.join(self._way) or 'the core'}: expected something whose state can be kept, was a "
+            f"{kind.__module__}.{kind.__qualname__}."
+        )
+
+
+def _is_frozen(value: Any) -> bool:
+    parameters: Any = getattr(type(value), "__dataclass_params__", None)
+    return parameters is not None and parameters.frozen
+
+
+def _can_be_named(value: Any) -> bool:
+    return bool(value.__module__) and "<" not in value.__qualname__
+
+
+def _is_same(value: Any, before: Any) -> bool:
+    return value is before or (type(value) is type(before) and is_plain(value) and repr(value) == repr(before))
+
+
+_BIT_GENERATORS = ("PCG64", "PCG64DXSM", "Philox", "SFC64", "MT19937")
+_CONTAINER_TYPES_BY_NAME: dict[str, type] = {"list": list, "dict": dict, "odict": OrderedDict, "set": set}
+
+
+class StateWriter:
+    """Writes one state; see `StateKeeper`."""
+
+    def __init__(self, known: Baseline, packages: frozenset[str]) -> None:
+        self._known = known
+        self._packages = packages
+        self._nodes: Sequence[Node] = ()
+        self._built: dict[int, Any] = {}
+
+    def write(self, nodes: Sequence[Node]) -> None:
+        """Bring the known object to the state of these nodes."""
+        self._nodes = nodes
+        for found in self._known.found():
+            if found.attributes is not None:
+                set_attributes(found.value, found.attributes)
+        for index in range(len(nodes)):
+            self._node(index)
+
+    def _value(self, reference: Any) -> Any:
+        if not isinstance(reference, list):
+            return reference
+        match cast("list[Any]", reference):
+            case ["n", index]:
+                return self._node(index)
+            case ["k", path]:
+                return self._at(path).value
+            case ["t", items]:
+                return tuple(self._value(item) for item in items)
+            case ["i", digits]:
+                return int(digits, 16)
+            case ["s", dtype, data]:
+                return np.frombuffer(data, np.dtype(dtype))[0]
+            case ["e", name, member]:
+                return import_by_name(name, self._packages)[member]
+            case ["f", name]:
+                return import_by_name(name, self._packages | {"builtins", "numpy", "math"})
+            case ["m", owner, name]:
+                return getattr(self._value(owner), name)
+            case other:
+                raise SnapshotError(f"expected a reference, was {str(other)[:40]}.")
+
+    def _at(self, path: str) -> BaselineEntry:
+        found = self._known.at(path)
+        if found is None:
+            raise SnapshotError(f"{path or 'the core'}: expected it as in the run, found none.")
+        return found
+
+    def _node(self, index: int) -> Any:
+        if index in self._built:
+            return self._built[index]
+        node = self._nodes[index]
+        found = self._at(node["p"]) if "p" in node else None
+        kind: str = node["k"]
+        if kind in ("a", "u", "v"):
+            value = self._built[index] = self._array(node, found)
+            return value
+        if kind == "o":
+            return self._object(index, node, found)
+        if kind in ("list", "dict", "odict", "deque", "set"):
+            return self._container(index, node, found)
+        value = self._built[index] = self._other(node, found)
+        return value
+
+    def _object(self, index: int, node: Node, found: BaselineEntry | None) -> Any:
+        type_ = import_by_name(node["t"], self._packages)
+        if found is None:
+            value = self._built[index] = object.__new__(type_)
+            set_attributes(value, {name: self._value(inner) for name, inner in node["a"].items()})
+            return value
+        value = self._built[index] = found.value
+        if type(value) is not type_:
+            raise SnapshotError(f"{found.path}: expected a {node['t']}, was a {type(value).__qualname__}.")
+        for name, inner in node["a"].items():
+            object.__setattr__(value, name, self._value(inner))
+        for name in node.get("g", ()):
+            object.__delattr__(value, name)
+        return value
+
+    def _container(self, index: int, node: Node, found: BaselineEntry | None) -> Any:
+        kind: str = node["k"]
+        value: Any
+        if found is not None:
+            value = found.value
+        else:
+            value = deque[Any](maxlen=node["n"]) if kind == "deque" else _CONTAINER_TYPES_BY_NAME[kind]()
+        self._built[index] = value
+        if kind in ("dict", "odict"):
+            content: Any = [(self._value(key), self._value(inner)) for key, inner in node["v"]]
+        else:
+            content = [self._value(item) for item in node["v"]]
+        value.clear()
+        if kind in ("list", "deque"):
+            value.extend(content)
+        else:
+            value.update(content)
+        return value
+
+    def _other(self, node: Node, found: BaselineEntry | None) -> Any:
+        match node["k"]:
+            case "t":
+                if found is not None:
+                    return found.value
+                items = [self._value(item) for item in node["v"]]
+                return tuple(items) if node["t"] is None else import_by_name(node["t"], self._packages)(*items)
+            case "c":
+                if found is not None:
+                    return found.value
+                fields = {name: self._value(inner) for name, inner in node["a"].items()}
+                return build_record(import_by_name(node["t"], self._packages), fields)
+            case "frozenset":
+                return found.value if found is not None else frozenset(self._value(item) for item in node["v"])
+            case "p":
+                return found.value if found is not None else None
+            case "r":
+                return self._generator(self._value(node["v"]), found)
+            case "y":
+                return self._numbers(node, found)
+            case "b":
+                return import_by_name(node["t"], self._packages)(*(self._value(item) for item in node["v"]))
+            case "x":
+                return self._foreign(node, found)
+            case other:
+                raise SnapshotError(f"expected a node, was one of kind {other!r}.")
+
+    def _array(self, node: Node, found: BaselineEntry | None) -> "np.ndarray[Any, Any]":
+        if node["k"] == "u":
+            assert found is not None
+            if hash_array(found.value) != node["v"]:
+                raise SnapshotError(f"{found.path}: expected the array as in the run, was another.")
+            return found.value
+        dtype, shape = np.lib.format.descr_to_dtype(_tuples_from_lists(node["d"])), tuple(node["s"])
+        if node["k"] == "v":
+            base = self._value(node["b"])
+            value = np.ndarray(shape, dtype, buffer=_get_buffer(base), offset=node["o"], strides=tuple(node["t"]))
+        else:
+            value = np.frombuffer(node["v"], dtype).reshape(shape, order="F" if node["f"] else "C")
+            if found is not None and _fits(found.value, value):
+                np.copyto(found.value, value)
+                return found.value
+            value = value.copy("F" if node["f"] else "C")
+        if node.get("r"):
+            value.flags.writeable = False
+        return value
+
+    def _generator(self, state: Any, found: BaselineEntry | None) -> np.random.Generator:
+        name = str(state.get("bit_generator"))
+        if found is None and name not in _BIT_GENERATORS:
+            raise SnapshotError(f"expected a random generator of numpy, was {name}.")
+        generator = np.random.Generator(getattr(np.random, name)()) if found is None else found.value
+        generator.bit_generator.state = state
+        return generator
+
+    def _numbers(self, node: Node, found: BaselineEntry | None) -> "array[Any]":
+        numbers: array[Any] = found.value if found is not None else array(node["c"])
+        del numbers[:]
+        numbers.frombytes(node["v"])
+        return numbers
+
+    def _foreign(self, node: Node, found: BaselineEntry | None) -> Any:
+        assert found is not None
+        foreign = find_external_adapter(found.value)
+        if foreign is None:
+            raise SnapshotError(f"{found.path}: expected something of another library, was {type(found.value)}.")
+        foreign.restore(found.value, self._value(node["v"]))
+        return found.value
+
+
+def _fits(known: Any, value: "np.ndarray[Any, Any]") -> bool:
+    return known.shape == value.shape and known.dtype == value.dtype and known.flags.writeable
+
+
+# A view of all of it, whatever its order.
+def _get_buffer(base: "np.ndarray[Any, Any]") -> Any:
+    return base if base.flags.c_contiguous else base.T
+
+
+# As msgpack has lists only.
+def _tuples_from_lists(descr: Any) -> Any:
+    if not isinstance(descr, list):
+        return descr
+    fields = cast("list[list[Any]]", descr)
+    return [(f[0], _tuples_from_lists(f[1]), *(tuple(shape) for shape in f[2:])) for f in fields]
+
+
+class ObjectState:
+    """State of an object and of all that it holds.
+
+    It is made right after the object has been built, and remembers what there is then. A state tells what has changed
+    since: attributes, containers, arrays, random streams, and objects that are new. What is fixed, such as functions
+    and a room, is named by where it was found at first. So nobody has to list what belongs to a state, and an
+    attribute that is forgotten does not exist: what cannot be kept is an error.
+
+    A state is plain: dicts, lists, numbers, texts and bytes, as msgpack can carry them. An object that is built alike
+    by the same code, from settings that may differ where no state depends on them, takes it with `bring_back`.
+
+    Args:
+        root: The object.
+        fixed: Types of things that never change, which are not looked into.
+        packages: From which packages objects are walked through, beside that of the root.
+    """
+
+    def __init__(
+        self, root: object, *, fixed: tuple[type, ...] = (), packages: frozenset[str] = frozenset({"gslcosim"})
+    ) -> None:
+        self._root = root
+        self._packages = packages | {type(root).__module__.partition(".")[0]}
+        self._known = Baseline(root, fixed=fixed, packages=self._packages)
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the object now.
+
+        Raises:
+            SnapshotError: something in it cannot be kept; the text says where it is and what.
+        """
+        return StateReader(self._known, self._packages).read(self._root)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Bring the object to a state that was read from one built alike.
+
+        Raises:
+            SnapshotError: the state is of an object that was built otherwise; the object is of no use any more.
+        """
+        StateWriter(self._known, self._packages).write(cast("list[dict[str, Any]]", state["nodes"]))
+
+
+def are_states_equal(a: Any, b: Any) -> bool:
+    """Return whether two states are the same; NaN is NaN."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(are_states_equal(a[key], b[key]) for key in cast("dict[str, Any]", a))
+    if isinstance(a, list):
+        return len(a) == len(b) and all(map(are_states_equal, cast("list[Any]", a), b))
+    return bool(a == b) or (isinstance(a, float) and np.isnan(a) and np.isnan(b))

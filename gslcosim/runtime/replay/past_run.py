@@ -1,0 +1,171 @@
+"""Past run: files of a run directory, read back so that the run can be repeated."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypedDict, cast
+
+from gslcosim.base.errors import ContractError, EnvironmentDataError, UsageError
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.foreign_json import ForeignFileError, parse_json
+from gslcosim.base.os_errors import describe_os_error
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Command
+from gslcosim.contract.schema import get_contract_hash
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.store import load_environment
+from gslcosim.runtime.digest import HashChain, RunDigest
+from gslcosim.runtime.replay.snapshot import Snapshot, find_nearest_snapshot
+from gslcosim.runtime.run_dir import RunDir, RunResult
+from gslcosim.runtime.services import build_dataflow, list_service_names
+from gslcosim.runtime.status import RunStatus
+from gslcosim.scenario import Scenario
+
+# The key of a manifest that says which log a run was made of.
+IMPORTED_FROM = "imported_from"
+# Commands of weeks: a few hundred bytes each.
+_MAX_INPUTS_BYTES = 2_000_000_000
+
+
+class _CommandLine(TypedDict):
+    agent: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class PastRun:
+    """Files of a run, as far as they are needed to repeat it.
+
+    `commands` are those that took effect, by agent and tick; `digest` is absent where the run came to no verdict.
+    `directory` is where relative paths of its agents start; `flown_by` says which version flew it; `is_imported` that
+    none did: it was made of a log from elsewhere.
+    """
+
+    run_dir: RunDir
+    scenario: Scenario
+    commands: Mapping[str, Mapping[int, Command]]
+    digest: RunDigest | None
+    last_tick: int
+    environment_hash: str
+    directory: Path
+    flown_by: str
+    is_imported: bool = False
+
+    @classmethod
+    def load(cls, folder: Path, *, needs_result: bool = True) -> "PastRun":
+        """Read the folder of a run; where the result is not needed, also one that was killed before it had one.
+
+        Raises:
+            UsageError: a file is missing or not what it should be, or the run spoke another contract.
+        """
+        run_dir = RunDir(folder)
+        manifest = run_dir.load_manifest()
+        has_result = needs_result or (folder / "result.json").is_file()
+        result: RunResult | dict[str, int] = run_dir.load_result() if has_result else {}
+        if manifest.get("contract_hash") != get_contract_hash():
+            raise UsageError(
+                f"{folder.name}: expected a run of contract {get_contract_hash()}, was "
+                f"{manifest.get('contract_hash')}, flown by gslcosim {manifest.get('gslcosim')}. Use that "
+                "version for it."
+            )
+        return cls(
+            run_dir=run_dir,
+            scenario=run_dir.load_scenario(),
+            commands=read_recorded_commands(run_dir.inputs),
+            digest=RunDigest.load(run_dir.digest) if run_dir.digest.is_file() else None,
+            last_tick=int(result.get("ticks", 0)),
+            environment_hash=str(manifest.get("environment_hash")),
+            directory=Path(run_dir.load_setup().get("directory") or folder).absolute(),
+            is_imported=IMPORTED_FROM in manifest,
+            flown_by=f"gslcosim {manifest.get('gslcosim')} ({manifest.get('git') or 'no git'})",
+        )
+
+    def check_flown_here(self) -> None:
+        """Refuse a run that was made of a log from elsewhere.
+
+        Raises:
+            UsageError: it was.
+        """
+        if self.is_imported:
+            raise UsageError(
+                f"{self.run_dir.run_id}: expected a run of gslcosim, was a flight from elsewhere that was imported: "
+                "there is nothing that could be repeated. Fly its scenario with gslcosim up."
+            )
+
+    def check_inputs(self) -> None:
+        """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one.
+
+        Raises:
+            UsageError: the run was flown elsewhere and imported, or a command is missing, is one too many, or is
+                another than the one that took effect.
+        """
+        self.check_flown_here()
+        for agent in self.scenario.agents if self.digest else ():
+            trail = cast(RunDigest, self.digest).trails.get(keys.command(agent.name), HashChain())
+            found = HashChain()
+            for tick, command in sorted(self.commands.get(agent.name, {}).items()):
+                found.append(tick, codec.encode(command))
+            found = found.until(self.last_tick)
+            if (found.ticks, found.links) != (trail.ticks, trail.links):
+                raise UsageError(
+                    f"{self.run_dir.run_id}: expected the {len(trail.ticks)} commands of {agent.name} in inputs.log "
+                    f"that digest.json has a hash of, were others ({len(found.ticks)}). Bring back the files as the "
+                    f"run has left them.\nFile: {self.run_dir.inputs}"
+                )
+
+
+def find_snapshot_before(past: PastRun, tick: int) -> tuple[Snapshot | None, str]:
+    """Return the last snapshot of a run at or before a tick, or why one that is there cannot be used, as a sentence."""
+    names = [spec.name for spec in build_dataflow(past.scenario).participants if spec.writes]
+    services = [name for name in list_service_names(past.scenario) if name in names]
+    return find_nearest_snapshot(past.run_dir, past.scenario, services, until_tick=tick)
+
+
+def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
+    """Return the commands of `inputs.log` by agent and tick.
+
+    Raises:
+        UsageError: it is missing, or a line of it is no command.
+    """
+    try:
+        lines = read_regular_file(path, max_bytes=_MAX_INPUTS_BYTES).splitlines()
+    except OSError as error:
+        raise UsageError(
+            f"{path.parent.name}: expected an inputs.log, was {describe_os_error(error)}.\nFile: {path}"
+        ) from error
+    commands: dict[str, dict[int, Command]] = {}
+    for number, line in enumerate(lines, 1):
+        try:
+            agent = parse_json(line, _CommandLine, place="the line")["agent"]
+            command = codec.decode_json(Command, line)
+        except (ContractError, ForeignFileError) as error:
+            raise UsageError(
+                f"{path.parent.name}/{path.name}:{number}: expected an agent's command, was {line[:60]!r} ({error}).\n"
+                f"File: {path}"
+            ) from error
+        commands.setdefault(agent, {})[command.tick] = command
+    return commands
+
+
+def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path:
+    """Return the folder of the room in which a run was flown, made anew where it is gone.
+
+    Raises:
+        EnvironmentDataError: the room is not the one that was flown in.
+    """
+    folder = Path(past.run_dir.load_setup()["environment"])
+    try:
+        environment = load_environment(folder)
+    except EnvironmentDataError:
+        # It was in the cache, and is made anew.
+        folder = prepare_environment(
+            past.scenario,
+            scenario_dir=past.run_dir.path,
+            progress=lambda text, fraction: report(RunStatus(state="preparing", text=text, fraction=fraction)),
+        )
+        environment = load_environment(folder)
+    if environment.content_hash != past.environment_hash:
+        raise EnvironmentDataError(
+            f"{folder}: expected the environment {past.environment_hash}, in which the run was flown, was "
+            f"{environment.content_hash}. Bring back the files or the version of gslcosim that made it."
+        )
+    return folder.resolve()

@@ -1,0 +1,203 @@
+"""Replay of a run: its recorded commands stand in for the agents."""
+
+import queue
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from gslcosim.base.errors import ExitCode, GslCosimError, UsageError
+from gslcosim.base.interruption import Interruption
+from gslcosim.base.ticks import ticks_from_seconds
+from gslcosim.contract import codec, keys
+from gslcosim.contract.messages import Briefing, Command, Ending
+from gslcosim.runtime.agents.session import build_session
+from gslcosim.runtime.agents.transport import (
+    AgentEvent,
+    AgentLost,
+    CommandReceived,
+    CommandRefused,
+    EventSink,
+    ObservationOrHead,
+)
+from gslcosim.runtime.agents.validator import RecordedCommands
+from gslcosim.runtime.digest import Divergence, find_first_divergence
+from gslcosim.runtime.in_process import InProcessRun
+from gslcosim.runtime.outcome import RunOutcome
+from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
+from gslcosim.runtime.replay.snapshot import Snapshot
+from gslcosim.runtime.run import run_into_directory
+from gslcosim.runtime.services import build_dataflow
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.runtime.status import RunResult, RunStatus
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import RecordingSpec, SnapshotsSpec
+
+# The port whose messages depend on how a run is recorded.
+RECORDER_ONLY_PORTS = frozenset({keys.FILAMENTS})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayResult:
+    """A run flown again: the flight, and where it differs from the past one; `n_ticks` of both were compared.
+
+    `snapshot` is where it was flown from, absent where from the start; `note` says why one that is there was not used.
+    """
+
+    flight: RunResult
+    divergence: Divergence | None
+    n_ticks: int
+    snapshot: Snapshot | None = None
+    note: str = ""
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the command line."""
+        if self.divergence is not None:
+            return ExitCode.DIVERGENCE
+        ended_well = (ExitCode.SUCCESS, ExitCode.AGENT_FAILED)
+        return ExitCode.SUCCESS if self.flight.exit_code in ended_well else self.flight.exit_code
+
+
+class RecordedTransport:
+    """Transport that answers for an agent with recorded commands, or without them never; see `AgentTransport`."""
+
+    is_lossy = False
+
+    def __init__(self, agent: str, commands: Mapping[int, Command] | None, put: EventSink) -> None:
+        self._agent = agent
+        self._commands = commands
+        self._put = put
+
+    def brief(self, briefing: Briefing, payload: bytes) -> None:
+        """Do nothing: nobody decides anew."""
+
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
+        """Answer where the agent was asked."""
+        del payload
+        if not observation.awaiting_command or self._commands is None:
+            return
+        command = self._commands.get(observation.tick)
+        if command is None:
+            reason = f"inputs.log: expected a command for tick {observation.tick}, found none."
+            self._put(AgentLost(agent=self._agent, reason=reason))
+        elif command.kind == "failed":
+            self._put(AgentLost(agent=self._agent, reason="the agent was gone from here on."))
+        else:
+            self._put(CommandReceived(agent=self._agent, payload=codec.encode(command), decided_in_s=0.0))
+
+    def repeat(self) -> None:
+        """Do nothing: no message gets lost."""
+
+    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
+        """Do nothing: it waits until it is asked."""
+
+    def end(self, ending: Ending, payload: bytes) -> None:
+        """Do nothing: nobody is there."""
+
+
+def replay_run(
+    past: PastRun,
+    *,
+    runs_dir: Path,
+    recording: Mapping[str, float | bool] | None = None,
+    until_s: float | None = None,
+    snapshots_every_s: float | None = None,
+    uses_snapshots: bool = True,
+    report: Callable[[RunStatus], None] = lambda _: None,
+) -> ReplayResult:
+    """Repeat a run in this process, without its agents, and compare it with the past one to the bit.
+
+    A run that came to no verdict is flown as far as all its services had come.
+
+    Args:
+        past: The run.
+        runs_dir: Where the new run's folder is made.
+        recording: Keys of the scenario's `recording` that are others now, such as `gas_every_s`.
+        until_s: Where to end [s of simulated time]; absent: where the run ended.
+        snapshots_every_s: Take snapshots so often; absent: as the run did.
+        uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
+        report: Is told how preparation and flight go.
+
+    Raises:
+        UsageError: it was flown elsewhere, it cannot be recorded like that, or the end is none of the run's.
+        EnvironmentDataError: the room is not the one that was flown in.
+    """
+    past.check_flown_here()
+    began = time.perf_counter()
+    scenario = _change_recording(past, recording or {}, snapshots_every_s)
+    from_tick = ticks_from_seconds(scenario.recording.from_s, scenario.tick_ns) if uses_snapshots else 0
+    snapshot, note = find_snapshot_before(past, from_tick) if from_tick else (None, "")
+    until_tick = _find_last_tick(past, until_s)
+    environment_dir = find_environment(past, report)
+    outcome, flight = run_into_directory(
+        scenario,
+        environment_dir,
+        lambda setup, told: _execute(past, setup, until_tick, told),
+        runs_dir=runs_dir,
+        processes="one",
+        began=began,
+        report=report,
+        directory=past.directory,
+        origin={"replay_of": past.run_dir.run_id},
+        snapshot=snapshot,
+    )
+    divergence, n_ticks = _compare(past, scenario, outcome)
+    return ReplayResult(flight=flight, divergence=divergence, n_ticks=n_ticks, snapshot=snapshot, note=note)
+
+
+def _change_recording(past: PastRun, changes: Mapping[str, float | bool], snapshots_every_s: float | None) -> Scenario:
+    plain = {**past.scenario.recording.model_dump(), **changes}
+    try:
+        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain)}
+        if snapshots_every_s is not None:
+            update["snapshots"] = SnapshotsSpec(every_s=snapshots_every_s)
+        scenario = past.scenario.model_copy(update=update)
+        build_dataflow(scenario)
+    except ValidationError as error:
+        raise UsageError("\n".join(f"recording: {problem['msg']}" for problem in error.errors())) from error
+    except GslCosimError as error:
+        raise UsageError(str(error)) from error
+    return scenario
+
+
+# None where the run's own verdict ends it.
+def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
+    if until_s is None:
+        return None if past.digest is not None else past.last_tick
+    tick = ticks_from_seconds(until_s, past.scenario.tick_ns)
+    if not 0 < tick <= past.last_tick:
+        last_s = past.last_tick * past.scenario.tick_ns / 1e9
+        raise UsageError(f"--until {until_s:g}: expected a time above 0 and up to the run's end at {last_s:g} s.")
+    return tick
+
+
+def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
+    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+    # An agent in free mode was not asked: what took effect when is known of its door alone.
+    told = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
+    desks = {
+        agent.name: build_session(
+            agent,
+            told if agent.is_free else setup,
+            RecordedTransport(agent.name, None if agent.is_free else past.commands.get(agent.name, {}), events.put),
+        )
+        for agent in setup.scenario.agents
+    }
+    for desk in desks.values():
+        desk.is_ready = True
+    with Interruption() as interruption:
+        flight = InProcessRun(setup, desks, events, report, until_tick=until_tick)
+        return flight.fly(interruption.is_set)
+
+
+def _compare(past: PastRun, scenario: Scenario, outcome: RunOutcome) -> tuple[Divergence | None, int]:
+    if past.digest is None or outcome.digest is None:
+        return None, 0
+    is_recorded_alike = past.scenario.recording == scenario.recording
+    other = frozenset[str]() if is_recorded_alike else RECORDER_ONLY_PORTS
+    final_tick = outcome.digest.final_tick if outcome.is_cut else past.digest.final_tick
+    before, now = past.digest.without(other, final_tick=final_tick), outcome.digest.without(other)
+    return find_first_divergence(before, now), final_tick + 1

@@ -1,0 +1,322 @@
+"""Snapshots of a run: each participant's state, inputs and digests at a tick, and agents' observations until then.
+
+A file is a chain of pieces: four bytes of length, big-endian, and compressed observations, each behind four bytes of
+length of its own.
+"""
+
+import functools
+import hashlib
+import inspect
+import platform
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import msgpack  # pyright: ignore[reportMissingTypeStubs]
+
+import gslcosim
+from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files
+from gslcosim.base.errors import RunFolderError, SnapshotError
+from gslcosim.base.files import append_bytes, replace_file
+from gslcosim.base.os_errors import build_machine_error
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Message
+from gslcosim.contract.participant import Core, SupportsSnapshots
+from gslcosim.contract.schema import get_contract_hash
+from gslcosim.environment.model import Environment
+from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.replay.object_state import ObjectState
+from gslcosim.runtime.run_dir import RunDir, get_package_version, read_cpu_flags
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.base import Spec
+from gslcosim.vehicles import Vehicle
+
+# A room, a scenario and vehicles never change in a run, and are there when it goes on.
+_IMMUTABLE_TYPES = (Environment, Spec, Vehicle)
+
+
+def build_state_adapter(core: Core) -> SupportsSnapshots:
+    """Return the adapter that reads and restores the state of a core that has just been built."""
+    return core if isinstance(core, SupportsSnapshots) else ObjectState(core, fixed=_IMMUTABLE_TYPES)
+
+
+SCHEMA = "gslcosim/snapshot/1"
+# What a state is made of, and what computes what follows from it.
+_STATE_CODE = (
+    *(f"gslcosim_services/{name}" for name in ("cameras", "events", "fields", "radio", "referee", "sensing", "world")),
+    *(f"gslcosim/{name}" for name in (
+        "contract", "environment", "scenario", "vehicles", "runtime/replay", "runtime/stepper.py", "base/rng.py",
+        "base/ticks.py",
+    )),
+)  # fmt: skip
+_msgpack: Any = msgpack
+
+
+@dataclass(frozen=True, kw_only=True)
+class CodeIdentity:
+    """Identity of the code that wrote a state: the contract, hashes of code and processor, versions of packages."""
+
+    contract: str
+    code: str
+    processor: str
+    packages: str
+    version: str
+
+    @classmethod
+    @functools.cache
+    def read_own(cls) -> "CodeIdentity":
+        """Return that of this process."""
+        processor = f"{platform.machine()} {read_cpu_flags()}".encode()
+        return cls(
+            contract=get_contract_hash(),
+            code=hash_code(list_package_files(*_STATE_CODE)),
+            processor=hashlib.blake2b(processor, digest_size=8).hexdigest(),
+            packages=", ".join(f"{name} {get_package_version(name)}" for name in COMPUTING_PACKAGES),
+            version=gslcosim.__version__,
+        )
+
+    def find_difference(self, other: "CodeIdentity") -> str:
+        """Return in which respect another cannot use the state, empty where it can."""
+        if self.contract != other.contract:
+            return f"another contract ({self.contract}, flown by gslcosim {self.version})"
+        if self.packages != other.packages:
+            return f"other packages ({self.packages})"
+        if self.processor != other.processor:
+            return "another processor"
+        return f"other code (gslcosim {self.version})" if self.code != other.code else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SnapshotPart:
+    """State with which one participant resumes before the step of `tick`.
+
+    `state` is that of its core, `memory` that of its gate, `trails` are its chains of hashes by port, and `outputs` the
+    messages, as (port, payload), that somebody may still need. `made_by` hashes the code of a core of another package.
+    """
+
+    participant: str
+    tick: int
+    state: Mapping[str, Any]
+    memory: Mapping[str, Any]
+    trails: Mapping[str, Any]
+    outputs: list[tuple[str, bytes]]
+    made_by: str = ""
+
+    def to_bytes(self) -> bytes:
+        """Return what a file of it holds."""
+        body = zlib.compress(_msgpack.packb(vars(self)), 1)
+        head = {"schema": SCHEMA, "identity": asdict(CodeIdentity.read_own()), "hash": _hash(body)}
+        return _msgpack.packb([head, body])
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "SnapshotPart":
+        """Return what a file holds.
+
+        Raises:
+            SnapshotError: it is damaged, or of other code; the text is a reason after "it is".
+        """
+        try:
+            head, body = _msgpack.unpackb(data)
+            is_whole = head["schema"] == SCHEMA and head["hash"] == _hash(body)
+            identity = CodeIdentity(**head["identity"]) if is_whole else None
+        except (ValueError, KeyError, TypeError, msgpack.UnpackException) as error:
+            raise SnapshotError(f"damaged ({error})") from error
+        if identity is None:
+            raise SnapshotError("damaged")
+        if difference := identity.find_difference(CodeIdentity.read_own()):
+            raise SnapshotError(f"of {difference}")
+        fields: dict[str, Any] = _msgpack.unpackb(zlib.decompress(body), strict_map_key=False)
+        fields["outputs"] = [(str(port), bytes(payload)) for port, payload in fields["outputs"]]
+        return cls(**fields)
+
+
+def hash_external_core(core: object) -> str:
+    """Return a hash of the file of a core of another package, whose version says nothing; empty for our own."""
+    if type(core).__module__.startswith("gslcosim."):
+        return ""
+    try:
+        return _hash(Path(inspect.getfile(type(core))).read_bytes())
+    except (OSError, TypeError):
+        return ""
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+OBSERVATIONS_FOLDER = "told"
+_CHUNK_TICKS = 64
+_CHUNK_BYTES = 1 << 20
+
+
+class ObservationLog:
+    """Log of one agent's observations in order, with which another agent can be brought up to date."""
+
+    def __init__(self, run_dir: RunDir, agent: str) -> None:
+        self._run_dir = run_dir
+        self._name = f"snapshots/{OBSERVATIONS_FOLDER}/{agent}.log"
+        self._waiting: list[bytes] = []
+        self._n_bytes = 0
+
+    def add(self, payload: bytes) -> None:
+        """Keep an observation.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
+        self._waiting.append(payload)
+        self._n_bytes += len(payload)
+        if len(self._waiting) >= _CHUNK_TICKS or self._n_bytes >= _CHUNK_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
+        if not self._waiting:
+            return
+        piece = zlib.compress(b"".join(_prefix_length(payload) for payload in self._waiting), 1)
+        self._waiting.clear()
+        self._n_bytes = 0
+        try:
+            self._run_dir.make_folders(self._name)
+            append_bytes(self._run_dir.path, self._name, _prefix_length(piece))
+        except OSError as error:
+            raise RunFolderError(str(build_machine_error(error, self._name, "a file that can be written"))) from error
+
+
+def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
+    """Yield the observations of an agent, from tick 0 on.
+
+    Raises:
+        SnapshotError: there are no more.
+    """
+    try:
+        with (folder / f"{agent}.log").open("rb") as file:
+            while piece := file.read(int.from_bytes(file.read(4), "big")):
+                rest = zlib.decompress(piece)
+                while rest:
+                    n = int.from_bytes(rest[:4], "big")
+                    yield rest[4 : 4 + n]
+                    rest = rest[4 + n :]
+    except (OSError, zlib.error) as error:
+        raise SnapshotError(f"without what {agent} was told ({error})") from error
+    raise SnapshotError(f"without all that {agent} was told")
+
+
+def _prefix_length(data: bytes) -> bytes:
+    return len(data).to_bytes(4, "big") + data
+
+
+SNAPSHOTS_FOLDER = "snapshots"
+_SNAPSHOT_SUFFIX = ".snap"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """State of a run before the step of `tick`, in `folder`, with all observations of `agents` until then."""
+
+    folder: Path
+    tick: int
+    agents: tuple[str, ...]
+
+    @classmethod
+    def at(cls, folder: Path, scenario: Scenario) -> "Snapshot":
+        """Return the snapshot in a folder, whose name is its tick."""
+        return cls(folder=folder, tick=int(folder.name), agents=tuple(agent.name for agent in scenario.agents))
+
+    def part(self, participant: str) -> SnapshotPart:
+        """Return what a participant needs.
+
+        Raises:
+            SnapshotError: it is missing, damaged or of other code.
+        """
+        return _load_part(self.folder, participant)
+
+    def messages(self, dataflow: Dataflow) -> list[tuple[str, Message]]:
+        """Return the messages that somebody may still need, with their ports."""
+        return [
+            (port, codec.decode(dataflow.message_types[port], payload))
+            for spec in dataflow.participants
+            if (self.folder / f"{spec.name}{_SNAPSHOT_SUFFIX}").is_file()
+            for port, payload in self.part(spec.name).outputs
+        ]
+
+    def told(self) -> Iterator[list[tuple[str, bytes]]]:
+        """Yield for each tick before the snapshot the observations, by agent."""
+        streams = [read_observations(self.folder.parent / OBSERVATIONS_FOLDER, agent) for agent in self.agents]
+        for _ in range(self.tick):
+            yield [(agent, next(stream)) for agent, stream in zip(self.agents, streams, strict=True)]
+
+
+def save_part(run_dir: RunDir, part: SnapshotPart) -> None:
+    """Write a part of a snapshot at once.
+
+    Raises:
+        RunFolderError: it cannot be written.
+    """
+    name = f"{SNAPSHOTS_FOLDER}/{part.tick:09d}/{part.participant}{_SNAPSHOT_SUFFIX}"
+    try:
+        run_dir.make_folders(name)
+        replace_file(run_dir.path, name, part.to_bytes())
+    except OSError as error:
+        raise RunFolderError(str(build_machine_error(error, name, "a file that can be written"))) from error
+
+
+def find_latest_parts(run_dir: RunDir, participants: Sequence[str]) -> list[SnapshotPart]:
+    """Return the parts of one process at the last tick of which all its participants have one; empty: there is none."""
+    for folder in reversed(_list_folders(run_dir)):
+        try:
+            return [_load_part(folder, participant) for participant in participants]
+        except SnapshotError:
+            continue
+    return []
+
+
+def find_nearest_snapshot(
+    run_dir: RunDir, scenario: Scenario, participants: Sequence[str], *, until_tick: int
+) -> tuple[Snapshot | None, str]:
+    """Return the last snapshot at or before a tick that can be used, or why there is none, as a sentence.
+
+    Args:
+        run_dir: The run's folder.
+        scenario: The run's; what its agents were told must be there too.
+        participants: Those whose parts it takes.
+        until_tick: The tick.
+    """
+    folders = [folder for folder in _list_folders(run_dir) if int(folder.name) <= until_tick]
+    reason = ""
+    for folder in reversed(folders):
+        snapshot = Snapshot.at(folder, scenario)
+        try:
+            for participant in participants:
+                snapshot.part(participant)
+            for _ in snapshot.told():
+                pass
+        except SnapshotError as error:
+            reason = (
+                reason or f"The snapshot of {run_dir.run_id} at tick {snapshot.tick} cannot be used: it is {error}."
+            )
+        else:
+            return snapshot, ""
+    return None, reason
+
+
+def _list_folders(run_dir: RunDir) -> list[Path]:
+    shelf = run_dir.path / SNAPSHOTS_FOLDER
+    return sorted(folder for folder in shelf.glob("*") if folder.name.isdecimal()) if shelf.is_dir() else []
+
+
+def _load_part(folder: Path, participant: str) -> SnapshotPart:
+    try:
+        data = (folder / f"{participant}{_SNAPSHOT_SUFFIX}").read_bytes()
+    except OSError as error:
+        raise SnapshotError(f"without the part of {participant} ({error.strerror})") from error
+    part = SnapshotPart.from_bytes(data)
+    if part.participant != participant or part.tick != int(folder.name):
+        raise SnapshotError("damaged")
+    return part

@@ -1,0 +1,161 @@
+"""Observations as vectors of numbers between -1 and 1: the same in training and in a run."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.agent_kit import Briefing, Observation, Reading
+from gslcosim.contract.messages import SensorDescription
+
+# Rays of a lidar are told as the nearest range in so many sectors of the same width.
+N_SECTORS = 16
+
+# Scales: what is shown as 1, or as tanh 1.
+_SPEED_M_S = 2.0
+_FLOOR_PPM = 0.1
+_MOST_PPM = 10_000.0
+_CLEAN_OHM = 1e4
+_RANGE_M = 1.0
+_GRAVITY_M_S2 = 9.80665
+_SEA_LEVEL_PA = 101_325.0
+_PRESSURE_PA = 100.0
+_FIELD_UT = 50.0
+_HITS = 3.0
+
+_Numbers = Sequence[float]
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """Channel of one kind of reading: the names of its numbers, and their calculation."""
+
+    names: tuple[str, ...]
+    numbers_of: Callable[[_Numbers], _Numbers]
+
+
+def amount(ppm: float) -> float:
+    """Return a mixing ratio as a number between -1 and 1: by its logarithm above 0.1 ppm, 1 at 10,000 ppm.
+
+    sign(c) ln(1 + |c| / 0.1 ppm) / ln(1 + 10,000 ppm / 0.1 ppm); noise may make c negative.
+    """
+    return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / math.log1p(_MOST_PPM / _FLOOR_PPM), ppm)
+
+
+def closeness(range_m: float) -> float:
+    """Return a range as a number between 0 and 1: 1 at an obstacle, a half 1 m away, 0 where nothing is in sight."""
+    return _RANGE_M / (_RANGE_M + max(range_m, 0.0))
+
+
+def _planar_wind(values: _Numbers) -> _Numbers:
+    speed_m_s, from_rad = values
+    return (math.tanh(speed_m_s / _SPEED_M_S), math.sin(from_rad), math.cos(from_rad))
+
+
+def _speeds(values: _Numbers) -> _Numbers:
+    return [math.tanh(value / _SPEED_M_S) for value in values]
+
+
+def _inertial(values: _Numbers) -> _Numbers:
+    return [*(math.tanh(value / _GRAVITY_M_S2) for value in values[:3]), *(math.tanh(value) for value in values[3:6])]
+
+
+# By quantity and unit of the sensor's description. Pictures have no numbers, and positions no scale without the room.
+_CHANNELS: dict[tuple[str, str], _Channel] = {
+    ("resistance", "ohm"): _Channel(("log_resistance",), lambda v: [math.log10(max(v[0], 1.0) / _CLEAN_OHM)]),
+    ("mixing_ratio", "ppm"): _Channel(("amount",), lambda v: [amount(v[0])]),
+    ("estimated_mixing_ratio", "ppm"): _Channel(("amount",), lambda v: [amount(v[0])]),
+    ("path_integrated_mixing_ratio", "ppm m"): _Channel(("amount",), lambda v: [amount(v[0])]),
+    ("gas_detected", "1"): _Channel(("gas",), lambda v: [v[0]]),
+    ("hits", "1"): _Channel(("hits",), lambda v: [math.tanh(v[0] / _HITS)]),
+    ("apparent_wind", "m/s, rad"): _Channel(("speed", "from_sin", "from_cos"), _planar_wind),
+    ("apparent_wind", "m/s"): _Channel(("x", "y", "z"), _speeds),
+    ("specific_force, angular_velocity", "m/s^2, rad/s"): _Channel(("fx", "fy", "fz", "wx", "wy", "wz"), _inertial),
+    ("pressure", "Pa"): _Channel(("pressure",), lambda v: [math.tanh((v[0] - _SEA_LEVEL_PA) / _PRESSURE_PA)]),
+    ("magnetic_field", "uT"): _Channel(("x", "y", "z"), lambda v: [value / _FIELD_UT for value in v]),
+    ("contact", "1"): _Channel(("contact",), lambda v: [v[0]]),
+}
+
+
+class ObservationVector:
+    """Turns each observation of an agent into a vector of numbers between -1 and 1.
+
+    First the pose: place in the room, from -1 at one wall to 1 at the other; sine and cosine of the yaw; velocity by
+    its hyperbolic tangent; then the share of the time that is over, and whether the last command was refused or
+    changed. Then the numbers of each sensor that the briefing describes, in its order. Sensors that are warming up
+    show 0. Positions and attitudes that sensors report are the pose already, and cameras are left out: `left_out`.
+
+    Args:
+        briefing: Of the agent.
+    """
+
+    def __init__(self, briefing: Briefing) -> None:
+        low, high = np.array(briefing.bounds.min_m), np.array(briefing.bounds.max_m)
+        self._centre_m, self._half_m = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
+        self._time_limit_s = briefing.time_limit_s
+        self._sensors: list[tuple[str, _Channel | None, int]] = []
+        names = ["x", "y", "z", "yaw_sin", "yaw_cos", "vx", "vy", "vz", "time", "refused"]
+        left_out: list[str] = []
+        for sensor in briefing.sensors:
+            told = _names_of(sensor)
+            if told is None:
+                left_out.append(sensor.name)
+                continue
+            names += [f"{sensor.name}.{name}" for name in told]
+            self._sensors.append((sensor.name, _CHANNELS.get((sensor.quantity, sensor.unit)), len(told)))
+        self.names: tuple[str, ...] = tuple(names)
+        self.left_out: tuple[str, ...] = tuple(left_out)
+        self._ranges: dict[str, list[float]] = {}
+
+    @property
+    def size(self) -> int:
+        """Number of numbers."""
+        return len(self.names)
+
+    def of(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the vector of an observation, (size,)."""
+        place = (np.array(observation.position_world_m) - self._centre_m) / self._half_m
+        numbers = [
+            *place,
+            math.sin(observation.yaw_rad),
+            math.cos(observation.yaw_rad),
+            *_speeds(observation.velocity_world_m_s),
+            observation.time_s / self._time_limit_s,
+            float(observation.notice is not None),
+        ]
+        readings = {reading.sensor: reading for reading in observation.readings}
+        for name, channel, n_numbers in self._sensors:
+            reading = readings[name]
+            if reading.is_warming_up:
+                numbers += [0.0] * n_numbers
+            elif channel is None:
+                numbers += self._sectors(reading, n_numbers)
+            else:
+                numbers += channel.numbers_of(reading.values)
+        return np.clip(np.array(numbers, dtype=np.float32), -1.0, 1.0)
+
+    # A lidar's ranges come when they are new; until the next they stand.
+    def _sectors(self, reading: Reading, n_numbers: int) -> list[float]:
+        if reading.array is None and reading.values and n_numbers == len(reading.values):
+            return [closeness(range_m) for range_m in reading.values]
+        if reading.array is not None:
+            by_azimuth = np.min(reading.array.to_array(), axis=0)
+            sectors = np.array_split(by_azimuth, n_numbers)
+            self._ranges[reading.sensor] = [closeness(float(np.min(sector))) for sector in sectors]
+        return self._ranges.get(reading.sensor, [0.0] * n_numbers)
+
+
+def _names_of(sensor: SensorDescription) -> tuple[str, ...] | None:
+    if sensor.quantity == "range":
+        return tuple(f"closeness_{i}" for i in range(_n_ranges(sensor)))
+    channel = _CHANNELS.get((sensor.quantity, sensor.unit))
+    return channel.names if channel is not None else None
+
+
+def _n_ranges(sensor: SensorDescription) -> int:
+    if sensor.directions_body is None:
+        return 1
+    shape = sensor.directions_body.shape
+    return min(shape[1], N_SECTORS) if len(shape) == 3 else shape[0]

@@ -1,0 +1,38 @@
+"""Settings of a method, from its card and the briefing."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+from gslcosim.base.errors import MethodError
+from gslcosim.contract.messages import Briefing
+from gslcosim.methods.card import CARD_FILE, load_card
+from gslcosim.methods.needs import find_shortages
+
+
+def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
+    """Return a method's settings as attributes: the scenario's values, the others by the card's defaults.
+
+    Args:
+        briefing: What the agent is told.
+        program: The agent's file (`__file__`); its card is `method.yaml` beside it.
+
+    Raises:
+        MethodError: a sensor, a grant or a channel is missing, or a parameter is wrong; all of it in one text.
+    """
+    card = load_card(Path(program).with_name(CARD_FILE))
+    shortages = find_shortages(
+        card,
+        sensors=briefing.sensors,
+        knows=granted_knowledge(briefing),
+        n_channels=len(briefing.channels),
+        parameters=briefing.parameters,
+    )
+    if shortages:
+        raise MethodError("; ".join(str(shortage) for shortage in shortages))
+    return SimpleNamespace(**card.settings(briefing.parameters))
+
+
+def granted_knowledge(briefing: Briefing) -> tuple[str, ...]:
+    """Return which knowledge a briefing grants: `map`, `plume`, `source`."""
+    grants = {"map": briefing.known_map, "plume": briefing.plume, "source": briefing.known_sources}
+    return tuple(name for name, grant in grants.items() if grant)

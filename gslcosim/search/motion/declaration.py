@@ -1,0 +1,325 @@
+"""Declaration rules of each family of methods, and a guard against repeated declarations."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Command, Observation
+from gslcosim.search import beliefs
+from gslcosim.search.grids import CellGrid
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.senses.hit_detection import GasLevel
+from gslcosim.search.senses.instruments import Nose
+
+Point = tuple[float, ...]
+Array = NDArray[np.float64]
+# And a bit, for three stops exactly that far apart.
+_THIRD_TURN_RAD = math.tau / 3.0 + 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A place where the source may be, world frame [m], and how sure that is, from 0 to 1."""
+
+    position_m: Point
+    confidence: float
+
+
+class DeclarationGuard:
+    """Lets an estimate pass once: again only when it has moved, or when it is surer.
+
+    State: the last estimate that passed.
+
+    Held by:
+        tests/unit/search/moving/test_declaring.py
+    """
+
+    def __init__(self, *, moved_m: float = 0.5, surer_by: float = 0.1) -> None:
+        """Begin with nothing declared."""
+        self.last: Estimate | None = None
+        self._moved_m, self._surer_by = moved_m, surer_by
+
+    def passes(self, estimate: Estimate | None) -> Estimate | None:
+        """Return the estimate if it is to be declared now, and remember it; absent otherwise."""
+        if estimate is None or not self._is_new(estimate):
+            return None
+        self.last = estimate
+        return estimate
+
+    def _is_new(self, estimate: Estimate) -> bool:
+        if self.last is None or math.dist(estimate.position_m, self.last.position_m) > self._moved_m:
+            return True
+        return estimate.confidence >= self.last.confidence + self._surer_by
+
+
+# What a reactive method remembers of a leg: where it ended and how much gas was there.
+@dataclass(frozen=True, kw_only=True)
+class _Stop:
+    position_m: Point
+    gas: float
+
+
+class ReactiveRule:
+    """Declares when the last legs stayed together in much gas whose upwind edge was crossed.
+
+    1. the last `n_legs` stops lie within `radius_m` of their mean
+    2. their mean gas is above `factor` times `threshold`
+    3. an upwind edge: there is a stop at least `edge_m` farther upwind than the stop with the most gas, and all such
+       stops have less than `edge_share` of that gas, or none (at most `threshold`)
+
+    The estimate is the mean of the stops with gas (above `threshold`), weighted by it; its confidence is their share.
+    Without a wind (`upwind_rad` absent) the gas must end all around: rule 3 then takes every stop that far away, and
+    seen from the stop with the most gas they leave no third of a circle empty.
+
+    State: the last stops.
+
+    Source:
+        Our rule; no reactive method of the literature but that of Li, Farrell et al. 2006 defines one. The edge is
+        virtual: it is read off the stops, no leg is flown for it.
+    Held by:
+        tests/unit/search/moving/test_declaring.py
+    """
+
+    def __init__(
+        self,
+        *,
+        threshold: float,
+        n_legs: int = 12,
+        radius_m: float = 1.5,
+        factor: float = 5.0,
+        edge_m: float = 1.0,
+        edge_share: float = 0.5,
+    ) -> None:
+        """Begin without stops.
+
+        Args:
+            threshold: The least gas that counts, in the unit in which gas is added.
+            n_legs: How many legs must agree, K.
+            radius_m: How close together they are [m].
+            factor: How many times the threshold their mean gas is.
+            edge_m: How far upwind of the most gas it must be lost [m].
+            edge_share: Which share of the most gas counts as lost.
+        """
+        self._threshold, self._radius_m, self._factor = threshold, radius_m, factor
+        self._edge_m, self._edge_share = edge_m, edge_share
+        self._stops: deque[_Stop] = deque(maxlen=n_legs)
+
+    def add(self, position_m: Sequence[float], gas: float) -> None:
+        """Take note of a stop: its place (two or three coordinates) and what grows with the gas."""
+        self._stops.append(_Stop(position_m=tuple(position_m), gas=gas))
+
+    def estimate(self, upwind_rad: float | None) -> Estimate | None:
+        """Return where the source is, if all conditions hold now.
+
+        Args:
+            upwind_rad: The direction the wind comes from [rad]; absent in calm air.
+        """
+        stops = tuple(self._stops)
+        if len(stops) < (self._stops.maxlen or 0) or not self._are_together(stops):
+            return None
+        if not sum(stop.gas for stop in stops) / len(stops) > self._factor * self._threshold:
+            return None
+        if not self._has_edge(stops, upwind_rad):
+            return None
+        with_gas = [stop for stop in stops if stop.gas > self._threshold]
+        return Estimate(position_m=_centre(with_gas), confidence=len(with_gas) / len(stops))
+
+    def _are_together(self, stops: Sequence[_Stop]) -> bool:
+        n = len(stops)
+        mean_m = [sum(column) / n for column in zip(*(stop.position_m for stop in stops))]
+        return all(math.dist(stop.position_m, mean_m) <= self._radius_m for stop in stops)
+
+    def _has_edge(self, stops: Sequence[_Stop], upwind_rad: float | None) -> bool:
+        best = max(stops, key=lambda stop: stop.gas)
+        beyond = [stop for stop in stops if _ahead_m(best, stop, upwind_rad) >= self._edge_m]
+        lost = max(self._threshold, self._edge_share * best.gas)
+        if not beyond or any(stop.gas > lost for stop in beyond):
+            return False
+        return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
+
+
+class ReactiveDeclarer:
+    """Gives the declarations of a reactive method with one nose: `ReactiveRule` on what is above clean air.
+
+    State: the rule's stops, the cleanest air that was met, and what was declared.
+
+    Held by:
+        tests/unit/search/moving/test_declaring.py
+    """
+
+    def __init__(self, nose: Nose, *, height_m: float, is_on: bool = True, apart_m: float = 0.1) -> None:
+        """Begin with nothing declared.
+
+        Args:
+            nose: Whose readings.
+            height_m: Where the source is said to be, for a method in the plane [m].
+            is_on: Whether to declare at all.
+            apart_m: Questions no farther apart than this are asked at one stop [m].
+        """
+        self._apart_m = apart_m
+        self._level, self._height_m, self._is_on = GasLevel(nose), height_m, is_on
+        self._rule = ReactiveRule(threshold=self._level.threshold)
+        self._declared = DeclarationGuard()
+        self._stop_m: Point | None = None
+
+    def command(
+        self, observation: Observation, value: float | None, *, upwind_rad: float | None = None, is_planar: bool = True
+    ) -> Command | None:
+        """Take note of a stop; return the declaration that answers the question, if there is one.
+
+        Args:
+            observation: The question.
+            value: The reading of this stop, in the nose's unit; absent while the sensor warms up.
+            upwind_rad: The direction the wind comes from [rad]; absent without a vane or in calm air.
+            is_planar: Whether the method searches at one height.
+        """
+        if value is None or not self._is_on:
+            return None
+        stop_m = observation.position_world_m[: 2 if is_planar else 3]
+        level = self._level.of(value)
+        # After a declaration the vehicle is asked again where it is.
+        if self._stop_m is None or math.dist(stop_m, self._stop_m) > self._apart_m:
+            self._stop_m = stop_m
+            self._rule.add(stop_m, level)
+        estimate = self._declared.passes(self._rule.estimate(upwind_rad))
+        if estimate is None:
+            return None
+        place_m = (*estimate.position_m, self._height_m)[:3]
+        return declaration(observation, place_m, estimate.confidence)
+
+
+class UnchangedRule:
+    """Declares a peak that has stayed where it is: of a map, a gradient, or a swarm's best.
+
+    State: where the peak was when it moved last, and for how many legs and since when it has been there.
+
+    Source:
+        10 legs within 0.5 m for peaks of gas maps, ours; 60 s for a swarm's best, remembered, unverified [M].
+    Held by:
+        tests/unit/search/moving/test_declaring.py
+    """
+
+    def __init__(self, *, radius_m: float = 0.5, n_legs: int = 10, for_s: float = 0.0) -> None:
+        """Begin without a peak: it must stay within `radius_m` for `n_legs` additions and for `for_s`."""
+        self._radius_m, self._n_legs, self._for_s = radius_m, n_legs, for_s
+        self._place_m: Point | None = None
+        self._n_same, self._since_s = 0, 0.0
+
+    def add(self, peak_m: Sequence[float], *, time_s: float = 0.0) -> bool:
+        """Take note of a peak; return whether it has been unchanged for long enough."""
+        if self._place_m is None or math.dist(peak_m, self._place_m) > self._radius_m:
+            self._place_m, self._n_same, self._since_s = tuple(peak_m), 0, time_s
+        self._n_same += 1
+        return self._n_same >= self._n_legs and time_s - self._since_s >= self._for_s
+
+
+class SwarmRule:
+    """Declares a swarm's best place when all members are near it for a time, or when it is the best for long.
+
+    State: since when all are near, and the rule about an unchanged best.
+
+    Source:
+        20 s within 1.5 m and 60 s unchanged: remembered, unverified [M].
+    Held by:
+        tests/unit/search/moving/test_declaring.py
+    """
+
+    def __init__(self, *, radius_m: float = 1.5, near_s: float = 20.0, unchanged_s: float = 60.0) -> None:
+        """Begin with nobody near."""
+        self._radius_m, self._near_s = radius_m, near_s
+        self._near_since_s: float | None = None
+        self._unchanged = UnchangedRule(radius_m=0.0, n_legs=1, for_s=unchanged_s)
+
+    def add(self, time_s: float, best_m: Sequence[float], members_m: Sequence[Sequence[float]]) -> Estimate | None:
+        """Take note of the best place and of where the members are; return the estimate if the rule holds.
+
+        Its confidence is the share of members that are near.
+        """
+        n_near = sum(math.dist(best_m, member_m) <= self._radius_m for member_m in members_m)
+        if n_near < len(members_m) or not members_m:
+            self._near_since_s = None
+        elif self._near_since_s is None:
+            self._near_since_s = time_s
+        is_unchanged = self._unchanged.add(best_m, time_s=time_s)
+        are_near = self._near_since_s is not None and time_s - self._near_since_s >= self._near_s
+        if not (are_near or is_unchanged):
+            return None
+        return Estimate(position_m=tuple(best_m), confidence=n_near / max(1, len(members_m)))
+
+
+def by_variance(p: Array, grid: CellGrid, *, limit_m2: float = 0.5, radius_m: float = 1.0) -> Estimate | None:
+    """Return the mean of the best cells when a belief has drawn together: var x + var y < limit.
+
+    The confidence is the probability within `radius_m` of it.
+
+    Source:
+        GrGSL and PMFS: 0.5 m^2 by default, 1.0 and 1.5 in their launch files [C]; the estimate over the best 5 %, [C].
+    """
+    return _estimate_of(p, grid, radius_m) if beliefs.variance_m2(p, grid) < limit_m2 else None
+
+
+def by_mass(p: Array, grid: CellGrid, *, radius_m: float = 1.0, least: float = 0.9) -> Estimate | None:
+    """Return the mean place inside the best ball when that holds enough of a belief; confidence is what it holds."""
+    centre_m, mass = beliefs.best_ball(p, grid, radius_m)
+    if not mass > least:
+        return None
+    inside = np.where(beliefs.distances_m(grid, centre_m) <= radius_m, p, 0.0)
+    return Estimate(position_m=beliefs.mean_m(beliefs.normalised(inside), grid), confidence=mass)
+
+
+def by_entropy(p: Array, grid: CellGrid, *, limit_bits: float = 1.0, radius_m: float = 1.0) -> Estimate | None:
+    """Return the mean of the best cells when a belief's entropy is below a limit [bit]; confidence as `by_variance`."""
+    return _estimate_of(p, grid, radius_m) if beliefs.entropy_bits(p) < limit_bits else None
+
+
+def by_spread(positions_m: Array, weights: Array, *, limit_m: float = 0.5, radius_m: float = 1.0) -> Estimate | None:
+    """Return the mean of weighted particles when they have drawn together: sqrt(sum of variances) < limit.
+
+    The confidence is the weight within `radius_m` of it.
+
+    Args:
+        positions_m: (n_particles, d) places, world frame [m].
+        weights: (n_particles,) none negative; need not sum to 1.
+        limit_m: 0.4 m in AutoSTE, 0.5 m in the MAPIR group's particle filter [C].
+        radius_m: For the confidence [m].
+    """
+    share = beliefs.normalised(weights)
+    mean_m = share @ positions_m
+    squares_m2 = ((positions_m - mean_m) ** 2).sum(axis=1)
+    if not math.sqrt(float(share @ squares_m2)) < limit_m:
+        return None
+    near = float(share[squares_m2 <= radius_m**2].sum())
+    return Estimate(position_m=tuple(float(x) for x in mean_m), confidence=min(1.0, near))
+
+
+def _estimate_of(p: Array, grid: CellGrid, radius_m: float) -> Estimate:
+    position_m = beliefs.mean_of_best_m(p, grid)
+    return Estimate(position_m=position_m, confidence=min(1.0, beliefs.mass_within(p, grid, position_m, radius_m)))
+
+
+# The widest angle between neighbouring stops, seen from another one.
+def _widest_gap_rad(origin: _Stop, stops: Sequence[_Stop]) -> float:
+    x_m, y_m = origin.position_m[:2]
+    bearings_rad = sorted(math.atan2(stop.position_m[1] - y_m, stop.position_m[0] - x_m) for stop in stops)
+    return max(b - a for a, b in pairwise([*bearings_rad, bearings_rad[0] + math.tau]))
+
+
+# How far a stop lies upwind of another; without a wind, how far away.
+def _ahead_m(origin: _Stop, stop: _Stop, upwind_rad: float | None) -> float:
+    dx_m, dy_m = stop.position_m[0] - origin.position_m[0], stop.position_m[1] - origin.position_m[1]
+    if upwind_rad is None:
+        return math.hypot(dx_m, dy_m)
+    return dx_m * math.cos(upwind_rad) + dy_m * math.sin(upwind_rad)
+
+
+def _centre(stops: Sequence[_Stop]) -> Point:
+    total = sum(stop.gas for stop in stops)
+    return tuple(
+        sum(stop.gas * x for stop, x in zip(stops, column)) / total
+        for column in zip(*(stop.position_m for stop in stops))
+    )

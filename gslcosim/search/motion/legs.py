@@ -1,0 +1,275 @@
+"""Legs: where they may end, away from walls and in free cells of a known map, and alternatives where they may not."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.contract.messages import Bounds, Briefing, KnownMap
+from gslcosim.search.draws import Draws
+
+Point = tuple[float, ...]
+N_TRIES = 100
+# Ends closer together than this are the same, to a vehicle that refused one of them.
+_SAME_END_M = 0.02
+_BACK_OFF_M = 0.1
+
+
+def to_millimetre(length_m: float) -> float:
+    """Return a length rounded to whole millimetres, half up, so that the last bit of sin and cos has no effect."""
+    return math.floor(length_m * 1000.0 + 0.5) / 1000.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Obstacles:
+    """Solid cells: shape (nx, ny) or (nx, ny, nz), the lower corner and the edge of the cells [m]."""
+
+    origin_m: Point
+    cell_m: float
+    solid: NDArray[np.bool_]
+
+    def is_solid(self, point_m: Sequence[float]) -> bool:
+        """Return whether a point is in a solid cell; outside the cells nothing is known to be solid."""
+        index = tuple(math.floor((x - low) / self.cell_m) for x, low in zip(point_m, self.origin_m))
+        return all(0 <= i < n for i, n in zip(index, self.solid.shape)) and bool(self.solid[index])
+
+    def is_free_line(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
+        """Return whether a straight line meets no solid cell.
+
+        The line is cut where it crosses the planes between cells; the middle of each piece tells its cell. Cells that
+        the line touches in an edge only do not count. A line that begins in a solid cell, where the vehicle is already
+        (a map may be coarser than the vehicle's own sight), may leave it.
+
+        Held by:
+            tests/unit/search/moving/test_legs.py
+        """
+        cuts = sorted({0.0, 1.0, *self._crossings(start_m, end_m)})
+        middles = ((a + b) / 2.0 for a, b in pairwise(cuts))
+        hits = [self.is_solid([s + t * (e - s) for s, e in zip(start_m, end_m)]) for t in middles]
+        n_leaving = next((i for i, is_hit in enumerate(hits) if not is_hit), 0)
+        return not any(hits[n_leaving:])
+
+    # Fractions of the way at which the line passes from a cell to the next.
+    def _crossings(self, start_m: Sequence[float], end_m: Sequence[float]) -> Iterator[float]:
+        for start, end, low in zip(start_m, end_m, self.origin_m):
+            a, b = sorted(((start - low) / self.cell_m, (end - low) / self.cell_m))
+            for plane in range(math.ceil(a), math.floor(b) + 1):
+                t = (low + plane * self.cell_m - start) / (end - start) if end != start else 0.0
+                if 0.0 < t < 1.0:
+                    yield t
+
+
+def build_obstacles(known_map: KnownMap, *, height_m: float | None = None, clearance_m: float = 0.0) -> Obstacles:
+    """Return what is solid by a map, grown by a clearance.
+
+    Args:
+        known_map: The map of the briefing.
+        height_m: Cut a map with three axes at this height [m].
+        clearance_m: Cells whose centres are no farther from a solid cell's centre than this are solid too [m].
+    """
+    solid = known_map.occupied.to_array() != 0
+    origin_m: Point = known_map.origin_m
+    if solid.ndim == 3 and height_m is not None:
+        level = math.floor((height_m - origin_m[2]) / known_map.cell_m)
+        solid = solid[:, :, max(0, min(solid.shape[2] - 1, level))]
+    grown = _grown(solid, clearance_m / known_map.cell_m)
+    return Obstacles(origin_m=origin_m[: solid.ndim], cell_m=known_map.cell_m, solid=grown)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegSpace:
+    """Space in which legs may end: from `min_m` to `max_m`, and outside the obstacles, if any are known."""
+
+    min_m: Point
+    max_m: Point
+    obstacles: Obstacles | None = None
+
+    @classmethod
+    def within(cls, bounds: Bounds, margin_m: float, *, obstacles: Obstacles | None = None) -> "LegSpace":
+        """Return the room that keeps a margin to the bounds; where there is less than two margins, its middle."""
+        middles = [(low + high) / 2.0 for low, high in zip(bounds.min_m, bounds.max_m)]
+        return cls(
+            min_m=tuple(min(low + margin_m, middle) for low, middle in zip(bounds.min_m, middles)),
+            max_m=tuple(max(high - margin_m, middle) for high, middle in zip(bounds.max_m, middles)),
+            obstacles=obstacles,
+        )
+
+    @classmethod
+    def of(cls, briefing: Briefing, margin_m: float, *, is_planar: bool = True) -> "LegSpace":
+        """Return the room of a briefing with a margin, and with the obstacles of its map, if one was granted.
+
+        A planar method sees a map with three axes at its search height.
+        """
+        known_map, height_m = briefing.known_map, briefing.search_height_m if is_planar else None
+        obstacles = None if known_map is None else build_obstacles(known_map, height_m=height_m)
+        return cls.within(briefing.bounds, margin_m, obstacles=obstacles)
+
+    def contains(self, point_m: Sequence[float]) -> bool:
+        """Return whether a point with two or three coordinates is inside, whatever the obstacles."""
+        return all(low <= x <= high for x, low, high in zip(point_m, self.min_m, self.max_m))
+
+    def is_free(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
+        """Return whether a leg may go straight to an end."""
+        return self.contains(end_m) and (self.obstacles is None or self.obstacles.is_free_line(start_m, end_m))
+
+    def farthest(self, start_m: Sequence[float], heading_rad: float, length_m: float) -> Point:
+        """Return how far a straight leg may go along a heading, in whole millimetres, x and y [m].
+
+        It ends at the margin, or 0.1 to 0.2 m short of what is solid.
+        From outside the margin it is the nearest place inside.
+        """
+        if not self.contains(start_m[:2]):
+            return self.nearest(start_m[:2])
+        direction = (math.cos(heading_rad), math.sin(heading_rad))
+        for x, step, low, high in zip(start_m, direction, self.min_m, self.max_m):
+            side = high if step > 0.0 else low
+            length_m = min(length_m, (side - x) / step) if step != 0.0 else length_m
+        if self.obstacles is not None:
+            length_m = self._free_length_m(start_m, direction, length_m, self.obstacles)
+        return tuple(to_millimetre(x + length_m * step) for x, step in zip(start_m, direction))
+
+    # In steps: the longest that is free, and one step less where something ended it.
+    def _free_length_m(
+        self, start_m: Sequence[float], direction: tuple[float, float], length_m: float, obstacles: Obstacles
+    ) -> float:
+        for i in range(math.ceil(length_m / _BACK_OFF_M)):
+            shorter_m = length_m - _BACK_OFF_M * i
+            if obstacles.is_free_line(start_m[:2], [x + shorter_m * step for x, step in zip(start_m, direction)]):
+                return shorter_m if i == 0 else max(0.0, shorter_m - _BACK_OFF_M)
+        return 0.0
+
+    def nearest(self, point_m: Sequence[float]) -> Point:
+        """Return the point inside that is nearest, in whole millimetres, with as many coordinates."""
+        clamped = (max(low, min(high, x)) for x, low, high in zip(point_m, self.min_m, self.max_m))
+        return tuple(to_millimetre(x) for x in clamped)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg:
+    """A leg that may be flown: its end, in whole millimetres, and its heading; without one it only leads inside."""
+
+    end_m: Point
+    heading_rad: float | None
+
+
+def leg_end(
+    start_m: Sequence[float], heading_rad: float, length_m: float, room: LegSpace, *, climb_m: float | None = None
+) -> Point | None:
+    """Return the end of a straight leg, in whole millimetres; absent where the leg may not be flown.
+
+    end = start + length (cos heading, sin heading), and z + climb where a climb is given
+
+    Args:
+        start_m: Where it begins, x, y and what follows, world frame [m].
+        heading_rad: Counter-clockwise from +x [rad].
+        length_m: Its horizontal length [m].
+        room: Where it may end.
+        climb_m: How much higher it ends [m]; absent: the end has x and y only.
+
+    Held by:
+        tests/unit/search/moving/test_legs.py
+    """
+    dimensions = 2 if climb_m is None else 3
+    steps_m = (length_m * math.cos(heading_rad), length_m * math.sin(heading_rad), climb_m or 0.0)
+    end_m = tuple(to_millimetre(x + step) for x, step in zip(start_m[:dimensions], steps_m))
+    return end_m if room.is_free(start_m[:dimensions], end_m) else None
+
+
+def shorten_leg(
+    start_m: Sequence[float],
+    heading_rad: float,
+    length_m: float,
+    room: LegSpace,
+    *,
+    by_m: float = 0.05,
+    n_tries: int = 10,
+) -> Point | None:
+    """Return the end of the longest leg that may be flown, made shorter step by step; absent where none may.
+
+    Source:
+        The MAPIR group's surge-cast: steps of 0.05 m, 10 tries [C].
+    """
+    for i in range(n_tries + 1):
+        shorter_m = length_m - i * by_m
+        if shorter_m <= 0.0:
+            return None
+        end_m = leg_end(start_m, heading_rad, shorter_m, room)
+        if end_m is not None:
+            return end_m
+    return None
+
+
+def random_headings(draws: Draws, n_tries: int = N_TRIES) -> Iterator[float]:
+    """Yield headings drawn one by one, as they are asked for, uniform in [0, 2 pi) [rad]."""
+    for _ in range(n_tries):
+        yield draws.angle_rad()
+
+
+def find_free_heading(
+    start_m: Sequence[float],
+    headings_rad: Iterable[float],
+    length_m: float,
+    room: LegSpace,
+    *,
+    refused_m: Sequence[float] | None = None,
+) -> float | None:
+    """Return the first heading along which a leg may be flown; absent where none may.
+
+    Args:
+        start_m: Where the leg begins, world frame [m].
+        headings_rad: What to try, in this order [rad].
+        length_m: The leg's length [m].
+        room: Where it may end.
+        refused_m: An end that was refused: a leg to the same place is not tried again.
+    """
+    for heading_rad in headings_rad:
+        end_m = leg_end(start_m, heading_rad, length_m, room)
+        if end_m is not None and not _is_same(end_m, refused_m):
+            return heading_rad
+    return None
+
+
+def next_leg(
+    start_m: Sequence[float],
+    headings_rad: Iterable[float],
+    length_m: float,
+    room: LegSpace,
+    draws: Draws,
+    *,
+    refused_m: Sequence[float] | None = None,
+) -> Leg:
+    """Return a leg in any case: along the first heading that is free, else along a random one, else back inside.
+
+    Numbers are drawn only for headings that are tried. The arguments are those of `find_free_heading`.
+    """
+    tried = find_free_heading(start_m, headings_rad, length_m, room, refused_m=refused_m)
+    heading_rad = (
+        tried
+        if tried is not None
+        else find_free_heading(start_m, random_headings(draws), length_m, room, refused_m=refused_m)
+    )
+    if heading_rad is None:
+        return Leg(end_m=room.nearest(start_m[:2]), heading_rad=None)
+    end_m = leg_end(start_m, heading_rad, length_m, room)
+    assert end_m is not None
+    return Leg(end_m=end_m, heading_rad=heading_rad)
+
+
+def _is_same(end_m: Point, refused_m: Sequence[float] | None) -> bool:
+    return refused_m is not None and math.dist(end_m, refused_m[: len(end_m)]) < _SAME_END_M
+
+
+# Every cell whose centre is within so many cells of a solid one.
+def _grown(solid: NDArray[np.bool_], radius_cells: float) -> NDArray[np.bool_]:
+    reach = math.floor(radius_cells)
+    if reach < 1:
+        return solid
+    padded = np.pad(solid, reach)
+    grown = np.zeros_like(solid)
+    for offset in np.ndindex((2 * reach + 1,) * solid.ndim):
+        if math.dist(offset, (reach,) * solid.ndim) <= radius_cells:
+            grown |= padded[tuple(slice(i, i + n) for i, n in zip(offset, solid.shape))]
+    return grown

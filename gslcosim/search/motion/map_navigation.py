@@ -1,0 +1,217 @@
+"""Navigation on a granted map: the way round obstacles to a place, and the measurements of the stop there."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
+from gslcosim.search.draws import Draws
+from gslcosim.search.grids import CellGrid
+from gslcosim.search.motion.commands import waypoint
+from gslcosim.search.motion.grid_paths import (
+    Free,
+    find_free_cells,
+    inflate_obstacles,
+    nearest_free,
+    path_field_from,
+    point_along,
+    shortest_path,
+)
+from gslcosim.search.motion.leg_planner import LegPlanner
+from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
+from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import MeasuredWind, StopAndMeasure
+
+# So near to the goal the vehicle has arrived; where a route has more legs, so near to a bend it has passed it.
+_ARRIVED_M = 0.15
+# Findings farther away than this were made on the way.
+_HERE_M = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """Measurements of a stop: position, gas or clean air in each span, and the wind."""
+
+    position_m: Vec3
+    findings: tuple[Finding, ...]
+    wind: MeasuredWind | None
+
+    @property
+    def is_hit(self) -> bool | None:
+        """True if there was gas; None when the sensor cannot tell: it still shows what it met before."""
+        return any(finding.is_hit for finding in self.findings) if self.findings else None
+
+    def wind_world_m_s(self) -> tuple[float, float]:
+        """Return the wind vector, world frame [m/s]: where the air goes; 0 when it was not measured."""
+        if self.wind is None:
+            return 0.0, 0.0
+        speed_m_s, upwind_rad = self.wind.speed_m_s, self.wind.upwind_rad
+        return -speed_m_s * math.cos(upwind_rad), -speed_m_s * math.sin(upwind_rad)
+
+    def downwind_rad(self, threshold_m_s: float) -> float | None:
+        """Return where the air goes [rad]; None when it is calm: no faster than the threshold."""
+        if self.wind is None or not self.wind.speed_m_s > threshold_m_s:
+            return None
+        return self.wind.upwind_rad - math.pi
+
+
+class StopRecorder:
+    """Collects what a vehicle measures between two decisions at rest: call `add` with every observation.
+
+    State: findings since the last stop and the places of the last span; see `GasEvidence` and `StopAndMeasure`.
+
+    Held by:
+        tests/unit/search/moving/test_map_flights.py
+    """
+
+    def __init__(self, briefing: Briefing, *, threshold_ppm: float, every_s: float) -> None:
+        """Begin without findings; the first gas sensor and the first anemometer are used.
+
+        Args:
+            briefing: What the agent is told.
+            threshold_ppm: What counts as gas, for sensors in ppm.
+            every_s: How long the span of one finding is [s].
+        """
+        nose = find_noses(briefing)[0]
+        self._evidence = GasEvidence(nose, every_s=every_s, threshold_ppm=threshold_ppm)
+        self._hold = StopAndMeasure([nose], find_vane(briefing))
+        self._findings: list[Finding] = []
+        self._every_s = every_s
+        self._track: deque[tuple[float, Vec3]] = deque()
+
+    def add(self, observation: Observation) -> None:
+        """Take note of an observation; a tick counts once."""
+        self._hold.add(observation)
+        finding = self._evidence.add(observation)
+        self._track.append((observation.time_s, observation.position_world_m))
+        while self._track[0][0] < observation.time_s - self._every_s:
+            self._track.popleft()
+        # A span that began on the way says nothing about one place.
+        if finding is not None and all(math.dist(place, finding.sensor_m) <= _HERE_M for _, place in self._track):
+            self._findings.append(finding)
+
+    def stop(self, observation: Observation) -> Stop:
+        """Return what was measured here, and begin anew."""
+        self.add(observation)
+        findings, self._findings = self._findings, []
+        here_m = observation.position_world_m
+        near = (finding for finding in findings if math.dist(finding.sensor_m, here_m) <= _HERE_M)
+        measured = self._hold.measured()
+        return Stop(position_m=here_m, findings=tuple(near), wind=None if measured is None else measured.wind)
+
+
+class MapNavigator:
+    """Flies to places round the obstacles of a granted map, one straight leg after the other; holds at the last.
+
+    `grid` and `free` are the cells of the plane and which of them are free, in the largest part of the room that hangs
+    together. Ways keep `clearance_m` from obstacles where they can and `margin_m` from the room's bounds.
+
+    State: the goal, and the pilot's last leg.
+
+    Held by:
+        tests/unit/search/moving/test_map_flights.py
+    """
+
+    def __init__(
+        self,
+        briefing: Briefing,
+        draws: Draws,
+        *,
+        cell_m: float,
+        max_cells: int,
+        clearance_m: float,
+        margin_m: float,
+    ) -> None:
+        """Read the map. Cells grow until there are at most `max_cells`; a briefing without a map has no obstacles."""
+        self.grid = CellGrid.covering(briefing.bounds, cell_m, max_cells=max_cells)
+        self.free = largest_connected_part(_free_cells(briefing.known_map, self.grid, briefing.search_height_m))
+        self.pilot = LegPlanner(briefing, draws, margin_m=margin_m)
+        self.flyable = self._flyable(clearance_m)
+        self.goal_m: tuple[float, float] | None = None
+
+    def go_to(self, goal_m: Sequence[float]) -> None:
+        """Set a goal, world frame [m]; `leg` leads there."""
+        self.goal_m = (goal_m[0], goal_m[1])
+
+    def is_under_way(self, observation: Observation) -> bool:
+        """Return whether there is a goal that the vehicle has not reached, and nothing was refused."""
+        if self.goal_m is None or self.pilot.was_refused(observation):
+            return False
+        return math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
+
+    def was_missed(self, observation: Observation) -> bool:
+        """Return whether the vehicle is elsewhere than at its goal: it was refused, or led around."""
+        return self.goal_m is not None and math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
+
+    def leg(
+        self, observation: Observation, *, at_most_m: float = math.inf, hold_s: float | None = None
+    ) -> Command | None:
+        """Return the command for the next leg to the goal; None without a goal or a way there.
+
+        On bends the vehicle does not hold. A goal at which no vehicle can be is replaced by the nearest place that is.
+
+        Args:
+            observation: The question.
+            at_most_m: A longer way is flown so far only [m].
+            hold_s: How long to hold at the goal [s]; absent: the briefing's time.
+        """
+        if self.goal_m is None:
+            return None
+        here_m = observation.position_world_m[:2]
+        way_m = shortest_path(self.flyable, self.grid, here_m, self.goal_m)
+        if way_m is None:
+            return None
+        x_m, y_m = way_m[-1]
+        self.goal_m = (float(x_m), float(y_m))
+        bends_m = [point_m for point_m in way_m[1:] if math.dist(point_m, here_m) > _ARRIVED_M] or [way_m[-1]]
+        is_last = len(bends_m) == 1 and math.dist(here_m, bends_m[0]) <= at_most_m
+        x_m, y_m = point_along(np.array([here_m, bends_m[0]]), at_most_m)
+        return self.pilot.leg(observation, (float(x_m), float(y_m)), hold_s=hold_s if is_last else 0.0)
+
+    def stay(self, observation: Observation) -> Command:
+        """Return the command to stay here for a hold, so that what comes with the wind is measured."""
+        self.goal_m = None
+        x_m, y_m, _ = observation.position_world_m
+        return waypoint(observation, x_m, y_m, self.pilot.height_m)
+
+    def nearest_flyable_m(self, point_m: Sequence[float]) -> tuple[float, ...]:
+        """Return the centre of the cell nearest to a point where a vehicle can be, world frame [m]."""
+        cell = nearest_free(self.flyable, self.grid, point_m)
+        assert cell is not None, "the constructor keeps at least one cell"
+        return self.grid.centre_m(cell)
+
+    # With less and less clearance, until there is a cell to fly in.
+    def _flyable(self, clearance_m: float) -> Free:
+        centres_m = self.grid.centres_m().reshape(*self.grid.shape, 2)
+        low_m, high_m = np.array(self.pilot.room.min_m[:2]), np.array(self.pilot.room.max_m[:2])
+        inside = ((centres_m >= low_m) & (centres_m <= high_m)).all(axis=-1)
+        for share in (1.0, 0.5, 0.0):
+            flyable = inflate_obstacles(self.free, self.grid, share * clearance_m) & inside
+            if flyable.any():
+                return largest_connected_part(flyable)
+        return self.free
+
+
+def largest_connected_part(free: Free) -> Free:
+    """Return the largest part of the free cells that hangs together; all cells where none is free.
+
+    Cells hang together when a path of `path_tree` connects them. Of equally large parts the first is taken.
+    """
+    left, best = free.copy(), np.zeros_like(free)
+    while left.any():
+        cell = np.unravel_index(int(left.argmax()), free.shape)
+        part = path_field_from(left, 1.0, [int(i) for i in cell]).is_reached
+        left &= ~part
+        if part.sum() > best.sum():
+            best = part
+    return best if best.any() else np.ones_like(free)
+
+
+def _free_cells(known_map: KnownMap | None, grid: CellGrid, height_m: float) -> Free:
+    if known_map is None:
+        return np.ones(grid.shape, np.bool_)
+    return find_free_cells(known_map, grid, height_m=height_m)

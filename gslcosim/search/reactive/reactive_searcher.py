@@ -1,0 +1,211 @@
+"""Reactive searcher: gas and wind at each question, paths, first contact, stuck detection and declaration."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.search.draws import Draws
+from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, ReactiveRule
+from gslcosim.search.motion.leg_planner import LegPlanner
+from gslcosim.search.motion.stuck_detector import StuckDetector
+from gslcosim.search.senses.plume_contact import Contact, PlumeWatch
+
+
+class LossPoints:
+    """The places farthest up the wind at which gas was met last before it was lost.
+
+    u(p) = (p - o) . (cos w, sin w)        along the wind, w where it comes from; o any place
+    declares: n places, and max u - min u < spread over the n of greatest u; the source is at their greatest u
+
+    A search that goes up a plume loses it here and there, and always just behind its source: there the places farthest
+    up the wind lie close together. The confidence is the share of them within `spread_m` of the estimate in the plane.
+
+    State: the n places. The wind of the moment sorts them.
+
+    Source:
+        Li, Farrell, Pang, Arrieta 2006, doi:10.1109/TRO.2006.870627: six places, 4 m at sea (remembered, unverified).
+    Deviation:
+        The spread is scaled to rooms.
+    Held by:
+        tests/unit/search/reactive/test_detections.py
+    """
+
+    def __init__(self, *, n: int, spread_m: float) -> None:
+        """Begin without places.
+
+        Args:
+            n: How many places must agree.
+            spread_m: Within which length along the wind [m].
+        """
+        self._n = n
+        self._spread_m = spread_m
+        self.places_m: list[Vec3] = []
+
+    def add(self, place_m: Vec3, upwind_rad: float) -> None:
+        """Take note of the last place with gas before it was lost, world frame [m]; the farthest downwind goes."""
+        self.places_m.append(place_m)
+        self.places_m.sort(key=lambda place: -_along_m(place, upwind_rad))
+        del self.places_m[self._n :]
+
+    def estimate(self, upwind_rad: float) -> Estimate | None:
+        """Return where the source is, once the places have drawn together."""
+        if len(self.places_m) < self._n:
+            return None
+        ordered = sorted(self.places_m, key=lambda place: -_along_m(place, upwind_rad))
+        if _along_m(ordered[0], upwind_rad) - _along_m(ordered[-1], upwind_rad) >= self._spread_m:
+            return None
+        n_near = sum(math.dist(place[:2], ordered[0][:2]) <= self._spread_m for place in ordered)
+        return Estimate(position_m=ordered[0], confidence=n_near / self._n)
+
+
+def _along_m(place_m: Sequence[float], upwind_rad: float) -> float:
+    return place_m[0] * math.cos(upwind_rad) + place_m[1] * math.sin(upwind_rad)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReactiveSettings:
+    """Settings that every reactive method has; its card tells their values and where they come from.
+
+    `margin_m` is kept to the walls; `hold_s` is held after a leg (absent: the briefing's) and `explore_hold_s` after
+    one that only explores or casts; `explore_step_m` is the edge of the squares of `unseen.UnseenSquares`;
+    `threshold_ppm` and `threshold_m_s` are the least gas and wind that count; `leash_legs` legs within `leash_m` are
+    too many, after which `leash_away_legs` legs only explore; `declares` switches declarations, by
+    `declaring.ReactiveRule` and, after `n_lost` losses of the plume within `spread_m`, by `detections.LastDetections`.
+    """
+
+    margin_m: float
+    hold_s: float | None
+    explore_hold_s: float
+    explore_step_m: float
+    threshold_ppm: float
+    threshold_m_s: float
+    leash_legs: int
+    leash_m: float
+    leash_away_legs: int
+    declares: bool
+    n_lost: int = 6
+    spread_m: float = 1.0
+
+    @classmethod
+    def of(cls, settings: object) -> "ReactiveSettings":
+        """Return the scout's part of a method's settings."""
+        return cls(**{name: getattr(settings, name) for name in cls.__dataclass_fields__ if hasattr(settings, name)})
+
+
+class ReactiveSearcher:
+    """The part of a reactive search that is the same in all of them.
+
+    At a question `ask` returns the command while a leg is under way, or when the source is to be declared. Otherwise it
+    returns what is known, and the method answers with `fly_to`, `follow` or `explore`.
+
+    State: that of its parts, and for how many more legs the leash sends it away.
+
+    Held by:
+        tests/unit/search/reactive/test_scout.py
+    """
+
+    def __init__(self, briefing: Briefing, settings: ReactiveSettings, draws: Draws) -> None:
+        """Begin without gas, wind, or anything seen."""
+        self.settings = settings
+        self.pilot = LegPlanner(briefing, draws, margin_m=settings.margin_m)
+        self.watch = PlumeWatch(briefing, threshold_ppm=settings.threshold_ppm, threshold_m_s=settings.threshold_m_s)
+        self.unseen = CoverageGrid(self.pilot.room, edge_m=settings.explore_step_m)
+        self._contact: Contact | None = None
+        self._leash = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
+        self._rule = ReactiveRule(threshold=settings.threshold_ppm)
+        self._losses = LossPoints(n=settings.n_lost, spread_m=settings.spread_m)
+        self._declared = DeclarationGuard()
+        self._n_away = 0
+        self._goal_m: tuple[float, float] | None = None
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of an observation; call it for each, and again at a question."""
+        self.watch.add(observation)
+        self.unseen.note(observation.position_world_m)
+
+    def ask(self, observation: Observation, *, aborts: bool = False) -> Contact | Command:
+        """Return what is known at a question, or the command that answers it: the leg goes on, or a declaration.
+
+        Args:
+            observation: The question.
+            aborts: Whether gas ends a leg that is under way; only a vehicle that is asked meanwhile can do so.
+        """
+        self.observe(observation)
+        if self.pilot.is_busy(observation) and not (aborts and self.watch.is_hit and not self.is_away):
+            return self.pilot.stay(observation)
+        contact = self._contact = self.watch.contact(observation)
+        self._rule.add(observation.position_world_m, contact.gas_ppm)
+        self._pull(observation)
+        return self._declaration(observation, self._rule.estimate(contact.upwind_rad)) or contact
+
+    def lose(self, observation: Observation, contact: Contact, upwind_rad: float) -> Command | None:
+        """Take note that the plume was lost; return the declaration, if these losses tell where the source is.
+
+        Args:
+            observation: The question.
+            contact: What is known at it; where gas was met last counts.
+            upwind_rad: The wind against which the plume was followed [rad].
+        """
+        if contact.last_m is None:
+            return None
+        self._losses.add(contact.last_m, upwind_rad)
+        return self._declaration(observation, self._losses.estimate(upwind_rad))
+
+    def _declaration(self, observation: Observation, estimate: Estimate | None) -> Command | None:
+        passed = self._declared.passes(estimate) if self.settings.declares else None
+        return None if passed is None else declaration(observation, passed.position_m, passed.confidence)
+
+    def _pull(self, observation: Observation) -> None:
+        self._leash.note(observation.position_world_m)
+        if self._leash.is_stuck:
+            self._leash.release()
+            self._n_away = self.settings.leash_away_legs
+
+    @property
+    def is_away(self) -> bool:
+        """True if the method got stuck and is to explore, whatever it smells."""
+        return self._n_away > 0
+
+    def fly_to(self, observation: Observation, target_m: tuple[float, ...], *, hold_s: float | None = None) -> Command:
+        """Return the command for a leg to a place, with the hold of the settings where none is given."""
+        self._goal_m = None
+        z_m = target_m[2] if len(target_m) > 2 else None
+        return self.pilot.leg(observation, target_m, z_m=z_m, hold_s=self.settings.hold_s if hold_s is None else hold_s)
+
+    def cast_to(self, observation: Observation, target_m: tuple[float, ...]) -> Command:
+        """Return the command for a leg on which only the way matters: it ends with the shorter hold."""
+        return self.fly_to(observation, target_m, hold_s=self.settings.explore_hold_s)
+
+    def follow(self, observation: Observation, next_place_m: Callable[[], tuple[float, ...] | None]) -> Command | None:
+        """Return the command for a leg to the next place of a cast or a loop, or nothing when that is over.
+
+        Places behind a wall, to which no leg leads, are left out; a refused one is not tried again.
+
+        Args:
+            observation: The question.
+            next_place_m: Gives the next place, world frame [m], or nothing.
+        """
+        while (place_m := next_place_m()) is not None:
+            if self.pilot.is_worth_it(observation, place_m):
+                return self.cast_to(observation, place_m)
+        return None
+
+    def explore(self, observation: Observation, *, z_m: float | None = None) -> Command:
+        """Return the command for a leg to the nearest place that was not seen; a refused one counts as seen.
+
+        Args:
+            observation: The question.
+            z_m: At which height to explore [m]; absent: the search height.
+        """
+        self._n_away = max(0, self._n_away - 1)
+        if self._goal_m is not None and self.pilot.was_refused(observation):
+            self.unseen.skip(self._goal_m)
+        upwind_rad = None if self._contact is None else self._contact.upwind_rad
+        goal_m = self.unseen.next_place_m(observation.position_world_m, upwind_rad)
+        command = self.cast_to(observation, goal_m if z_m is None else (*goal_m, z_m))
+        self._goal_m = goal_m
+        return command

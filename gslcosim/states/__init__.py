@@ -1,1 +1,0 @@
-"""The state of an object and of all that it holds, as plain values and arrays, and back into one built alike."""

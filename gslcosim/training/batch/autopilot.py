@@ -1,0 +1,291 @@
+"""Autopilot of a point robot: obeys velocities and holds as the world's autopilot does.
+
+Paths are planned by the kernels of `gslcosim.world.paths`; what is here is the order in which things happen.
+"""
+
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+# pyright: basic, reportCallIssue=false
+
+import math
+
+from gslcosim.training.batch.batch_records import (
+    CRUISE,
+    FLYING,
+    GO_TO,
+    HOLD,
+    HOLDING,
+    NO_TASK,
+    TAKING_OFF,
+)
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
+from gslcosim.training.batch.space import (
+    SAME_S,
+    array_at,
+    copy_inplace,
+    fly_at_inplace,
+    is_place_refused,
+    motion_inplace,
+    must_brake,
+    norm3,
+    seconds_of,
+)
+from gslcosim_services.world.paths.trajectory import (
+    allowed_lateral_deviation_m,
+    max_lateral_deviation_m,
+    plan_quickest_inplace,
+)
+from gslcosim_services.world.physics.vehicle_records import STATE
+
+# See `gslcosim_services.world.guidance.path_follower` and `guidance.conduct`.
+_ARRIVED_WITHIN_M = 0.15
+_ARRIVED_BELOW_M_S = 0.2
+_GIVE_UP_AFTER_S = 10.0
+_BACK_OFF_M = 0.1
+_TO_POINT = False
+
+
+@reference_free_njit()
+def _fly_to_inplace(path, case, start, end, place_m, tick):
+    # The quickest path that rests at a place.
+    for axis in range(3):
+        end[0, axis], end[1, axis], end[2, axis] = place_m[axis], 0.0, 0.0
+    path.duration_s = plan_quickest_inplace(
+        path.coefficients, start, end, _TO_POINT, case.max_speed_m_s, case.max_acceleration_m_s2, 0.0, 0.0
+    )
+    path.start_tick = tick
+    for axis in range(3):
+        path.end_world_m[axis] = place_m[axis]
+        path.end_velocity_world_m_s[axis] = 0.0
+
+
+@reference_free_njit()
+def _forget_legs(search):
+    search.has_leg = 0
+    search.has_target = 0
+
+
+@reference_free_njit()
+def _stop(search, path, case, work, tick):
+    resting = (
+        path.end_velocity_world_m_s[0] == 0.0
+        and path.end_velocity_world_m_s[1] == 0.0
+        and path.end_velocity_world_m_s[2] == 0.0
+    )
+    is_stopping = not search.has_target and resting
+    _forget_legs(search)
+    search.keeps_velocity = 0
+    search.is_preparing = 0
+    if not is_stopping:
+        state, end = work.states[0], work.states[1]
+        motion_inplace(state, path, case, tick)
+        fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+
+
+@reference_free_njit()
+def _hold(search, path, case, work, tick, hold_ticks):
+    search.goal = NO_TASK
+    if search.phase == TAKING_OFF:
+        return
+    search.hold_until_tick = tick + hold_ticks
+    _stop(search, path, case, work, tick)
+    search.phase = HOLDING
+
+
+@reference_free_njit()
+def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
+    search.has_leg = 1
+    search.leg_end_m[0], search.leg_end_m[1], search.leg_end_m[2] = x_m, y_m, z_m
+    search.leg_hold_ticks = hold_ticks
+    _follow_leg(search, path, case, work, tick)
+    search.prepares_since_tick = tick
+    search.phase = FLYING
+
+
+@reference_free_njit()
+def _swings_out(path, case, state):
+    speed2 = state[1, 0] ** 2 + state[1, 1] ** 2 + state[1, 2] ** 2
+    if speed2 == 0.0:
+        return False
+    allowed_m = allowed_lateral_deviation_m(math.sqrt(speed2), case.max_acceleration_m_s2)
+    return max_lateral_deviation_m(path.coefficients, path.duration_s, path.end_world_m) > allowed_m
+
+
+@reference_free_njit()
+def _follow_leg(search, path, case, work, tick):
+    if not search.is_preparing:
+        search.prepares_since_tick = tick
+    state, end = work.states[0], work.states[1]
+    motion_inplace(state, path, case, tick)
+    _fly_to_inplace(path, case, state, end, search.leg_end_m, tick)
+    search.is_preparing = 0
+    if _swings_out(path, case, state):
+        # It had better stop first.
+        fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+        search.is_preparing = 1
+    search.has_target = 1
+    search.keeps_velocity = 0
+
+
+@reference_free_njit()
+def take_off(search, path, case, work):
+    """Leave the start at the first tick; see `Conduct.take_off`."""
+    path.is_armed = 1
+    x_m, y_m = path.end_world_m[0], path.end_world_m[1]
+    _begin_leg(search, path, case, work, 0, x_m, y_m, case.search_height_m, case.usual_hold_ticks)
+    search.phase = TAKING_OFF
+    search.notice = 0
+
+
+@reference_free_njit()
+def _is_equal(a, b):
+    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
+
+
+@reference_free_njit()
+def _is_refused(search, path, case, room, work, tick, task, vector):
+    if task == GO_TO:
+        return is_place_refused(room, case.radius_m, vector[0], vector[1], vector[2])
+    if task != CRUISE:
+        return False
+    if norm3(vector[0], vector[1], vector[2]) > case.max_speed_m_s * (1 + 1e-9):
+        return True
+    if search.phase == TAKING_OFF or (search.keeps_velocity and _is_equal(vector, search.kept_velocity_m_s)):
+        return False
+    planned, state, end = array_at(work.paths, 2, STATE)[1], work.states[2], work.states[1]
+    motion_inplace(state, path, case, tick)
+    fly_at_inplace(planned, case, state, end, vector[0], vector[1], vector[2], tick)
+    return must_brake(planned, case, room, work, tick)
+
+
+@reference_free_njit()
+def _copy_path(to, path):
+    to.start_tick = path.start_tick
+    to.duration_s = path.duration_s
+    for axis in range(3):
+        for power in range(6):
+            to.coefficients[axis, power] = path.coefficients[axis, power]
+    copy_inplace(to.end_world_m, path.end_world_m)
+    copy_inplace(to.end_velocity_world_m_s, path.end_velocity_world_m_s)
+
+
+@reference_free_njit()
+def hear(search, path, case, room, work, tick, task, vector):
+    """Do a task of the agent, keep it for after take-off, or refuse it; see `Guide._hear`.
+
+    Args:
+        search: Record of `SEARCH`.
+        path: Record of `records.STATE`.
+        case: Record of `CASE`.
+        room: Record of `ROOM`.
+        work: Record of `WORK`.
+        tick: The tick that ended.
+        task: CRUISE, GO_TO or HOLD.
+        vector: (3,) velocity [m/s] or place [m], world frame.
+    """
+    search.notice = 0
+    is_said_again = case.asks_every_tick and task != HOLD and search.goal == task
+    if is_said_again and _is_equal(search.goal_vector, vector):
+        return
+    if _is_refused(search, path, case, room, work, tick, task, vector):
+        search.notice = 1
+        search.kept_task = NO_TASK
+        _hold(search, path, case, work, tick, case.usual_hold_ticks)
+    elif task == HOLD:
+        search.kept_task = NO_TASK
+        _hold(search, path, case, work, tick, case.hold_ticks)
+    elif search.phase == TAKING_OFF:
+        search.kept_task = task
+        copy_inplace(search.kept_vector, vector)
+    else:
+        search.goal = task
+        copy_inplace(search.goal_vector, vector)
+        if task == GO_TO:
+            _begin_leg(search, path, case, work, tick, vector[0], vector[1], vector[2], case.hold_ticks)
+        else:
+            if not (search.keeps_velocity and _is_equal(vector, search.kept_velocity_m_s)) or search.is_preparing:
+                # It was planned to see whether it can be done.
+                _copy_path(path, array_at(work.paths, 2, STATE)[1])
+                search.is_preparing = 0
+                search.prepares_since_tick = tick
+            _forget_legs(search)
+            search.keeps_velocity = 1
+            copy_inplace(search.kept_velocity_m_s, vector)
+            search.hold_until_tick = tick + case.hold_ticks
+            search.phase = FLYING
+
+
+@reference_free_njit()
+def _is_over(path, case, tick):
+    return seconds_of(tick - path.start_tick, case.tick_ns) >= path.duration_s - SAME_S
+
+
+@reference_free_njit()
+def _arrive(search, tick):
+    search.phase = HOLDING
+    search.hold_until_tick = tick + (search.leg_hold_ticks if search.has_leg else 0)
+    search.has_leg = 0
+
+
+@reference_free_njit()
+def _notice_arrival(search, path, case, room, tick):
+    if not _is_over(path, case, tick):
+        return
+    p, v, end = search.position_m, search.velocity_m_s, path.end_world_m
+    distance_m = norm3(p[0] - end[0], p[1] - end[1], p[2] - end[2])
+    if distance_m <= _ARRIVED_WITHIN_M and norm3(v[0], v[1], v[2]) < _ARRIVED_BELOW_M_S:
+        _arrive(search, tick)
+    elif seconds_of(tick - path.start_tick, case.tick_ns) - path.duration_s >= _GIVE_UP_AFTER_S:
+        _give_up(search, path, case, room, tick, distance_m)
+
+
+# See `arrival.give_up`: it rests a little back from where it got stuck.
+@reference_free_njit()
+def _give_up(search, path, case, room, tick, distance_m):
+    p, end = search.position_m, path.end_world_m
+    back = _BACK_OFF_M / distance_m if distance_m > _ARRIVED_WITHIN_M else 0.0
+    x_m, y_m, z_m = p[0] + back * (p[0] - end[0]), p[1] + back * (p[1] - end[1]), p[2] + back * (p[2] - end[2])
+    if is_place_refused(room, case.radius_m, x_m, y_m, z_m):
+        x_m, y_m, z_m = p[0], p[1], p[2]
+    path.start_tick = tick
+    path.duration_s = 0.0
+    path.coefficients[:] = 0.0
+    path.end_velocity_world_m_s[:] = 0.0
+    path.integral_m_s2[:] = 0.0
+    end[0], end[1], end[2] = x_m, y_m, z_m
+    path.coefficients[0, 0], path.coefficients[1, 0], path.coefficients[2, 0] = x_m, y_m, z_m
+    search.keeps_velocity = 0
+    search.is_preparing = 0
+    search.notice = 1
+    _arrive(search, tick)
+
+
+@reference_free_njit()
+def end_tick(search, path, case, room, work, tick):
+    """Notice arrivals and edges, begin a task that was kept, and decide whether the agent is asked; see `Guide`.
+
+    Args:
+        search: Record of `SEARCH`, with the true position and velocity at the end of the tick.
+        path: Record of `records.STATE`.
+        case: Record of `CASE`.
+        room: Record of `ROOM`.
+        work: Record of `WORK`.
+        tick: The tick that ends.
+    """
+    if search.is_preparing:
+        if _is_over(path, case, tick):
+            _follow_leg(search, path, case, work, tick)
+    elif search.keeps_velocity:
+        if must_brake(path, case, room, work, tick):
+            _hold(search, path, case, work, tick, case.usual_hold_ticks)
+            search.notice = 1
+    elif search.phase == TAKING_OFF or search.phase == FLYING:
+        _notice_arrival(search, path, case, room, tick)
+    if search.kept_task != NO_TASK and search.phase != TAKING_OFF:
+        task = search.kept_task
+        search.kept_task = NO_TASK
+        if search.phase == HOLDING:
+            hear(search, path, case, room, work, tick, task, search.kept_vector)
+    if case.asks_every_tick:
+        search.is_asked = 1
+    else:
+        search.is_asked = (search.phase == HOLDING or search.keeps_velocity) and tick >= search.hold_until_tick

@@ -1,0 +1,188 @@
+"""Stepped run: its agents are commanded by the caller; it goes on until one of them is asked, and waits."""
+
+import math
+import queue
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+from gslcosim.base.errors import SimulationFault, UsageError
+from gslcosim.base.scratch import ScratchFolder
+from gslcosim.contract import codec
+from gslcosim.contract.messages import AgentScore, Briefing, Command, Ending, Message, Observation, Score
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.generation.variants import prepare_variants, with_variants
+from gslcosim.environment.store import load_environment
+from gslcosim.runtime.agents.session import AgentSession, build_session
+from gslcosim.runtime.agents.transport import AgentEvent, CommandReceived, CommandRefused, ObservationOrHead
+from gslcosim.runtime.in_process import InProcessRun
+from gslcosim.runtime.outcome import RunOutcome
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.loader import LoadedScenario
+from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.training.rewards import TaskScale
+
+
+class SteppedLink:
+    """The link to an agent that is flown by hand; it keeps what the agent has been told, and what it is asked."""
+
+    is_lossy = False
+
+    def __init__(self) -> None:
+        self.briefing: Briefing | None = None
+        self.seen: Observation | None = None
+        # With a latency several observations may await their commands, the oldest first.
+        self.questions: deque[Observation] = deque()
+
+    def brief(self, briefing: Briefing, payload: bytes) -> None:
+        """Keep the briefing; see `AgentLink`."""
+        del payload
+        self.briefing = briefing
+
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
+        """Keep the observation; see `AgentLink`."""
+        self.seen = observation if isinstance(observation, Observation) else codec.decode(Observation, payload)
+        if self.seen.awaiting_command:
+            self.questions.append(self.seen)
+
+    def repeat(self) -> None:
+        """Do nothing: no message gets lost; see `AgentLink`."""
+
+    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
+        """Do nothing; see `AgentLink`."""
+
+    def end(self, ending: Ending, payload: bytes) -> None:
+        """Ask no more; see `AgentLink`."""
+        del ending, payload
+        self.questions.clear()
+
+
+class SteppedRun:
+    """One flight in this process, with the same messages and digest as `gslcosim up` with the same commands.
+
+    `asked` names the agents whose command is awaited, `seen_by` tells what they are asked upon, `scores` how each
+    stood when the referee looked last, at the tick before.
+    When `is_over`, `outcome` has the verdict and the digest. Nothing of it is recorded.
+
+    Args:
+        loaded: The scenario; who its agents are is of no importance.
+
+    Raises:
+        GslCosimError: the scenario cannot be flown, or time does not wait for one of its agents.
+        SimulationFault: a service has failed.
+    """
+
+    def __init__(self, loaded: LoadedScenario) -> None:
+        if any(agent.is_free for agent in loaded.scenario.agents):
+            raise UsageError("agents[].mode: expected modes that wait for the agent, was free. Take on_request.")
+        recording = loaded.scenario.recording.model_copy(update={"enabled": False})
+        scenario = loaded.scenario.model_copy(update={"recording": recording})
+        environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
+        later_rooms = prepare_variants(scenario, scenario_dir=loaded.directory)
+        self._scratch = ScratchFolder("training")
+        setup = RunSetup(
+            run_dir=RunDir(self._scratch.path),
+            scenario=scenario,
+            environment_dir=environment_dir,
+            environment=with_variants(load_environment(environment_dir), later_rooms),
+            directory=loaded.directory,
+        )
+        self._setup = setup
+        self.environment = setup.environment
+        self.outcome = RunOutcome()
+        # The referee judges a tick when its commands are known: what an agent is asked upon is not judged yet.
+        self.scores: dict[str, AgentScore] = {
+            agent.name: _before_the_first(agent, scenario) for agent in scenario.agents
+        }
+        self.is_over = False
+        self._is_closed = False
+        self._events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+        self._links = {agent.name: SteppedLink() for agent in scenario.agents}
+        flight = InProcessRun(setup, self._desks(setup), self._events, lambda _: None, self._note)
+        self._pauses: Iterator[None] = flight.iter_pauses(self.outcome, lambda: self._is_closed)
+        self._go_on()
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """The agents whose command is awaited."""
+        return tuple(name for name, link in self._links.items() if link.questions)
+
+    def briefing_of(self, agent: str) -> Briefing:
+        """Return what an agent was told at the start."""
+        briefing = self._links[agent].briefing
+        assert briefing is not None, "a flight that waits for commands has briefed its agents"
+        return briefing
+
+    def seen_by(self, agent: str) -> Observation:
+        """Return the observation that an agent is asked upon; where it is not asked, what it has seen last."""
+        link = self._links[agent]
+        seen = link.questions[0] if link.questions else link.seen
+        assert seen is not None, "an agent is asked because of what it has seen"
+        return seen
+
+    def scale(self, discount: float) -> TaskScale:
+        """Return what is large and long in this flight, for rewards with a discount."""
+        grid, limit = self.environment.grid, self._setup.scenario.referee.stop.time_limit_s
+        diagonal_m = math.dist(grid.origin_m, grid.max_m)
+        return TaskScale(diagonal_m=diagonal_m, time_limit_s=limit, discount=discount)
+
+    def outcome_of(self, agent: str) -> str | None:
+        """Return what became of an agent's search; None while the run goes on."""
+        verdict = self.outcome.verdict
+        if verdict is None:
+            return None
+        return next((result.outcome for result in verdict.agents if result.name == agent), verdict.end_reason)
+
+    def end_of(self, agent: str) -> dict[str, Any]:
+        """Return an agent's outcome, whether it succeeded, and the run's digest; nothing while the run goes on."""
+        if not self.is_over or self.outcome.digest is None:
+            return {}
+        outcome = self.outcome_of(agent)
+        return {"outcome": outcome, "success": outcome == "success", "digest": self.outcome.digest.hex}
+
+    def answer(self, agent: str, command: Command) -> None:
+        """Give the command of an agent that is asked; it counts with the next `go_on`."""
+        self._links[agent].questions.popleft()
+        self._events.put(CommandReceived(agent=agent, payload=codec.encode(command), decided_in_s=0.0))
+
+    def go_on(self) -> None:
+        """Fly on until an agent is asked or the flight is over, with all commands that were awaited."""
+        assert not self.asked, f"{', '.join(self.asked)} owe a command"
+        self._go_on()
+
+    def close(self) -> None:
+        """End the flight, wherever it is."""
+        self._is_closed = True
+        for _ in self._pauses:
+            pass
+        self.is_over = True
+        self._scratch.close()
+
+    def _go_on(self) -> None:
+        for _ in self._pauses:
+            if self.asked:
+                return
+        self.is_over = True
+        if self.outcome.fault is not None:
+            raise SimulationFault(f"{self.outcome.fault.participant}: {self.outcome.fault.text}")
+
+    def _desks(self, setup: RunSetup) -> dict[str, AgentSession]:
+        desks = {agent.name: build_session(agent, setup, self._links[agent.name]) for agent in setup.scenario.agents}
+        for desk in desks.values():
+            desk.is_ready = True
+            # Whoever flies by hand thinks as long as they like, and keeps their own notes.
+            desk.answer_within_s = float("inf")
+            desk.journal = lambda _: None
+        return desks
+
+    def _note(self, port: str, message: Message) -> None:
+        del port
+        if isinstance(message, Score):
+            self.scores = {score.agent: score for score in message.agents}
+
+
+def _before_the_first(agent: AgentSpec, scenario: Scenario) -> AgentScore:
+    distances_m = (math.dist(agent.vehicle.start_m, source.position_m) for source in scenario.gas.sources)
+    return AgentScore(agent=agent.name, distance_to_source_m=min(distances_m), path_length_m=0.0, n_commands=0)

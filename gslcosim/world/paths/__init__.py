@@ -1,1 +1,0 @@
-"""Paths and trajectories: legs through free space, and the polynomials that are flown along them."""

@@ -1,1 +1,0 @@
-"""MuJoCo and the compiled loop: the scene, control, rotors, wheels."""

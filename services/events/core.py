@@ -1,0 +1,72 @@
+"""Events core: evaluates times and conditions of a scenario's events and announces those that begin."""
+
+import math
+from typing import cast
+
+from gslcosim.base.errors import ModelError
+from gslcosim.base.ticks import ticks_from_seconds
+from gslcosim.contract import keys
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
+from gslcosim.contract.messages import BodyPoses, FieldSamples
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import TriggerSpec
+from gslcosim_services.events.ports import events_spec
+
+
+class EventsCore:
+    """Core that evaluates times and conditions of events, and writes `truth/events` every tick.
+
+    An event at a time takes effect in the tick that ends at that time. A condition that holds at the end of tick k
+    takes effect in tick k + 1, or `delay_s` later. What step k writes takes effect in tick k + 1: all readers have a
+    delay of one tick.
+
+    State: the tick in which each event takes effect, as far as it is known. It draws nothing random.
+    Raises ModelError when the truth lacks an agent; the runtime then ends the run as invalid.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._spec = events_spec(scenario)
+        self._events = scenario.events
+        self._gas = scenario.gas.gas
+        self._tick_ns = scenario.tick_ns
+        self._due: dict[int, int] = {}
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Know of the events with a time, and of no other; nothing is written once."""
+        del episode
+        self._due = {
+            i: max(1, ticks_from_seconds(event.at_s, self._tick_ns))
+            for i, event in enumerate(self._events)
+            if event.at_s is not None
+        }
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Evaluate the conditions at the end of the tick, and announce what begins with the next one."""
+        for i, event in enumerate(self._events):
+            if event.when is not None and i not in self._due and self._holds(event.when, tick, inbox):
+                self._due[i] = tick + 1 + ticks_from_seconds(event.when.delay_s, self._tick_ns)
+        beginning = tuple(sorted(i for i, due in self._due.items() if due == tick + 1))
+        return {EVENTS: EventsBeginning(tick=tick, beginning=beginning)}
+
+    def _holds(self, trigger: TriggerSpec, tick: int, inbox: Inbox) -> bool:
+        if trigger.within_m is not None and trigger.of_m is not None:
+            bodies = cast(BodyPoses, inbox[keys.BODIES]).bodies
+            places_m = [body.position_world_m for body in bodies if body.agent == trigger.agent]
+            if not places_m:
+                raise ModelError(f"events: expected a pose of vehicle {trigger.agent!r} in tick {tick}, was none.")
+            return math.dist(places_m[0], trigger.of_m) <= trigger.within_m
+        samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
+        return any(
+            gas.mixing_ratio_ppm > (trigger.gas_above_ppm or 0.0)
+            for sample in samples
+            if sample.agent == trigger.agent
+            for gas in sample.gases
+            if gas.gas == self._gas
+        )

@@ -1,0 +1,1 @@
+"""Fields service: true gas and wind; `core.FieldsCore` is the participant that samples them."""

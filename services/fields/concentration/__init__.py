@@ -1,0 +1,1 @@
+"""Concentration: mixing ratios summed from filaments at points, on grids and along beams."""

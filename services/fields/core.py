@@ -1,0 +1,269 @@
+"""Fields core: true gas and wind at every sensor, snapshots of the gas, and events of its sources."""
+
+import math
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import ModelError
+from gslcosim.base.ticks import exact_ticks_from_seconds, seconds_from_ticks
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    BodyPoses,
+    ConcentrationSlice,
+    FieldSamples,
+    FilamentCloud,
+    GasAmount,
+    MountSample,
+)
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import NumericArray, build_unchecked_constructor
+from gslcosim.environment.model import AT_START, Closed, Environment
+from gslcosim.environment.variants.scaled_wind import ScaledWind
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.models.events import (
+    SourceEventSpec,
+    SourceMovesSpec,
+    SourceRateSpec,
+    SourceStartsSpec,
+    SourceStopsSpec,
+)
+from gslcosim_services.fields.concentration.filament_field import FilamentField
+from gslcosim_services.fields.concentration.sample_points import Beams, MountPositions
+from gslcosim_services.fields.filament.downwash import Downwash
+from gslcosim_services.fields.filament.plume import FilamentPlume
+from gslcosim_services.fields.filament.release import SourceChange
+from gslcosim_services.fields.gas_builder import build_gas_field
+from gslcosim_services.fields.gas_field import GasField, PointGrid, wind_m_s_at
+from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
+from gslcosim_services.fields.ports import fields_spec
+
+
+class GasEvents:
+    """Events of sources: opened, closed, changed or moved, as the scenario says."""
+
+    def __init__(self, scenario: Scenario, gas: GasField) -> None:
+        """Prepare for the events of a scenario.
+
+        Raises:
+            ModelError: the scenario has events of sources, and its gas has none that can change.
+        """
+        self._scenario = scenario
+        events = [event for event in scenario.events if isinstance(event, SourceEventSpec)]
+        self._plume = gas.source if isinstance(gas, FilamentField) else None
+        if events and not isinstance(self._plume, FilamentPlume):
+            raise ModelError("events: expected gas whose sources can change, of model filament without a tape.")
+        self._closed_at_first = initially_closed_sources(scenario)
+
+    def reset(self) -> None:
+        """Close the sources that an event starts; called after the gas was reset."""
+        for i_source in self._closed_at_first:
+            self._change(i_source, SourceChange(is_open=False))
+
+    def obey(self, inbox: Inbox) -> None:
+        """Apply what takes effect in this tick."""
+        for _, event in due_events(self._scenario, inbox):
+            if isinstance(event, SourceEventSpec):
+                self._change(event.source, self._change_of(event))
+
+    def _change(self, i_source: int, change: SourceChange) -> None:
+        assert isinstance(self._plume, FilamentPlume)
+        self._plume.change_source(i_source, change)
+
+    def _change_of(self, event: SourceEventSpec) -> SourceChange:
+        match event:
+            case SourceStartsSpec():
+                return SourceChange(is_open=True)
+            case SourceStopsSpec():
+                return SourceChange(is_open=False)
+            case SourceMovesSpec():
+                return SourceChange(position_world_m=event.to_m)
+            case SourceRateSpec():
+                source = self._scenario.gas.sources[event.source]
+                return SourceChange(share=event.filaments_per_s / source.filaments_per_s)
+            case _:
+                raise ModelError(f"events: expected an event of a source that is known, was {event.what!r}.")
+
+
+def initially_closed_sources(scenario: Scenario) -> list[int]:
+    """Return the sources that are closed at first: those whose first start or stop in the list is a start."""
+    firsts: dict[int, bool] = {}
+    for event in scenario.events:
+        if isinstance(event, SourceStartsSpec | SourceStopsSpec):
+            firsts.setdefault(event.source, isinstance(event, SourceStartsSpec))
+    return [i for i, is_start in firsts.items() if is_start]
+
+
+# A recorded slice is looked at, not measured: beyond 3 sigma a filament adds 1 % of its centre, at 2.5 times the cost.
+SLICE_CUTOFF_SIGMA = 3.0
+
+_new_amount, _new_sample, _new_samples = (
+    build_unchecked_constructor(GasAmount),
+    build_unchecked_constructor(MountSample),
+    build_unchecked_constructor(FieldSamples),
+)
+
+
+class FieldsCore:
+    """Advances the gas and samples gas and wind where the sensors are.
+
+    Reads `truth/bodies` of the same tick, and `truth/wind` of the last one where a service drives the wind, and
+    `truth/events` of the last one where sources or the wind have events. Writes
+    `truth/samples` every tick and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments
+    with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at
+    3 sigma and do not look for walls.
+
+    Invariants: no filament in a solid cell; equal seeds give equal messages.
+    Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        """Build the plume of a scenario in its room.
+
+        Raises:
+            ScenarioError: unknown gas, source outside the air, gas step or warm-up that does not fit the ticks.
+        """
+        self._scenario = scenario
+        self._environment = environment
+        self._spec = fields_spec(scenario)
+        self._timing = gas_timing(scenario)
+        self._mounts = MountPositions(scenario)
+        n_readings_per_step = self._mounts.n_places * self._timing.ticks_per_step
+        self._wind = ScaledWind(environment, scenario) if scenario.has_wind_that_changes else None
+        wind_at = None if self._wind is None else self._wind.at
+        self._gas = build_gas_field(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
+        self._gas_events = GasEvents(scenario, self._gas)
+        self._beams = Beams(scenario, environment)
+        self._downwash = Downwash(scenario)
+        gas = self._gas
+        self._gas_ahead = gas if isinstance(gas, FilamentField) and not self._downwash.is_on else None
+        self._slice_height_m = slice_height_m(scenario)
+        self._snapshot_ticks = exact_ticks_from_seconds(
+            scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
+        )
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    @property
+    def gas(self) -> GasField:
+        """The gas as it is now, for scoring and analysis."""
+        return self._gas
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
+        if self._wind is not None:
+            self._wind.reset()
+        self._beams.close_doors(AT_START)
+        self._gas.reset(gas_seed(self._scenario, episode.seed))
+        self._gas_events.reset()
+        is_short = episode.is_warmup and self._gas_ahead is not None and self._gas_ahead.is_live
+        self._gas.advance(1 if is_short else self._timing.warm_up_steps)
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Bring the gas to the end of the tick and sample it there."""
+        bodies = cast(BodyPoses, inbox[keys.BODIES])
+        if self._wind is not None and self._wind.obey(inbox):
+            self._close_doors(self._wind.room.situation.closed)
+        self._gas_events.obey(inbox)
+        self._advance(self._timing.steps_at(tick), bodies)
+        outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
+        if tick % self._snapshot_ticks == 0:
+            outbox[keys.FILAMENTS] = self._cloud(tick)
+        return outbox
+
+    def prefetch(self) -> bool:
+        """Move the gas while nothing else can be done; see `WorksAhead`."""
+        return self._gas_ahead is not None and self._gas_ahead.prefetch()
+
+    def _close_doors(self, closed: Closed) -> None:
+        self._beams.close_doors(closed)
+        if not isinstance(self._gas, FilamentField):
+            raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
+        self._gas.close_doors(closed)
+
+    # Jets are those of the tick's end; a filament is first carried by the room's air, then by them.
+    def _advance(self, n_steps: int, bodies: BodyPoses) -> None:
+        if not (self._downwash.is_on and isinstance(self._gas, FilamentField)):
+            self._gas.advance(n_steps)
+            return
+        jets = self._downwash.compute_jets(bodies)
+        for _ in range(n_steps):
+            self._gas.advance(1)
+            self._gas.blow(jets)
+
+    def _samples(self, tick: int, bodies: BodyPoses) -> FieldSamples:
+        places_m = self._mounts.positions_world_m(bodies)
+        gas_ppm = self._gas.mixing_ratio_ppm_at(places_m).tolist()
+        wind_m_s = self._wind_at(places_m, tick).tolist()
+        if not all(math.isfinite(sum(ppm) + sum(wind)) for ppm, wind in zip(gas_ppm, wind_m_s, strict=True)):
+            raise ModelError(f"fields: gas or wind at a sensor is not finite in tick {tick}: {gas_ppm}, {wind_m_s}.")
+        amounts = [
+            tuple(_new_amount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, ppm, strict=True))
+            for ppm in gas_ppm
+        ]
+        samples = [
+            _new_sample(
+                agent=mount.agent,
+                sensor=mount.sensor,
+                gases=amounts[mount.i_place],
+                wind_world_m_s=tuple(wind_m_s[mount.i_place]),
+            )
+            for mount in self._mounts.mounts
+        ]
+        return _new_samples(tick=tick, samples=tuple(self._with_beams(samples, bodies) if self._beams else samples))
+
+    # An instrument with a beam sees the mean along it instead of the gas at its mount.
+    def _with_beams(self, samples: list[MountSample], bodies: BodyPoses) -> list[MountSample]:
+        beams = self._beams.points_of(bodies)
+        return [self._with_beam(s, *beams[s.agent, s.sensor]) if (s.agent, s.sensor) in beams else s for s in samples]
+
+    def _with_beam(self, sample: MountSample, beam_m: float, points_m: NDArray[np.float64]) -> MountSample:
+        n_gases = len(self._gas.gases)
+        means = self._gas.mixing_ratio_ppm_at(points_m).mean(axis=0) if len(points_m) else np.zeros(n_gases)
+        amounts = (
+            GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self._gas.gases, means.tolist(), strict=True)
+        )
+        return sample.model_copy(update={"gases": tuple(amounts), "beam_m": beam_m})
+
+    def _wind_at(self, places_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
+        time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
+        return wind_m_s_at(self._gas, self._environment, places_m, time_s)
+
+    def _cloud(self, tick: int) -> FilamentCloud:
+        filaments = self._gas.filaments
+        gas_index = filaments.gas_index[filaments.source_index].astype(np.uint8)
+        return FilamentCloud(
+            tick=tick,
+            gases=self._gas.gases,
+            position_world_m=NumericArray.from_array(filaments.position_world_m.astype(np.float32)),
+            sigma_m=NumericArray.from_array(filaments.sigma_m.astype(np.float32)),
+            gas_index=NumericArray.from_array(gas_index),
+            slices=tuple(self._slice(i) for i in range(len(self._gas.gases))),
+        )
+
+    def _slice(self, i_gas: int) -> ConcentrationSlice:
+        grid, cell_m = self._environment.grid, self._scenario.recording.slice_cell_m
+        size_m = np.subtract(grid.max_m, grid.origin_m)
+        nx, ny = (max(1, math.ceil(side_m / cell_m - 1e-9)) for side_m in size_m[:2])
+        first_m = (grid.origin_m[0] + 0.5 * cell_m, grid.origin_m[1] + 0.5 * cell_m, self._slice_height_m)
+        points = PointGrid(first_m=first_m, spacing_m=cell_m, shape=(nx, ny, 1))
+        ppm = self._gas.mixing_ratio_ppm_on_grid(points, gas=i_gas, cutoff_sigma=SLICE_CUTOFF_SIGMA)
+        return ConcentrationSlice(
+            gas=self._gas.gases[i_gas],
+            origin_m=(float(grid.origin_m[0]), float(grid.origin_m[1])),
+            cell_m=cell_m,
+            height_m=self._slice_height_m,
+            mixing_ratio_ppm=NumericArray.from_array(ppm[:, :, 0].astype(np.float32)),
+        )
+
+
+def slice_height_m(scenario: Scenario) -> float:
+    """Return the height of the recorded slice [m]: the agents' search height, or the source's if they differ."""
+    heights_m = {agent.vehicle.search_height_m for agent in scenario.agents}
+    return heights_m.pop() if len(heights_m) == 1 else float(scenario.gas.sources[0].position_m[2])

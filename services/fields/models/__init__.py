@@ -1,0 +1,1 @@
+"""Gas models of a scenario: filaments, Farrell's open field, Gaussian plumes, and playback of stored gas."""

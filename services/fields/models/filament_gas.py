@@ -1,0 +1,168 @@
+"""Gas of filaments: a plume from a scenario's sources and constants, live or from tape."""
+
+from dataclasses import dataclass
+
+from gslcosim.base.errors import ScenarioError
+from gslcosim.environment.model import AT_START, Environment
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import SourceEventSpec
+from gslcosim.scenario.models.gas import FilamentGasSpec, FilamentsSpec, SourceSpec
+from gslcosim_services.fields.concentration.filament_field import FilamentField, FilamentSource
+from gslcosim_services.fields.concentration.mixing_ratio import CUTOFF_SIGMA, Walls
+from gslcosim_services.fields.concentration.prefetched_plume import PrefetchedPlume
+from gslcosim_services.fields.filament.buoyancy import NEUTRAL, Buoyancy, gaden_3_buoyancy, terminal_velocity_buoyancy
+from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, WindAt, filament_amount_mol
+from gslcosim_services.fields.filament.release import (
+    ConstantRelease,
+    IntermittentRelease,
+    PoissonRelease,
+    ReleasePlan,
+    ScheduledRelease,
+    SourceShape,
+    VariableRelease,
+)
+from gslcosim_services.fields.gas_field import GasField, Visibility
+from gslcosim_services.fields.gas_setup import (
+    GasSetup,
+    build_gas_field_from_block,
+    gas_seed,
+    gas_timing,
+    list_gas_names,
+)
+from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
+from gslcosim_services.fields.stored.tape import MAX_SOURCES, CachedPlume
+
+# GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
+GADEN_3_NOISE_PER_S = 10.0
+GADEN_3_CUTOFF_SIGMA = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasModel:
+    """Gas model of a scenario: names of the gases, the plume, and the cut-off of its readings."""
+
+    gases: tuple[str, ...]
+    plume: FilamentPlume
+    cutoff_sigma: float
+
+
+@build_gas_field_from_block.register
+def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
+    model = build_gas_model(setup.scenario, setup.environment, wind_at=setup.wind_at)
+    return FilamentField(
+        _build_filament_source(block, model.plume, setup),
+        model.gases,
+        setup.environment.grid,
+        sight=setup.sight or Visibility(walls=Walls.of(setup.environment), cutoff_sigma=model.cutoff_sigma),
+        n_readings_per_step=setup.n_readings_per_step,
+        wind_at=setup.wind_at,
+        later_sights={
+            closed: Visibility(walls=Walls.of(room), cutoff_sigma=model.cutoff_sigma)
+            for closed, room in setup.environment.by_doors().items()
+            if closed != AT_START
+        },
+    )
+
+
+def _build_filament_source(block: FilamentGasSpec, plume: FilamentPlume, setup: GasSetup) -> FilamentSource:
+    if block.tape:
+        return build_cached_plume(setup.scenario, setup.environment)
+    # What events change is not known ahead.
+    if setup.wind_at is not None or any(isinstance(event, SourceEventSpec) for event in setup.scenario.events):
+        return plume
+    timing = gas_timing(setup.scenario)
+    return PrefetchedPlume(plume, step_s=timing.step_s, steps_per_frame=timing.steps_per_tick)
+
+
+def build_cached_plume(scenario: Scenario, environment: Environment) -> CachedPlume:
+    """Build the gas of a scenario from tape, recorded at its first reset where there is none yet.
+
+    Raises:
+        ScenarioError: there are too many sources for a tape.
+    """
+    if len(scenario.gas.sources) > MAX_SOURCES:
+        raise ScenarioError(
+            f"gas.sources: expected at most {MAX_SOURCES} with tape: true, was {len(scenario.gas.sources)}."
+        )
+
+    def plume_of(seed: int) -> FilamentPlume:
+        plume = build_gas_model(scenario, environment).plume
+        plume.reset(seed)
+        return plume
+
+    return CachedPlume(plume_of, scenario, environment)
+
+
+def build_gas_model(scenario: Scenario, environment: Environment, *, wind_at: WindAt | None = None) -> GasModel:
+    """Build the filaments of a scenario in its room; the gas that is searched for comes first.
+
+    Args:
+        scenario: Its `gas`.
+        environment: Its room.
+        wind_at: The wind at a time [s] in place of the room's; see `FilamentPlume`.
+
+    `compatibility: gaden_2` draws the same displacement in each step whatever its length and knows no buoyancy;
+    `gaden_3_buoyancy` scales it with the step's length, has its own buoyancy, and reads filaments up to 3 sigma away.
+
+    Raises:
+        ScenarioError: a model without filaments, unknown gas, source outside the air, gas step or warm-up that
+            does not fit the ticks.
+    """
+    if not isinstance(scenario.gas, FilamentsSpec):
+        raise ScenarioError(f"gas.model: expected a model that moves filaments, was {scenario.gas.model}.")
+    gas, timing = scenario.gas, gas_timing(scenario)
+    gases = list_gas_names(gas)
+    plume = FilamentPlume(
+        environment,
+        tuple(_build_source(source, gas, gases) for source in gas.sources),
+        step_s=timing.step_s,
+        growth_m2_s=gas.growth_m2_s,
+        diffusivity_m2_s=gas.eddy_diffusivity_m2_s,
+        noise_std_m=_noise_std_m(gas, timing.step_s),
+        seed=gas_seed(scenario, scenario.seed),
+        wind_at=wind_at,
+    )
+    cutoff_sigma = GADEN_3_CUTOFF_SIGMA if gas.compatibility == "gaden_3" else CUTOFF_SIGMA
+    return GasModel(gases=gases, plume=plume, cutoff_sigma=cutoff_sigma)
+
+
+def _build_source(source: SourceSpec, gas: FilamentsSpec, gases: tuple[str, ...]) -> GasSource:
+    return GasSource(
+        position_world_m=source.position_m,
+        release=_build_release(source),
+        sigma_m=source.sigma_m,
+        amount_mol=filament_amount_mol(source.ppm, source.sigma_m),
+        gas_index=gases.index(source.gas or gas.gas),
+        shape=SourceShape(kind=source.shape.kind, size_m=source.shape.size_m),
+        buoyancy=_build_buoyancy(source, gas),
+    )
+
+
+def _build_release(source: SourceSpec) -> ReleasePlan:
+    rate, spec = source.filaments_per_s, source.release
+    plans: dict[str, ReleasePlan] = {
+        "constant": ConstantRelease(filaments_per_s=rate),
+        "poisson": PoissonRelease(filaments_per_s=rate),
+        "variable": VariableRelease(filaments_per_s=rate, interval_s=spec.interval_s),
+        "intermittent": IntermittentRelease(filaments_per_s=rate, on_s=spec.on_s, off_s=spec.off_s),
+        "scheduled": ScheduledRelease(schedule=spec.schedule),
+    }
+    return plans[spec.kind]
+
+
+def _build_buoyancy(source: SourceSpec, gas: FilamentsSpec) -> Buoyancy:
+    specific_gravity = find_gas(source.gas or gas.gas, definitions=gas.define).specific_gravity
+    if gas.compatibility == "gaden_3":
+        return gaden_3_buoyancy(specific_gravity, source.ppm, source.sigma_m)
+    if gas.compatibility == "gaden_2" or gas.buoyancy == "none":
+        return NEUTRAL
+    volume_m3 = filament_amount_mol(source.ppm, source.sigma_m) / air_density_mol_m3()
+    return terminal_velocity_buoyancy(specific_gravity, volume_m3)
+
+
+def _noise_std_m(gas: FilamentsSpec, step_s: float) -> float | None:
+    if gas.compatibility == "gaden_2":
+        return gas.gaden_noise_std_m
+    if gas.compatibility == "gaden_3":
+        return gas.gaden_noise_std_m * GADEN_3_NOISE_PER_S * step_s
+    return None

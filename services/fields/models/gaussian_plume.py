@@ -1,0 +1,425 @@
+# pyright: basic
+"""Gaussian plumes behind point sources in even wind: the steady mean, and one that meanders."""
+
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import ModelError, ScenarioError
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.rng import stream
+from gslcosim.scenario.models.gas import FormulaGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
+from gslcosim_services.fields.concentration.mixing_ratio import check_points
+from gslcosim_services.fields.gas_field import GasField
+from gslcosim_services.fields.gas_setup import (
+    GasSetup,
+    build_gas_field_from_block,
+    list_gas_names,
+    mean_release_m3_s,
+    wind_at_first_source_m_s,
+)
+from gslcosim_services.fields.models.formula_fields import FormulaField, FormulaPlume
+from gslcosim_services.fields.models.numpy_loops import call_binary_loop, call_unary_loop, find_loop_address
+
+StabilityClass = Literal["A", "B", "C", "D", "E", "F"]
+
+# sigma_y = a x / sqrt(1 + 1e-4 x); sigma_z = b x (1 + c x)^p: (a, b, c, p) of each class, x in metres.
+OPEN_COUNTRY = {
+    "A": (0.22, 0.20, 0.0, 0.0),
+    "B": (0.16, 0.12, 0.0, 0.0),
+    "C": (0.11, 0.08, 2e-4, -0.5),
+    "D": (0.08, 0.06, 1.5e-3, -0.5),
+    "E": (0.06, 0.03, 3e-4, -1.0),
+    "F": (0.04, 0.016, 3e-4, -1.0),
+}
+# Knots of a path in a correlation time; between them it is interpolated.
+KNOTS_PER_CORRELATION_TIME = 20
+KNOT_CORRELATION = math.exp(-1.0 / KNOTS_PER_CORRELATION_TIME)
+
+
+def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tuple[NDArray, NDArray]:
+    """Return the plume's standard deviations across the wind and upward at distances downwind.
+
+    Args:
+        downwind_m: (n,) distance from the source along the wind x [m], > 0; meant for 100 m to 10 km.
+        stability: Pasquill's class, A very unstable to F stable.
+
+    Returns:
+        (n,) sigma_y and (n,) sigma_z [m].
+
+    Source:
+        Briggs 1973, Diffusion estimation for small emissions, ATDL contribution 79, formulas for open country.
+    Held by:
+        tests/unit/fields/models/test_gaussian_plume.py
+    """
+    a, b, c, p = OPEN_COUNTRY[stability]
+    return a * downwind_m / np.sqrt(1.0 + 1e-4 * downwind_m), b * downwind_m * (1.0 + c * downwind_m) ** p
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianPlume:
+    """A continuous point source in even, horizontal wind; the ground reflects the plume.
+
+    C = Q / (2 pi sy sz u) exp(-y^2 / (2 sy^2)) (exp(-(z - h)^2 / (2 sz^2)) + exp(-(z + h)^2 / (2 sz^2)))
+    [1] = [m3/s] / ([m] [m] [m/s]); times 1e6 for ppm. x, y along and across the wind, z above ground, h the source's.
+
+    `release_m3_s` is the volume of pure gas per second Q, `wind_world_m_s` the wind, whose vertical part counts as
+    zero, `stability` the class of `spreads_m`. Upwind of the source there is no gas. Without `has_ground` the second
+    term is left out: the thesis's eq. 5.1.
+
+    Source: GSL-Bench thesis, eq. 5.1, with the image source of every textbook on air pollution.
+    Left out: spread along the wind; walls; calm air (refused).
+    Held by: tests/unit/fields/models/test_gaussian_plume.py
+    """
+
+    position_world_m: Vec3
+    release_m3_s: float
+    wind_world_m_s: Vec3
+    stability: StabilityClass = "D"
+    has_ground: bool = True
+
+    def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the (n,) mixing ratio [ppm by volume] at (n, 3) points, world frame [m].
+
+        Raises:
+            ModelError: the air is calm.
+            ShapeError: the points are not (n, 3).
+        """
+        points = check_points(points_world_m)
+        x_m, y_m, speed_m_s = self.along_and_across_m(points)
+        sigma_y_m, sigma_z_m = spreads_m(np.where(x_m > 0.0, x_m, 1.0), self.stability)
+        return self._mixing_ratio_ppm(x_m, y_m, points[:, 2], 0.0, sigma_y_m, sigma_z_m, speed_m_s)
+
+    def along_and_across_m(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Return (n,) distances along and across the wind [m] of (n, 3) points, and the wind's speed [m/s].
+
+        Raises:
+            ModelError: the air is calm.
+        """
+        speed_m_s = float(np.hypot(self.wind_world_m_s[0], self.wind_world_m_s[1]))
+        if speed_m_s == 0.0:
+            raise ModelError("gaussian plume: expected a horizontal wind that is not zero, was calm air.")
+        along = np.array(self.wind_world_m_s[:2]) / speed_m_s
+        offset_m = points[:, :2] - np.array(self.position_world_m[:2])
+        # Not as a matrix product, whose last digits depend on how many points there are.
+        u, v = along
+        return offset_m[:, 0] * u + offset_m[:, 1] * v, offset_m[:, 0] * -v + offset_m[:, 1] * u, speed_m_s
+
+    # `rise_m` (n,) or 0: how far the plume's axis is above the source's height.
+    def _mixing_ratio_ppm(
+        self,
+        x_m: NDArray[np.float64],
+        y_m: NDArray[np.float64],
+        z_m: NDArray[np.float64],
+        rise_m: NDArray[np.float64] | float,
+        sigma_y_m: NDArray[np.float64],
+        sigma_z_m: NDArray[np.float64],
+        speed_m_s: float,
+    ) -> NDArray[np.float64]:
+        h_m = self.position_world_m[2] + rise_m
+        upward = np.exp(-((z_m - h_m) ** 2) / (2.0 * sigma_z_m**2))
+        if self.has_ground:
+            upward = upward + np.exp(-((z_m + h_m) ** 2) / (2.0 * sigma_z_m**2))
+        across = np.exp(-(y_m**2) / (2.0 * sigma_y_m**2))
+        ppm = 1e6 * self.release_m3_s / (2.0 * np.pi * sigma_y_m * sigma_z_m * speed_m_s) * across * upward
+        return np.where(x_m > 0.0, ppm, 0.0)
+
+
+class WanderingPath:
+    """A smooth random function of time with mean 0, variance 1 and exponential correlation at its knots.
+
+    Knots are a twentieth of the correlation time apart and exact: xi(k + 1) = rho xi(k) + sqrt(1 - rho^2) n,
+    rho = exp(-h / T). Between two of them the weights are scaled so that the variance is 1 at every time. The path
+    depends on the stream alone, not on when it is asked.
+
+    Held by: tests/unit/fields/test_meandering_plume.py
+    """
+
+    def __init__(self, rng: np.random.Generator, correlation_s: float) -> None:
+        self._rng = rng
+        self._knot_s = correlation_s / KNOTS_PER_CORRELATION_TIME
+        self._rho = KNOT_CORRELATION
+        self._knots = np.array([rng.standard_normal()])
+
+    def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the (n,) values at (n,) times [s], which count as 0 when negative."""
+        position = np.maximum(time_s, 0.0) / self._knot_s
+        i = position.astype(np.int64)
+        self._extend(int(i.max(initial=0)) + 2)
+        a = position - i
+        scale = np.sqrt((1.0 - a) ** 2 + a**2 + 2.0 * a * (1.0 - a) * self._rho)
+        return ((1.0 - a) * self._knots[i] + a * self._knots[i + 1]) / scale
+
+    def _extend(self, n: int) -> None:
+        n_new = n - len(self._knots)
+        if n_new <= 0:
+            return
+        draws = self._rng.standard_normal(n_new) * math.sqrt(1.0 - self._rho**2)
+        knots = [float(self._knots[-1])]
+        for draw in draws.tolist():
+            knots.append(self._rho * knots[-1] + draw)
+        self._knots = np.concatenate([self._knots, knots[1:]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeanderingPlume:
+    """A narrow Gaussian plume whose axis wanders, so that its time mean is the wide one of `GaussianPlume`.
+
+    sigma_i = f sigma(x); axis: y_c(x, t) = sqrt(1 - f^2) sigma_y(x) xi(t - x / u), z_c likewise with sigma_z
+    sigma_i^2 + <y_c^2> = sigma^2; [m2]. f is `instantaneous_frac`, xi a `WanderingPath` of its own for y and z.
+
+    What left the source at one time keeps its side of the axis on its way, as if frozen. The plume's front reaches x at
+    the time x / u: before, there is no gas.
+
+    Source: Gifford 1959, Statistical properties of a fluctuating plume dispersion model, Advances in Geophysics 6.
+    Deviation: the share f is the same at all distances; in the atmosphere it grows to 1 far away.
+    Left out: fluctuation within the instantaneous plume.
+    Held by: tests/unit/fields/test_meandering_plume.py
+    """
+
+    mean: GaussianPlume
+    instantaneous_frac: float
+    sideways: WanderingPath
+    upward: WanderingPath
+
+    @classmethod
+    def seeded(
+        cls, mean: GaussianPlume, *, instantaneous_frac: float, correlation_s: float, seed: int, name: str
+    ) -> "MeanderingPlume":
+        """Return the plume of a seed; `name` keeps its streams apart from those of others."""
+        return cls(
+            mean=mean,
+            instantaneous_frac=instantaneous_frac,
+            sideways=WanderingPath(stream(seed, f"fields.meander.{name}.y"), correlation_s),
+            upward=WanderingPath(stream(seed, f"fields.meander.{name}.z"), correlation_s),
+        )
+
+    def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
+        """Return the (n,) mixing ratio [ppm by volume] at (n, 3) points, world frame [m], and a time [s].
+
+        Raises:
+            ModelError: the air is calm.
+            ShapeError: the points are not (n, 3).
+        """
+        points = check_points(points_world_m)
+        x_m, y_m, speed_m_s = self.mean.along_and_across_m(points)
+        sigma_y_m, sigma_z_m = spreads_m(np.where(x_m > 0.0, x_m, 1.0), self.mean.stability)
+        left_s = time_s - np.maximum(x_m, 0.0) / speed_m_s
+        wander = math.sqrt(1.0 - self.instantaneous_frac**2)
+        f = self.instantaneous_frac
+        ppm = self.mean._mixing_ratio_ppm(
+            x_m,
+            y_m - wander * sigma_y_m * self.sideways.at(left_s),
+            points[:, 2],
+            wander * sigma_z_m * self.upward.at(left_s),
+            f * sigma_y_m,
+            f * sigma_z_m,
+            speed_m_s,
+        )
+        return np.where(left_s >= 0.0, ppm, 0.0)
+
+
+# One steady plume, as kernels take it; see `gaussian_plume.GaussianPlume`.
+PLUME_RECORD = np.dtype(
+    [
+        ("position_world_m", np.float64, (3,)),
+        ("release_m3_s", np.float64),
+        ("speed_m_s", np.float64),
+        ("along", np.float64, (2,)),  # unit vector of the wind
+        ("spread", np.float64, (4,)),  # a, b, c, p of sigma_y = a x / sqrt(1 + 1e-4 x), sigma_z = b x (1 + c x)^p
+        ("has_ground", np.int64),
+        ("gas", np.int64),  # which of the scenario's gases
+        ("exp_address", np.int64),  # of numpy's loops, see `numpy_loop_kernels`
+        ("power_address", np.int64),
+    ]
+)
+
+
+@numba.njit(cache=True, nogil=True)
+def spreads_at(plume, downwind_m):
+    """Return the plume's standard deviations across the wind and upward [m] at a distance downwind [m].
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        downwind_m: Distance from the source along the wind [m]; below 0 the values of 1 m.
+
+    Source:
+        Briggs 1973; see `gaussian_plume.spreads_m`.
+    Held by:
+        tests/unit/fields/models/test_formula_plume_kernels.py
+    """
+    x_m = downwind_m if downwind_m > 0.0 else 1.0
+    a, b, c, p = plume.spread[0], plume.spread[1], plume.spread[2], plume.spread[3]
+    slower = 1.0 + c * x_m
+    # Numpy's shortcuts for exponents that are whole.
+    if p == 0.0:
+        bend = 1.0
+    elif p == -1.0:
+        bend = 1.0 / slower
+    else:
+        bend = call_binary_loop(plume.power_address, slower, p)  # pyright: ignore[reportCallIssue]
+    return a * x_m / math.sqrt(1.0 + 1e-4 * x_m), b * x_m * bend
+
+
+@numba.njit(cache=True, nogil=True)
+def distances_along_and_across(plume, x_m, y_m):
+    """Return the distances of a place from the source along and across the wind [m].
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        x_m: Place, world frame [m].
+        y_m: Place, world frame [m].
+    """
+    dx_m, dy_m = x_m - plume.position_world_m[0], y_m - plume.position_world_m[1]
+    u, v = plume.along[0], plume.along[1]
+    return dx_m * u + dy_m * v, dx_m * -v + dy_m * u
+
+
+@numba.njit(cache=True, nogil=True)
+def _gaussian_value(plume, x_m, sigma_m):
+    exponent = -(x_m * x_m) / (2.0 * (sigma_m * sigma_m))
+    return call_unary_loop(plume.exp_address, exponent)  # pyright: ignore[reportCallIssue]
+
+
+@numba.njit(cache=True, nogil=True)
+def plume_ppm(plume, along_m, across_m, z_m, rise_m, sigma_y_m, sigma_z_m):
+    """Return the mixing ratio of a plume [ppm by volume]; see `gaussian_plume.GaussianPlume` for the equation.
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        along_m: Distance from the source along the wind [m].
+        across_m: Distance from the plume's axis across it [m].
+        z_m: Height above ground [m].
+        rise_m: How far the plume's axis is above the source's height [m].
+        sigma_y_m: Standard deviation across the wind [m].
+        sigma_z_m: Standard deviation upward [m].
+
+    Held by:
+        tests/unit/fields/models/test_formula_plume_kernels.py
+    """
+    if not along_m > 0.0:
+        return 0.0
+    h_m = plume.position_world_m[2] + rise_m
+    upward = _gaussian_value(plume, z_m - h_m, sigma_z_m)
+    if plume.has_ground:
+        upward = upward + _gaussian_value(plume, z_m + h_m, sigma_z_m)
+    across = _gaussian_value(plume, across_m, sigma_y_m)
+    thickness = 2.0 * math.pi * sigma_y_m * sigma_z_m * plume.speed_m_s
+    return 1e6 * plume.release_m3_s / thickness * across * upward
+
+
+@numba.njit(cache=True, nogil=True)
+def steady_ppm(plume, x_m, y_m, z_m):
+    """Return the mixing ratio of a steady plume [ppm by volume] at a place, world frame [m].
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        x_m: Place, world frame [m].
+        y_m: Place, world frame [m].
+        z_m: Place, world frame [m].
+
+    Held by:
+        tests/unit/fields/models/test_formula_plume_kernels.py
+    """
+    along_m, across_m = distances_along_and_across(plume, x_m, y_m)
+    if not along_m > 0.0:
+        return 0.0
+    sigma_y_m, sigma_z_m = spreads_at(plume, along_m)
+    return plume_ppm(plume, along_m, across_m, z_m, 0.0, sigma_y_m, sigma_z_m)
+
+
+@numba.njit(cache=True, nogil=True)
+def steady_ppm_at(plume, points_world_m):
+    """Return the (n,) mixing ratios [ppm by volume] of a steady plume at (n, 3) points, world frame [m]."""
+    ppm = np.empty(len(points_world_m))
+    for i in range(len(points_world_m)):
+        ppm[i] = steady_ppm(plume, points_world_m[i, 0], points_world_m[i, 1], points_world_m[i, 2])
+    return ppm
+
+
+@build_gas_field_from_block.register
+def _build_gaussian_field(gas: GaussianPlumeGasSpec, setup: GasSetup) -> GasField:
+    means, columns = _build_mean_plumes(gas, setup), _columns(gas)
+
+    def steady(_seed: int) -> list[FormulaPlume]:
+        return [
+            FormulaPlume(
+                gas_index=column,
+                mixing_ratio_ppm_at=lambda points, _time_s, mean=mean: mean.mixing_ratio_ppm_at(points),
+            )
+            for column, mean in zip(columns, means, strict=True)
+        ]
+
+    return _build_field(gas, setup, steady)
+
+
+@build_gas_field_from_block.register
+def _build_meandering_field(gas: MeanderingPlumeGasSpec, setup: GasSetup) -> GasField:
+    means, columns, spec = _build_mean_plumes(gas, setup), _columns(gas), gas.plume
+
+    def meandering(seed: int) -> list[FormulaPlume]:
+        return [
+            FormulaPlume(
+                gas_index=column,
+                mixing_ratio_ppm_at=MeanderingPlume.seeded(
+                    mean,
+                    instantaneous_frac=spec.instantaneous_frac,
+                    correlation_s=spec.meander_s,
+                    seed=seed,
+                    name=str(i),
+                ).mixing_ratio_ppm_at,
+            )
+            for i, (column, mean) in enumerate(zip(columns, means, strict=True))
+        ]
+
+    return _build_field(gas, setup, meandering)
+
+
+def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void]:
+    """Return the (n,) mean plumes of the sources as records of `formula_plume_kernels.PLUME`, for kernels.
+
+    Raises:
+        ScenarioError: the air is calm.
+    """
+    means = _build_mean_plumes(gas, setup)
+    rows = np.zeros(len(means), PLUME_RECORD)
+    for row, mean, column in zip(rows, means, _columns(gas), strict=True):
+        speed_m_s = float(np.hypot(*mean.wind_world_m_s[:2]))
+        row["position_world_m"], row["mean_release_m3_s"] = mean.position_world_m, mean.release_m3_s
+        row["speed_m_s"], row["along"] = speed_m_s, np.array(mean.wind_world_m_s[:2]) / speed_m_s
+        row["spread"], row["has_ground"], row["gas"] = OPEN_COUNTRY[mean.stability], mean.has_ground, column
+    rows["exp_address"], rows["power_address"] = find_loop_address(np.exp), find_loop_address(np.power)
+    return rows
+
+
+def _build_field(gas: FormulaGasSpec, setup: GasSetup, plumes: Callable[[int], list[FormulaPlume]]) -> GasField:
+    return FormulaField(plumes, list_gas_names(gas), step_s=setup.step_s, seed=setup.seed)
+
+
+def _columns(gas: FormulaGasSpec) -> list[int]:
+    gases = list_gas_names(gas)
+    return [gases.index(source.gas or gas.gas) for source in gas.sources]
+
+
+def _build_mean_plumes(gas: FormulaGasSpec, setup: GasSetup) -> list[GaussianPlume]:
+    spec = gas.plume
+    wind_m_s = spec.wind_m_s or wind_at_first_source_m_s(setup.scenario, setup.environment)
+    if not (wind_m_s[0] or wind_m_s[1]):
+        raise ScenarioError("gas.plume.wind_m_s: expected a horizontal wind, was calm air. Give one for the plume.")
+    return [
+        GaussianPlume(
+            position_world_m=source.position_m,
+            release_m3_s=mean_release_m3_s(source, place=f"gas.sources[{i}].release"),
+            wind_world_m_s=wind_m_s,
+            stability=spec.stability,
+            has_ground=spec.has_ground,
+        )
+        for i, source in enumerate(gas.sources)
+    ]

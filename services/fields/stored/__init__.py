@@ -1,0 +1,1 @@
+"""Stored gas: frames of other programs, films of measured gas, and our own tapes."""

@@ -1,0 +1,1 @@
+"""Radio service: channels between agents; `core.RadioCore` is the participant."""

@@ -1,0 +1,1 @@
+"""Recorder service: writes the Rerun file of a run. Import its modules only where they are needed."""

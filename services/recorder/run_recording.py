@@ -1,0 +1,268 @@
+"""Recording of one run: takes note of its messages tick by tick and sends rows to a Rerun file."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
+
+import rerun as rr
+
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    BodyPoses,
+    Command,
+    FieldSamples,
+    FilamentCloud,
+    Observation,
+    RadioTraffic,
+    RadioTransmission,
+    Score,
+    Verdict,
+)
+from gslcosim.contract.participant import Inbox
+from gslcosim.environment.model import Environment
+from gslcosim.runtime.machine_notes import read_machine_notes
+from gslcosim.scenario import Scenario
+from gslcosim_services.recorder import entities
+from gslcosim_services.recorder.blueprint import default_blueprint
+from gslcosim_services.recorder.colors import GasScale
+from gslcosim_services.recorder.entities import build_entities, list_gas_names
+from gslcosim_services.recorder.recording_file import RecordingFile
+from gslcosim_services.recorder.rows.agents import AgentRows
+from gslcosim_services.recorder.rows.columns import FilamentRows, Rows, SliceRows, TextRows
+from gslcosim_services.recorder.rows.events import AllDoorRows, ContactRows, EventMarkRows
+from gslcosim_services.recorder.rows.services import ServiceRows
+from gslcosim_services.recorder.rows.wind import WindLayer, WindRows
+from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
+from gslcosim_services.recorder.summary import legend_text, summary_text
+
+# What of the referee's events is marked in the room where it happened; all of them are in its log.
+FIRST_GAS = "first gas"
+MARKED_EVENTS = {"take_off": "start", "gas_contact": FIRST_GAS}
+WARNING_EVENTS = frozenset({"contact", "refused", "collision", "agent_failed", "out_of_bounds"})
+# Ticks are taken apart together, column by column: that costs half of a call for each number. More of them would only
+# keep large messages longer.
+BATCH_TICKS = 64
+
+
+class RunRecording:
+    """Recording of one run: static things are drawn at once, moving ones noted tick by tick and written with `send`."""
+
+    def __init__(
+        self, file: RecordingFile, scenario: Scenario, environment: Environment, wind_layer: WindLayer, folder: Path
+    ) -> None:
+        """Draw what stands still.
+
+        Args:
+            file: An empty file; it belongs to this object from now on.
+            scenario: What is flown.
+            environment: Where.
+            wind_layer: The environment's wind at the slice's height.
+            folder: Where the machine's notes of the run are, if there are any.
+        """
+        self._file = file
+        self._scenario = scenario
+        self._environment = environment
+        self._folder = folder
+        self._is_over = False
+        self._waiting: list[tuple[int, Inbox]] = []
+        gases, tick_ns = list_gas_names(scenario), scenario.tick_ns
+        self._agents = {names.agent.name: AgentRows(names, gases, tick_ns) for names in build_entities(scenario)}
+        self._filaments = FilamentRows(entities.FILAMENTS, scenario)
+        self._slices: dict[str, SliceRows] = {}
+        self._doors = AllDoorRows(scenario, environment)
+        later = {
+            situation: WindLayer(room, scenario.slice_height_m, like=wind_layer)
+            for situation, room in environment.later_rooms.items()
+        }
+        self._wind = WindRows(entities.WIND_ARROWS, wind_layer, later)
+        # Without events and with one wind, nothing of the room ever changes.
+        self._is_still = wind_layer.is_steady and not scenario.events
+        self._events = TextRows(entities.EVENTS)
+        self._contact_log = TextRows(entities.CONTACTS)
+        self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
+        self._radio = TextRows(entities.RADIO)
+        self._faults = TextRows(entities.FAULTS)
+        self._sandboxes: Mapping[str, str] = {}
+        self._services = ServiceRows(scenario)
+        self._event_marks = EventMarkRows(scenario, self._agents)
+        self._observations = [(agent, keys.observation(name)) for name, agent in self._agents.items()]
+        self._commands = [(agent, keys.command(name)) for name, agent in self._agents.items()]
+        self._draw_scene()
+
+    @property
+    def is_over(self) -> bool:
+        """True once the verdict has come; later messages are not recorded."""
+        return self._is_over
+
+    def note(self, tick: int, inbox: Inbox) -> None:
+        """Take note of everything of a tick but the verdict.
+
+        Raises:
+            RecordingWriteError: what was sent before could not be written.
+        """
+        self._file.check()
+        self._waiting.append((tick, inbox))
+        if len(self._waiting) >= BATCH_TICKS:
+            self._take()
+
+    # What comes at every tick is only gathered here.
+    def _take(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for tick, inbox in waiting:
+            self._note(tick, inbox)
+        for agent in self._agents.values():
+            agent.take()
+
+    def _note(self, tick: int, inbox: Inbox) -> None:
+        if not self._is_still:
+            self._doors.add(tick, inbox)
+            time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
+            self._wind.add(tick, time_s, self._doors.room.situation)
+        self._note_truth(tick, inbox)
+        if self._scenario.events:
+            self._event_marks.add(tick, inbox)
+        self._note_agents(tick, inbox)
+        self._note_radio(tick, cast(RadioTraffic | None, inbox.get(keys.RADIO)))
+        self._services.add(tick, inbox)
+        self._note_score(tick, cast(Score | None, inbox.get(keys.SCORE)))
+
+    def end(self, verdict: Verdict) -> None:
+        """Send what waits and write how the run ended."""
+        self._is_over = True
+        self._take()
+        time_s = seconds_from_ticks(verdict.tick, self._scenario.tick_ns)
+        self._events.add(
+            verdict.tick, f"the run ends after {time_s:g} s: {verdict.end_reason.replace('_', ' ')}", "INFO"
+        )
+        self._note_machine(verdict.tick)
+        self._send_with_last_strips()
+        self._write_summary(tick=verdict.tick, verdict=verdict)
+        self._file.flush()
+
+    def send(self) -> None:
+        """Send the rows that wait."""
+        self._take()
+        logs = (self._events, self._contact_log, self._radio, self._faults)
+        rows: list[Rows] = [self._filaments, self._wind, *logs, *self._slices.values()]
+        rows += [*self._services.all(), *self._event_marks.all(), *self._doors.all()]
+        for agent in self._agents.values():
+            rows += agent.all()
+        for item in rows:
+            item.send(self._file)
+
+    def close(self) -> None:
+        """Send what waits, write the file's footer and release it."""
+        try:
+            if not self._is_over:
+                self._note_machine(sys.maxsize)
+            self._send_with_last_strips()
+        finally:
+            self._file.close()
+
+    def _note_machine(self, last_tick: int) -> None:
+        notes = read_machine_notes(self._folder)
+        self._sandboxes = notes.sandboxes
+        for name, agent in self._agents.items():
+            for tick, taken_ms in notes.decisions_ms.get(name, ()):
+                if tick <= last_tick:
+                    agent.decision.add(tick, taken_ms)
+        for tick, participant, text in notes.faults:
+            if tick <= last_tick:
+                self._faults.add(tick, f"{participant}: {text}", "WARN")
+
+    def _send_with_last_strips(self) -> None:
+        self._take()
+        for agent in self._agents.values():
+            agent.track.end_strip()
+        self.send()
+
+    # Rows overtake what stands still, which waits some time in Rerun: a file cut off early would lack the room.
+    def _draw_scene(self) -> None:
+        draw_room(self._file, self._environment)
+        draw_sources(self._file, self._scenario)
+        draw_map(self._file, self._environment, GasScale.of(self._scenario), self._scenario.slice_height_m)
+        self._doors.draw(self._file)
+        self._wind.draw(self._file)
+        for name, agent in self._agents.items():
+            agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
+        self._file.draw(entities.LEGEND, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN))
+        self._write_summary(tick=0, verdict=None)
+        self._file.flush()
+
+    def _note_truth(self, tick: int, inbox: Inbox) -> None:
+        bodies = cast(BodyPoses | None, inbox.get(keys.BODIES))
+        for body in bodies.bodies if bodies else ():
+            self._agents[body.agent].note_body(tick, body)
+            self._contacts[body.agent].add(tick, body)
+        samples = cast(FieldSamples | None, inbox.get(keys.SAMPLES))
+        for sample in samples.samples if samples else ():
+            self._agents[sample.agent].note_sample(tick, sample)
+        cloud = cast(FilamentCloud | None, inbox.get(keys.FILAMENTS))
+        if cloud is not None:
+            self._filaments.add(tick, cloud)
+            for item in cloud.slices:
+                self._slice_rows(item.gas).add(tick, item)
+
+    def _note_agents(self, tick: int, inbox: Inbox) -> None:
+        for agent, port in self._observations:
+            observation = cast(Observation | None, inbox.get(port))
+            if observation is not None:
+                agent.note_observation(tick, observation)
+        for agent, port in self._commands:
+            command = cast(Command | None, inbox.get(port))
+            if command is not None:
+                believed_before = agent.belief.has_any
+                agent.note_command(tick, command)
+                if agent.belief.has_any and not believed_before:
+                    self._show_beliefs(agent)
+
+    # Nobody knows before the run who will publish beliefs, and an empty view would be in the way of the others.
+    def _show_beliefs(self, agent: AgentRows) -> None:
+        believers = tuple(name for name, rows in self._agents.items() if rows.belief.has_any)
+        agent.belief.draw(self._file, label="" if len(self._agents) == 1 else f"{agent.names.agent.name} ")
+        self._file.lay_out(default_blueprint(self._scenario, self._environment, believers=believers))
+
+    def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
+        for sent in traffic.transmissions if traffic else ():
+            self._radio.add(tick, format_transmission(sent), "WARN" if sent.refusal else "INFO")
+
+    def _note_score(self, tick: int, score: Score | None) -> None:
+        if score is None:
+            return
+        for standing in score.agents:
+            self._agents[standing.agent].note_score(tick, standing)
+        for event in score.events:
+            level = "WARN" if event.kind in WARNING_EVENTS else "INFO"
+            agent = self._agents.get(event.agent) if event.agent is not None else None
+            self._events.add(tick, f"{event.agent}: {event.text}" if agent else event.text, level)
+            label = MARKED_EVENTS.get(event.kind)
+            if agent is not None and label is not None:
+                # Those of several vehicles would cover each other.
+                is_shown = len(self._agents) == 1
+                agent.markers.add(tick, agent.position_m, label, agent.names.color, is_shown=is_shown)
+
+    def _contact_notes(self, name: str, agent: AgentRows) -> ContactRows:
+        floors = [box.name for box in self._environment.boxes if box.kind == "floor"]
+        return ContactRows(name, agent.markers, self._contact_log, tick_ns=self._scenario.tick_ns, floors=floors)
+
+    def _slice_rows(self, gas: str) -> SliceRows:
+        if gas not in self._slices:
+            self._slices[gas] = SliceRows(f"{entities.SLICES}/{gas}", GasScale.of(self._scenario))
+        return self._slices[gas]
+
+    def _write_summary(self, *, tick: int, verdict: Verdict | None) -> None:
+        text = summary_text(self._scenario, self._environment, verdict, self._sandboxes)
+        columns = rr.TextDocument.columns(text=[text], media_type=[rr.components.MediaType.MARKDOWN])
+        self._file.send(entities.SUMMARY, [tick], columns)
+
+
+def format_transmission(sent: RadioTransmission) -> str:
+    """Return in one line what was sent and what became of it."""
+    head = f"{sent.sender} on {sent.message.channel} to {sent.message.to}: {sent.message.text}"
+    if sent.refusal is not None:
+        return f"{head}   [refused: {sent.refusal}]"
+    fates = {"heard by": sent.reached, "lost for": sent.lost, "out of range of": sent.out_of_range}
+    told = "; ".join(f"{words} {', '.join(names)}" for words, names in fates.items() if names)
+    return f"{head}   [{told}]"

@@ -1,0 +1,1 @@
+"""Referee service: scores agents by the truth and ends the run; `core.RefereeCore` is the participant."""

@@ -1,0 +1,237 @@
+"""Referee core: reads truth and commands, writes the score of every tick and one verdict."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from gslcosim.base.errors import ModelError
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    AgentResult,
+    BodyPoses,
+    BodyState,
+    Command,
+    FieldSamples,
+    MountSample,
+    RefereeEvent,
+    Score,
+    Verdict,
+)
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import build_unchecked_constructor
+from gslcosim.environment.model import Environment
+from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
+from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.models.events import SourceMovesSpec
+from gslcosim_services.referee.agent_evaluation import AgentEvaluation, EvaluationRules, Outcome
+from gslcosim_services.referee.ports import referee_spec
+
+# The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
+CLEARANCE_M = 0.35
+
+
+_new_score = build_unchecked_constructor(Score)
+
+
+@dataclass
+class _RunEvaluation:
+    """State of the evaluation of one run.
+
+    `shortest_m` are the shortest ways from the starts to the sources, which are at `sources_m` now; `happened` are the
+    scenario's events as `result.json` tells them.
+    """
+
+    cases: list[AgentEvaluation]
+    answers: dict[str, dict[int, Command]]
+    sources_m: tuple[Vec3, ...]
+    shortest_m: dict[str, float | None] = field(default_factory=dict[str, float | None])
+    last_outcome: Outcome = "time_limit"
+    is_over: bool = False
+    happened: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+
+    @classmethod
+    def of(cls, names: Sequence[str], rules: EvaluationRules) -> "_RunEvaluation":
+        """Return what is known before the first tick."""
+        return cls([AgentEvaluation(name, rules) for name in names], {name: {} for name in names}, rules.sources_m)
+
+
+class RefereeCore:
+    """Core that evaluates all agents of a run.
+
+    Reads `truth/bodies`, `truth/samples` and every agent's commands (delay 0); writes `referee/score` every tick and
+    `referee/verdict` once. A command counts at the tick at which it takes effect in the world (`latency_ticks` after
+    the observation it answers), so that a slow agent's declaration is as late as its waypoints.
+
+    The run ends at the first tick at which every agent has ended, or at which the simulated time reaches the limit;
+    one agent's end does not end the others. The reason is `success` if any agent succeeded, otherwise that of the
+    agent that ended last (of several in one tick: the last in the scenario).
+
+    Where a scenario has events it reads `truth/events` of the last tick too: it tells each, and follows sources that
+    move and doors. Distances are to where the sources are; in the result to where they were when the agent ended.
+
+    Raises ModelError when the truth lacks an agent; the runtime then stops the run.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        self._room = DynamicEnvironment(environment, scenario)
+        self._limit_s = scenario.referee.stop.time_limit_s
+        self._rules = _build_rules(scenario, environment)
+        self._names = tuple(agent.name for agent in scenario.agents)
+        self._drives = {agent.name: agent.vehicle.drives for agent in scenario.agents}
+        self._heights_m = {agent.name: agent.vehicle.search_height_m for agent in scenario.agents}
+        self._latency_ticks = {agent.name: agent.latency_ticks for agent in scenario.agents}
+        self._free = {agent.name for agent in scenario.agents if agent.is_free}
+        self._spec = referee_spec(scenario)
+        self._scenario = scenario
+        self._run = _RunEvaluation.of(self._names, self._rules)
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Forget the last run; the referee draws no random numbers and writes nothing before tick 0."""
+        del episode
+        self._room.reset()
+        self._run = _RunEvaluation.of(self._names, self._rules)
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Judge one tick; the score comes every tick, the verdict with the one that is final."""
+        bodies = self._bodies(tick, inbox)
+        if tick == 0:
+            # Here and not at the verdict: nobody waits for the referee now, at the end everybody does.
+            starts_m = {name: bodies[name].position_world_m for name in self._names}
+            self._run.shortest_m = {name: self._shortest_path_m(name, at_m) for name, at_m in starts_m.items()}
+        samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
+        events = self._obey_events(tick, inbox)
+        for case in self._run.cases:
+            events += self._judge(case, tick, bodies[case.name], samples, inbox)
+        is_final = self._is_final(tick, events)
+        score = _new_score(
+            tick=tick,
+            agents=tuple(case.score(bodies[case.name]) for case in self._run.cases),
+            events=tuple(events),
+            is_final=is_final,
+        )
+        if not is_final:
+            return {keys.SCORE: score}
+        self._run.is_over = True
+        return {keys.SCORE: score, keys.VERDICT: self._verdict(tick)}
+
+    def summary(self) -> dict[str, Any]:
+        """Return the scenario's events that have happened; see `Accounts`."""
+        return {"events": self._run.happened} if self._scenario.events else {}
+
+    # The sources of cases that are closed stay where they were then.
+    def _obey_events(self, tick: int, inbox: Inbox) -> list[RefereeEvent]:
+        told: list[RefereeEvent] = []
+        if self._room.obey(inbox):
+            self._update_shortest_paths()
+        for i, event in due_events(self._scenario, inbox):
+            if isinstance(event, SourceMovesSpec):
+                self._move_source(event.source, event.to_m)
+            told.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))
+            if not self._run.is_over:
+                time_s = seconds_from_ticks(tick, self._rules.tick_ns)
+                happened = {"event": i, "what": event.what, "tick": tick, "time_s": time_s, "text": event.text}
+                self._run.happened.append({**happened, "agent": event.about_agent})
+        return told
+
+    def _move_source(self, i_source: int, to_m: Vec3) -> None:
+        run = self._run
+        run.sources_m = (*run.sources_m[:i_source], to_m, *run.sources_m[i_source + 1 :])
+        for case in run.cases:
+            if case.outcome is None:
+                case.move_sources(run.sources_m)
+        self._update_shortest_paths()
+
+    # Of cases that are closed it is the way that there was then.
+    def _update_shortest_paths(self) -> None:
+        for case in self._run.cases:
+            if case.outcome is None and (start_m := case.start_m) is not None:
+                self._run.shortest_m[case.name] = self._shortest_path_m(case.name, start_m)
+
+    def _bodies(self, tick: int, inbox: Inbox) -> dict[str, BodyState]:
+        bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
+        for name in self._names:
+            if name not in bodies:
+                raise ModelError(f"referee, tick {tick}: expected a body for {name!r}, was {sorted(bodies)}.")
+        return bodies
+
+    def _judge(
+        self, case: AgentEvaluation, tick: int, body: BodyState, samples: Sequence[MountSample], inbox: Inbox
+    ) -> list[RefereeEvent]:
+        if case.outcome is not None:
+            return []
+        own = [sample for sample in samples if sample.agent == case.name]
+        events = case.observe(tick, body, own, self._command_in_effect(case.name, tick, inbox))
+        if case.outcome is not None:
+            self._run.last_outcome = case.outcome
+        return events
+
+    def _command_in_effect(self, name: str, tick: int, inbox: Inbox) -> Command | None:
+        answers = self._run.answers[name]
+        answer = cast(Command | None, inbox.get(keys.command(name)))
+        if answer is not None and not (name in self._free and _is_empty_noop(answer)):
+            answers[tick + self._latency_ticks[name]] = answer
+        return answers.pop(tick, None)
+
+    # Appends the ends by time limit to the events of this tick.
+    def _is_final(self, tick: int, events: list[RefereeEvent]) -> bool:
+        if self._run.is_over:
+            return False
+        going_on = [case for case in self._run.cases if case.outcome is None]
+        if going_on and seconds_from_ticks(tick, self._rules.tick_ns) >= self._limit_s:
+            events += [case.end("time_limit") for case in going_on]
+            self._run.last_outcome = "time_limit"
+            return True
+        return not going_on
+
+    def _verdict(self, tick: int) -> Verdict:
+        results = tuple(self._result(case) for case in self._run.cases)
+        has_success = any(result.success for result in results)
+        return Verdict(tick=tick, end_reason="success" if has_success else self._run.last_outcome, agents=results)
+
+    def _result(self, case: AgentEvaluation) -> AgentResult:
+        return case.result(self._run.shortest_m[case.name])
+
+    # To the source that is nearest by way, not by air. Where a run ends at the success radius the way does too: to the
+    # source itself a straight flight would be shorter than the shortest way. A rover cannot go over things.
+    def _shortest_path_m(self, name: str, start_m: Vec3) -> float | None:
+        reach_m = self._rules.success.reach_m
+        if reach_m is None:
+            return None
+        way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
+        ways_m = (
+            way_to(self._room.now, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
+            for source_m in self._run.sources_m
+        )
+        return min((way_m for way_m in ways_m if way_m is not None), default=None)
+
+    # Where heights do not count, the shortest way leads to where the agent searches.
+    def _goal_m(self, name: str, source_m: Vec3) -> Vec3:
+        x_m, y_m, z_m = source_m
+        return (x_m, y_m, self._heights_m[name]) if self._rules.success.is_horizontal else (x_m, y_m, z_m)
+
+
+def _build_rules(scenario: Scenario, environment: Environment) -> EvaluationRules:
+    return EvaluationRules(
+        tick_ns=scenario.tick_ns,
+        sources_m=tuple(source.position_m for source in scenario.gas.sources),
+        success=scenario.referee.success,
+        ends_on_collision=scenario.referee.stop.on_collision,
+        floors=frozenset(box.name for box in environment.boxes if box.kind == "floor"),
+        min_m=environment.grid.origin_m,
+        max_m=environment.grid.max_m,
+    )
+
+
+# What the door of an agent in free mode lets through where nothing has come.
+def _is_empty_noop(command: Command) -> bool:
+    return command.kind == "noop" and command.belief is None

@@ -1,0 +1,249 @@
+"""Sensing core: from the true fields and poses to the observations of each agent."""
+
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+
+from gslcosim.base.errors import ModelError, ScenarioError
+from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.rng import stream
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    BodyPoses,
+    BodyState,
+    CameraFrames,
+    CameraImage,
+    FieldSamples,
+    MountSample,
+    Observation,
+    RadioTraffic,
+    Reading,
+)
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import build_unchecked_constructor
+from gslcosim.environment.model import Environment
+from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.models.events import SensorEventSpec
+from gslcosim.scenario.models.onboard_sensors import PoseSensorSpec
+from gslcosim.scenario.models.sensor_base import SensorSpec
+from gslcosim_services.sensing.briefing import build_briefing
+from gslcosim_services.sensing.faults import SensorFaults
+from gslcosim_services.sensing.models import SensorModel, build_sensor, sensor_names
+from gslcosim_services.sensing.models.base import Estimator, Surroundings
+from gslcosim_services.sensing.ports import sensing_spec
+from gslcosim_services.sensing.ray_scene import RayScene
+from gslcosim_services.sensing.sensor_descriptions import find_sensor_kind
+
+_new_observation = build_unchecked_constructor(Observation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Instrument:
+    spec: SensorSpec
+    model: SensorModel
+    is_on_board: bool
+    estimate: Estimator | None
+
+    def look(self, surroundings: Surroundings, samples: "_Samples", tick: int) -> Reading:
+        """Return the reading at the end of the tick."""
+        body = surroundings.body
+        sample: Any = surroundings if self.is_on_board else samples.get((body.agent, self.spec.name))
+        if sample is None:
+            raise ModelError(f"sensing: expected a sample for {body.agent}.{self.spec.name} in tick {tick}, was none.")
+        return self.model.read(sample, mount_velocity_world_m_s(body, self.spec.mount_m))
+
+
+_Samples = dict[tuple[str, str], MountSample]
+
+
+@dataclass
+class _AgentInstruments:
+    """The instruments of one agent and what they showed last."""
+
+    instruments: tuple[_Instrument, ...]
+    faults: SensorFaults | None
+    last: list[Reading | None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.last = [None] * len(self.instruments)
+
+    def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
+        readings = [instrument.look(surroundings, samples, tick) for instrument in self.instruments]
+        if self.faults is not None:
+            agent, shown = surroundings.body.agent, zip(readings, self.last, strict=True)
+            readings = [self.faults.shown(agent, reading, before, tick) for reading, before in shown]
+        is_asked = surroundings.body.awaiting_command
+        told = [
+            _without_payload(reading) if reading is before and not is_asked else reading
+            for reading, before in zip(readings, self.last, strict=True)
+        ]
+        self.last = [*readings]
+        estimates = [
+            instrument.estimate(reading)
+            for instrument, reading in zip(self.instruments, readings, strict=True)
+            if instrument.estimate
+        ]
+        return told + estimates
+
+    # What the first pose sensor said last.
+    @property
+    def pose(self) -> Reading | None:
+        shown = zip(self.instruments, self.last, strict=True)
+        return next((last for instrument, last in shown if isinstance(instrument.spec, PoseSensorSpec)), None)
+
+
+def _without_payload(reading: Reading) -> Reading:
+    if reading.array is None and reading.image is None:
+        return reading
+    return reading.model_copy(update={"array": None, "image": None})
+
+
+class SensingCore:
+    """Core that reads all instruments every tick and gives each agent what its own show.
+
+    Reads `truth/bodies`, `truth/samples` and, where agents have channels, `truth/radio`, where they have cameras,
+    `truth/images` of the same tick, and where sensors or doors have events `truth/events` of the last one. Writes a
+    briefing for each agent once and `agents/<id>/observation` every tick. The pose in an observation is exact, unless
+    the vehicle has a `pose` sensor: then it is what the first of them said last.
+
+    Arrays and images come with the tick at which they are new, and again where a command is awaited.
+
+    After the readings of all sensors come the estimates: what a MOX sensor's resistance suggests as mixing ratio of the
+    gas that is searched for, under the sensor's name with `_ppm` behind.
+
+    State: the instruments, new at each reset; each draws from its own stream `sensing.<agent>.<sensor>`.
+    Raises ModelError when a pose or sample is missing; the runtime then ends the run as invalid.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        """Prepare the instruments of a scenario.
+
+        Raises:
+            ScenarioError: unknown sensor models, all of them listed; a rate or delay that is no whole number of ticks.
+        """
+        _check_models(scenario)
+        self._scenario = scenario
+        self._environment = environment
+        self._spec = sensing_spec(scenario)
+        self._room = DynamicEnvironment(environment, scenario)
+        self._scenes = {closed: RayScene(scenario, room) for closed, room in self._room.by_doors().items()}
+        self._faults = SensorFaults(scenario) if event_reads(scenario, SensorEventSpec) else None
+        # Built once already to refuse here, and not in the run, what does not fit together.
+        self._panels = self._new_panels(scenario.seed)
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Switch all instruments on and return the agents' briefings."""
+        if self._faults is not None:
+            self._faults.reset()
+        self._room.reset()
+        self._panels = self._new_panels(episode.seed)
+        return {
+            keys.briefing(agent.name): build_briefing(agent, self._scenario, self._environment, seed=episode.seed)
+            for agent in self._scenario.agents
+        }
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Read every instrument at the end of the tick."""
+        if self._faults is not None:
+            self._faults.obey(tick, inbox)
+        self._room.obey(inbox)
+        scene = self._scenes[self._room.situation.closed]
+        bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
+        samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
+        traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)
+        images = _index_images(cast(CameraFrames | None, inbox.get(keys.IMAGES)))
+        outbox: dict[str, Observation] = {}
+        for agent, panel in self._panels.items():
+            if agent not in bodies:
+                raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
+            others = tuple(body for name, body in bodies.items() if name != agent)
+            surroundings = Surroundings(bodies[agent], scene, others, images.get(agent, {}))
+            readings = tuple(panel.read(surroundings, samples, tick))
+            outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)
+        return outbox
+
+    def _new_panels(self, seed: int) -> dict[str, _AgentInstruments]:
+        return {
+            agent.name: _AgentInstruments(
+                tuple(self._instrument(agent.name, sensor, seed) for sensor in agent.sensors), self._faults
+            )
+            for agent in self._scenario.agents
+        }
+
+    def _instrument(self, agent: str, sensor: SensorSpec, seed: int) -> _Instrument:
+        rng = stream(seed, f"sensing.{agent}.{sensor.name}")
+        kind = find_sensor_kind(self._scenario, sensor.model)
+        model = build_sensor(kind, sensor, self._scenario.tick_ns, rng)
+        estimate = kind.estimator(self._scenario.gas.gas) if kind.estimator else None
+        return _Instrument(spec=sensor, model=model, is_on_board=kind.is_on_board, estimate=estimate)
+
+    def _observation(
+        self, tick: int, body: BodyState, pose: Reading | None, readings: tuple[Reading, ...], traffic: RadioTraffic
+    ) -> Observation:
+        position_m, quaternion, velocity_m_s = body.position_world_m, body.quaternion_wxyz, body.velocity_world_m_s
+        if pose is not None:
+            x, y, z, qw, qx, qy, qz, vx, vy, vz = pose.values
+            position_m, quaternion, velocity_m_s = (x, y, z), (qw, qx, qy, qz), (vx, vy, vz)
+        return _new_observation(
+            tick=tick,
+            agent=body.agent,
+            time_s=seconds_from_ticks(tick, self._scenario.tick_ns),
+            position_world_m=position_m,
+            yaw_rad=yaw_from_quaternion(quaternion),
+            velocity_world_m_s=velocity_m_s,
+            status=body.phase,
+            awaiting_command=body.awaiting_command,
+            readings=readings,
+            notice=body.rejected_command,
+            incoming=tuple(arrival.reception for arrival in traffic.arrivals if arrival.agent == body.agent),
+            radio_refusals=tuple(t.refusal for t in traffic.transmissions if t.sender == body.agent and t.refusal),
+        )
+
+
+def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
+    """Return the velocity of a mount on a turning vehicle.
+
+    v_mount = v + R_WB (omega x r)      r mount in the body frame, omega angular velocity in the body frame
+    [m/s] = [m/s] + [rad/s] [m]
+
+    Held by:
+        tests/unit/sensing/test_sensing_core.py
+    """
+    if not any(mount_body_m):
+        return body.velocity_world_m_s
+    wx, wy, wz = body.angular_velocity_body_rad_s
+    x, y, z = mount_body_m
+    swing_body_m_s = np.array((wy * z - wz * y, wz * x - wx * z, wx * y - wy * x))
+    swing = world_from_body_rotation(body.quaternion_wxyz) @ swing_body_m_s
+    v = body.velocity_world_m_s
+    return (v[0] + float(swing[0]), v[1] + float(swing[1]), v[2] + float(swing[2]))
+
+
+# Pictures by agent and sensor.
+def _index_images(frames: CameraFrames | None) -> dict[str, dict[str, CameraImage]]:
+    images: dict[str, dict[str, CameraImage]] = {}
+    for frame in frames.frames if frames else ():
+        images.setdefault(frame.agent, {})[frame.sensor] = frame.image
+    return images
+
+
+def _check_models(scenario: Scenario) -> None:
+    known = sensor_names()
+    problems = [
+        f"agents[{i}].sensors[{j}].model: expected one of {', '.join(known)}, was {sensor.model!r}."
+        for i, agent in enumerate(scenario.agents)
+        for j, sensor in enumerate(agent.sensors)
+        if sensor.model not in known
+    ]
+    if problems:
+        raise ScenarioError("\n".join(problems))

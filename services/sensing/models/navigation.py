@@ -1,0 +1,214 @@
+"""Navigation sensors: GPS, barometer, magnetometer and a localization system."""
+
+import math
+
+import numpy as np
+
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import Quaternion, Reading
+from gslcosim.scenario.models.onboard_sensors import (
+    BarometerSensorSpec,
+    GpsSensorSpec,
+    MagnetometerSensorSpec,
+    PoseSensorSpec,
+)
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
+from gslcosim_services.sensing.models.base import SensorKind, Surroundings
+from gslcosim_services.sensing.models.measurement_errors import GaussMarkovBias
+
+# International standard atmosphere: lapse rate [K/m], and exponent g M / (R L).
+LAPSE_K_M = 0.0065
+ISA_EXPONENT = 5.25588
+
+
+class Gps:
+    """A receiver at its mount: values = (x, y, z, vx, vy, vz) in the world frame.
+
+    position + wandering offset + N(0, position noise);   velocity + N(0, velocity noise)
+
+    The offset is a Gauss-Markov process with the random walk q [m/sqrt(s)] and correlation time T; its spread settles
+    at q sqrt(T/2). State: the offset, 0 at the start. Draws in each tick: the offset's step, position, velocity.
+
+    Source:
+        Pegasus, after PX4's Gazebo plug-in: random walk 2.0 and 4.0, noise density 2e-4 and 4e-4 (horizontal,
+        vertical), velocity 0.2 and 0.4, T = 60 s.
+    Deviation:
+        There the walk's steps are scaled by dt^1.5 and the noises by dt^0.5, so that they depend on the rate. Ours do
+        not: the defaults are what those laws give at 250 Hz for walk (2.0 * 0.004) and velocity (0.2 * 0.004^0.5).
+    Left out:
+        That there is no reception indoors.
+    Held by:
+        tests/unit/sensing/test_navigation_sensors.py
+    """
+
+    def __init__(self, spec: GpsSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        gps = spec.gps
+        self._spec = spec
+        self._rng = rng
+        walk = (gps.random_walk_xy, gps.random_walk_xy, gps.random_walk_z)
+        self._offset = GaussMarkovBias(walk, gps.correlation_s, tick_s, rng)
+        position = (gps.position_noise_xy_m, gps.position_noise_xy_m, gps.position_noise_z_m)
+        velocity = (gps.velocity_noise_xy_m_s, gps.velocity_noise_xy_m_s, gps.velocity_noise_z_m_s)
+        self._noise = position + velocity
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the fix; see `SensorModel.read`."""
+        place_m, offset_m = sample.place_world_m(self._spec.mount_m), self._offset.step()
+        truth = *(x + off for x, off in zip(place_m, offset_m, strict=True)), *mount_velocity_world_m_s
+        draws = self._rng.standard_normal(6).tolist()
+        values = tuple(x + std * draw for x, std, draw in zip(truth, self._noise, draws, strict=True))
+        return Reading(sensor=self._spec.name, quantity=GPS.quantity, unit=GPS.unit, values=values)
+
+
+class Barometer:
+    """Air pressure at the mount in the standard atmosphere: values = (pressure_pa,).
+
+    p = p0 (1 - L z / T0)^5.25588 + drift t + N(0, noise_std)      [Pa]; about -12 Pa a metre near the ground
+
+    State: the number of the tick, for the drift. Draws one number a tick.
+
+    Source:
+        International standard atmosphere; 1 Pa of noise and no drift as in Pegasus.
+    Held by:
+        tests/unit/sensing/test_navigation_sensors.py
+    """
+
+    def __init__(self, spec: BarometerSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        self._spec = spec
+        self._tick_s = tick_s
+        self._rng = rng
+        self._tick = -1
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the pressure; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        self._tick += 1
+        barometer = self._spec.barometer
+        _, _, z_m = sample.place_world_m(self._spec.mount_m)
+        truth_pa = pressure_pa(z_m, barometer.ground_pressure_pa, barometer.ground_temperature_k)
+        error_pa = barometer.drift_pa_s * self._tick * self._tick_s
+        error_pa += barometer.noise_std_pa * float(self._rng.standard_normal())
+        return Reading(sensor=self._spec.name, quantity="pressure", unit="Pa", values=(truth_pa + error_pa,))
+
+
+def pressure_pa(z_m: float, ground_pressure_pa: float, ground_temperature_k: float) -> float:
+    """Return the pressure of the standard atmosphere at a height above the ground [Pa]."""
+    return ground_pressure_pa * (1.0 - LAPSE_K_M * z_m / ground_temperature_k) ** ISA_EXPONENT
+
+
+class Magnetometer:
+    """The earth's field in the body's axes: values = (x, y, z) [uT].
+
+    R' B + bias + N(0, density / sqrt(tick))
+
+    State: a wandering bias, 0 at the start. Draws in each tick: the bias's step, then x, y, z.
+
+    Source:
+        Noise density 4e-4 G/sqrt(Hz), random walk 6.4e-6 G/s/sqrt(Hz) and 600 s as in Pegasus; 1 G is 100 uT. The
+        default field is about that of Delft (chosen; 49.4 uT, dipping 67 degrees).
+    Left out:
+        Iron and currents of vehicle and room.
+    Held by:
+        tests/unit/sensing/test_navigation_sensors.py
+    """
+
+    def __init__(self, spec: MagnetometerSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        magnetometer = spec.magnetometer
+        self._sensor = spec.name
+        self._rng = rng
+        self._field_ut = np.array(magnetometer.field_world_ut)
+        self._noise_ut = magnetometer.noise_density / math.sqrt(tick_s)
+        self._bias = GaussMarkovBias((magnetometer.random_walk,) * 3, magnetometer.correlation_s, tick_s, rng)
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the field; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        values = sample.world_from_body.T @ self._field_ut + np.array(self._bias.step())
+        values = values + self._noise_ut * self._rng.standard_normal(3)
+        return Reading(sensor=self._sensor, quantity="magnetic_field", unit="uT", values=tuple(values.tolist()))
+
+
+class PoseSensor:
+    """A localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz) of the body frame, in the world frame.
+
+    p + N(0, position);   q * exp(N(0, attitude) / 2);   v + N(0, velocity)
+
+    Of a vehicle that has one, the pose in the observation is what it last said, instead of the exact one. State: none.
+    Draws in each tick: position, attitude about body x, y, z, velocity. The noises are chosen, as of motion capture
+    with a margin.
+
+    Held by:
+        tests/unit/sensing/test_navigation_sensors.py
+    """
+
+    def __init__(self, spec: PoseSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        del tick_s  # white noise only
+        pose = spec.pose
+        self._sensor = spec.name
+        self._rng = rng
+        self._noise = np.repeat([pose.position_noise_m, pose.attitude_noise_rad, pose.velocity_noise_m_s], 3)
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the pose of the vehicle, wherever the sensor is mounted; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        body = sample.body
+        errors = (self._noise * self._rng.standard_normal(9)).tolist()
+        position_m = (p + e for p, e in zip(body.position_world_m, errors[:3], strict=True))
+        velocity_m_s = (v + e for v, e in zip(body.velocity_world_m_s, errors[6:], strict=True))
+        quaternion = _rotate_attitude(body.quaternion_wxyz, (errors[3], errors[4], errors[5]))
+        values = (*position_m, *quaternion, *velocity_m_s)
+        return Reading(sensor=self._sensor, quantity=POSE.quantity, unit=POSE.unit, values=values)
+
+
+# The attitude after a further turn by a rotation vector in the body frame [rad].
+def _rotate_attitude(q: Quaternion, turn_rad: Vec3) -> Quaternion:
+    angle = math.hypot(*turn_rad)
+    if angle == 0.0:
+        return q
+    s = math.sin(angle / 2) / angle
+    b, c, d = (s * component for component in turn_rad)
+    a = math.cos(angle / 2)
+    w, x, y, z = q
+    return (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+
+
+GPS = SensorKind(
+    name="gps",
+    settings=SENSOR_BLOCKS["gps"],
+    quantity="position, velocity",
+    unit="m, m/s",
+    description="GPS: values = (x, y, z, vx, vy, vz), world frame.",
+    build=Gps,
+    n_with_errors=0,
+)
+BAROMETER = SensorKind(
+    name="barometer",
+    settings=SENSOR_BLOCKS["barometer"],
+    quantity="pressure",
+    unit="Pa",
+    description="Barometer: values = (pressure_pa,), about 12 Pa less for each metre up.",
+    build=Barometer,
+)
+MAGNETOMETER = SensorKind(
+    name="magnetometer",
+    settings=SENSOR_BLOCKS["magnetometer"],
+    quantity="magnetic_field",
+    unit="uT",
+    description="Magnetometer: values = (x, y, z) of the earth's field, body frame.",
+    build=Magnetometer,
+)
+POSE = SensorKind(
+    name="pose",
+    settings=SENSOR_BLOCKS["pose"],
+    quantity="position, attitude, velocity",
+    unit="m, 1, m/s",
+    description="Localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz), world frame; the pose in "
+    "observations is then this one.",
+    build=PoseSensor,
+    n_with_errors=0,
+)

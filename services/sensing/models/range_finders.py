@@ -1,0 +1,135 @@
+"""Range finders and lidars: distances along rays."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.frames import rotation_from_rpy
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import Reading
+from gslcosim.contract.record import NumericArray
+from gslcosim.scenario.models.onboard_sensors import (
+    AzimuthsSpec,
+    ElevationsSpec,
+    FourRangeFindersSpec,
+    LidarSensorSpec,
+    RangeFinderSpec,
+)
+from gslcosim.scenario.models.sensor_base import RaySensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
+from gslcosim_services.sensing.models.base import SensorKind, Surroundings
+
+# Front, left, back, right.
+FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+
+
+class RangeSensor:
+    """Rays from one mount: each range = distance to what is nearest + N(0, noise_std), within 0 to `max_range_m`.
+
+    Boxes of the room reflect exactly where they are, other vehicles as upright cylinders (see `RayScene`), its own
+    vehicle not at all. Where nothing is in range, the range is `max_range_m`; where that is so of every ray, the
+    reading `is_saturated`. Range finders have their ranges in `values`; lidars have the least of them there, and all in
+    `array`, (elevations, azimuths) float32, lowest elevation first, azimuths counter-clockwise.
+
+    State: none. Draws a number for each ray in each tick where `noise_std` is not 0.
+
+    Source:
+        Four beams as on the drones of Sniffy Bug (Duisterhof et al. 2021), Bitcraze's Multi-ranger deck, which reaches
+        4 m. The default 16 elevations over 30 degrees are those of Velodyne's VLP-16.
+    Left out:
+        Width of beams, materials, and the turning of a lidar during a scan: all rays are of one instant.
+    Held by:
+        tests/unit/sensing/test_ranging.py (closed forms in a box with three different side lengths)
+    """
+
+    def __init__(self, spec: RaySensorSpec, rng: np.random.Generator) -> None:
+        self._spec = spec
+        self._rng = rng
+        self._directions_body = ray_directions_body(spec)
+        self._rays_body = self._directions_body.reshape(-1, 3)
+        self._is_lidar = self._directions_body.ndim == 3
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the ranges at the end of the tick; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        limit_m, noise_m = self._spec.max_range_m, self._spec.noise_std
+        rays_world = self._rays_body @ sample.world_from_body.T
+        start_m = np.array(sample.place_world_m(self._spec.mount_m))
+        ranges_m = sample.scene.ranges_m(start_m, rays_world, sample.others, limit_m)
+        is_hit = ranges_m < limit_m
+        if noise_m:
+            noisy_m = ranges_m + noise_m * self._rng.standard_normal(len(ranges_m))
+            ranges_m = np.where(is_hit, np.clip(noisy_m, 0.0, limit_m), limit_m)
+        shape = self._directions_body.shape[:-1]
+        return Reading(
+            sensor=self._spec.name,
+            quantity="range",
+            unit="m",
+            values=(float(ranges_m.min()),) if self._is_lidar else tuple(ranges_m.tolist()),
+            is_saturated=not is_hit.any(),
+            array=NumericArray.from_array(ranges_m.reshape(shape).astype(np.float32)) if self._is_lidar else None,
+        )
+
+
+def ray_directions_body(spec: RaySensorSpec) -> NDArray[np.float64]:
+    """Return the unit directions of a sensor's rays in the body frame: (n, 3), or (elevations, azimuths, 3) of lidars.
+
+    Args:
+        spec: A range finder or a lidar.
+    """
+    match spec:
+        case RangeFinderSpec():
+            directions = np.array([spec.beam_body]) / np.linalg.norm(spec.beam_body)
+        case FourRangeFindersSpec():
+            directions = np.array(FOUR_BEAMS)
+        case LidarSensorSpec():
+            directions = _lidar_directions(spec.lidar)
+        case _:
+            raise TypeError(f"{spec.name}: expected the block of a range finder or a lidar, was {type(spec).__name__}")
+    return directions @ rotation_from_rpy(spec.mount_rpy_rad).T
+
+
+def _lidar_directions(lidar: AzimuthsSpec) -> NDArray[np.float64]:
+    n_elevations, span_rad = (
+        (lidar.n_elevations, lidar.elevation_span_rad) if isinstance(lidar, ElevationsSpec) else (1, 0.0)
+    )
+    azimuth = _spread_evenly(lidar.n_azimuths, lidar.azimuth_span_rad)[None, :]
+    elevation = _spread_evenly(n_elevations, span_rad)[:, None]
+    level = np.cos(elevation)
+    up = np.broadcast_to(np.sin(elevation), (n_elevations, lidar.n_azimuths))
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
+
+
+# Angles over a span around 0; a full turn has no end of its own.
+def _spread_evenly(n: int, span_rad: float) -> NDArray[np.float64]:
+    if n == 1:
+        return np.zeros(1)
+    is_turn = math.isclose(span_rad, 2 * math.pi)
+    return np.linspace(-span_rad / 2, span_rad / 2, n, endpoint=not is_turn)
+
+
+def _build(spec: RaySensorSpec, tick_s: float, rng: np.random.Generator) -> RangeSensor:
+    del tick_s
+    return RangeSensor(spec, rng)
+
+
+def _kind(name: str, description: str) -> SensorKind:
+    return SensorKind(
+        name=name,
+        settings=SENSOR_BLOCKS[name],
+        quantity="range",
+        unit="m",
+        description=description,
+        build=_build,
+        has_own_noise=True,
+        least_value=0.0,
+    )
+
+
+RANGE_KINDS = (
+    _kind("range_finder", "Range finder: values = (range_m,) along `beam_body`."),
+    _kind("four_range_finders", "Four range finders: values = (front, left, back, right) in m."),
+    _kind("lidar_2d", "Lidar of one level: values = (least range,); array = ranges in m, (1, azimuths)."),
+    _kind("lidar_3d", "Lidar of several levels: values = (least range,); array = ranges in m, (elevations, azimuths)."),
+)

@@ -1,0 +1,395 @@
+# pyright: reportAttributeAccessIssue=false
+"""World core: the vehicles of all agents in one environment, advanced tick by tick, and checks of their starts."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import ModelError, ScenarioError
+from gslcosim.base.quantities import PHYSICS_STEP_MS, Vec3
+from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.contract import keys
+from gslcosim.contract.messages import BodyPoses, Command
+from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.record import build_unchecked_constructor
+from gslcosim.environment.model import Environment
+from gslcosim.environment.paths.planner import warm_up_planner
+from gslcosim.environment.variants.scaled_wind import ScaledWind
+from gslcosim.scenario.models.onboard_sensors import ImuSensorSpec
+from gslcosim.scenario.models.scenario import AgentSpec, Scenario
+from gslcosim.vehicles import Vehicle, get_vehicle
+from gslcosim_services.world.guidance.autopilot import Autopilot
+from gslcosim_services.world.guidance.capabilities import VehicleCapabilities, derive_capabilities
+from gslcosim_services.world.guidance.obstacle_avoidance import ObstacleAvoidance
+from gslcosim_services.world.guidance.separation import Neighbours, warm_up_separation
+from gslcosim_services.world.paths.flight_space import CLEARANCE_M, FlightSpace
+from gslcosim_services.world.paths.leg_planners import warm_up_leg_planning
+from gslcosim_services.world.paths.routes import RoutePlanner, build_route_planner
+from gslcosim_services.world.physics import vehicle_records
+from gslcosim_services.world.physics.rotors import RotorFaults
+from gslcosim_services.world.physics.scene import DoorGeoms, Scene, build_scene, register_mujoco_state
+from gslcosim_services.world.physics.simulation_loop import find_step_address, run_substeps_inplace
+from gslcosim_services.world.ports import world_spec
+from gslcosim_services.world.vehicle import SimulatedVehicle, StartState, VehicleViews
+
+# MuJoCo is compiled and comes without stubs.
+
+
+# What may touch at the start: vehicles stand on what is below them [m].
+_MIN_GAP_M = 1e-3
+
+
+def check_starts(
+    agents: Sequence[AgentSpec], spaces: Sequence[FlightSpace], starts: Sequence[tuple[Vec3, bool]]
+) -> None:
+    """Check that vehicles start and rise in free places and apart from one another.
+
+    Args:
+        agents: All agents.
+        spaces: Where each agent's vehicle may be sent.
+        starts: Where each starts, world frame [m], and whether it hovers there.
+
+    Raises:
+        ScenarioError: all problems in one.
+    """
+    problems: list[str | None] = []
+    for i, (agent, space, (start_m, is_flying)) in enumerate(zip(agents, spaces, starts, strict=True)):
+        name = f"agents.{agent.name}.vehicle"
+        problems.append(space.find_start_refusal(f"{name}.start_m", start_m))
+        problems.append(_find_height_problem(name, agent, space, start_m, is_flying=is_flying))
+        for other, other_space, (other_m, _) in list(zip(agents, spaces, starts, strict=True))[:i]:
+            apart_m, needed_m = math.dist(start_m, other_m), space.radius_m + other_space.radius_m
+            if apart_m < needed_m:
+                problems.append(
+                    f"{name}.start_m: expected at least {needed_m:g} m from {other.name}'s vehicle, was {apart_m:g} m."
+                )
+    if any(problems):
+        raise ScenarioError("\n".join(problem for problem in problems if problem))
+
+
+def check_overlaps(scene: Scene, data: mujoco.MjData, agents: Sequence[AgentSpec]) -> None:
+    """Check that no vehicle at its start reaches into a box or another vehicle.
+
+    Args:
+        scene: The compiled scene.
+        data: Its state, with contacts, all vehicles at their starts.
+        agents: All agents.
+
+    Raises:
+        ScenarioError: all problems in one.
+    """
+    problems = []
+    for i, (geom_a, geom_b) in enumerate(data.contact.geom.tolist()):
+        depth_m = -float(data.contact.dist[i])
+        for geom, other in ((geom_a, geom_b), (geom_b, geom_a)):
+            if depth_m > _MIN_GAP_M and scene.agent_of_geom[geom] >= 0:
+                problems.append(
+                    f"agents.{agents[scene.agent_of_geom[geom]].name}.vehicle.start_m: expected a start that touches "
+                    f"nothing but what it stands on, was {depth_m:.3f} m inside {scene.thing_of_geom[other]}."
+                )
+    if problems:
+        raise ScenarioError("\n".join(dict.fromkeys(problems)))
+
+
+def _find_height_problem(
+    name: str, agent: AgentSpec, space: FlightSpace, start_m: Vec3, *, is_flying: bool
+) -> str | None:
+    x_m, y_m, z_m = start_m
+    if space.ground_height_m is None:
+        return space.refusal(f"{name}.search_height_m", (x_m, y_m, agent.vehicle.search_height_m))
+    if is_flying:
+        return f"{name}.start_m: expected a start on the floor for a {agent.vehicle.model}, was {z_m:g} m high."
+    return None
+
+
+# MuJoCo is compiled and comes without stubs.
+
+
+# Point robots have no fast dynamics: alone, they take this longer step where it fits the tick.
+POINT_ROBOT_STEP_MS = 20
+
+# A start within this of its support stands on it [m]; a higher one starts hovering in the air.
+_MAX_STANDING_HEIGHT_M = 0.5
+# Cosine to the vertical of the direction in which something carries a wheel, at least.
+_MIN_SUPPORT_COSINE = 0.7
+
+
+_MujocoArrays = tuple[Any, Any, Any, Any, Any, Any]
+_new_poses = build_unchecked_constructor(BodyPoses)
+
+register_mujoco_state()
+
+
+class WorldCore:
+    """Vehicles of all agents in one MuJoCo scene, with control at 250 Hz (50 Hz when there are only point robots).
+
+    Reads `command/<agent>` with the agent's latency; writes `truth/bodies` every tick.
+    Invariants: every vehicle's state is finite; every waypoint flown to is free and inside the room.
+    Raises ModelError when a state explodes, naming the agent; the runtime then ends the run as invalid.
+    It draws no random numbers: the seed does not matter to it.
+    """
+
+    def __init__(self, scenario: Scenario, environment: Environment) -> None:
+        self._spec = world_spec(scenario)
+        self._tick_ns = scenario.tick_ns
+        self._environment = environment
+        self._wind = _build_wind(environment, scenario)
+        self._warm_up_s = scenario.gas.warm_up_s
+        self._agents = scenario.agents
+        models = [get_vehicle(agent.vehicle.model) for agent in self._agents]
+        doors = self._wind.room if scenario.environment.doors else None
+        spaces = [FlightSpace(environment=environment, radius_m=model.body.radius_m, doors=doors) for model in models]
+        self._least_m = _min_distances_m(self._agents, [space.radius_m for space in spaces])
+        step_ms = physics_step_ms(models, scenario.tick_ms)
+        self._n_substeps = scenario.tick_ms // step_ms
+        dt_s = step_ms * 1e-3
+        self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
+        self._data = mujoco.MjData(self._scene.model)
+        self._constants = _build_constants(self._scene, self._agents, models, dt_s)
+        self._door_geoms = DoorGeoms(environment, self._scene, doors)
+        self._rotor_faults = RotorFaults(scenario, self._constants)
+        self._states = np.zeros(len(self._agents), vehicle_records.STATE)
+        has_imu = [any(isinstance(sensor, ImuSensorSpec) for sensor in agent.sensors) for agent in self._agents]
+        self._inertial = np.zeros((len(self._agents), self._n_substeps if any(has_imu) else 0, 9))
+        self._i_velocities = np.add.outer(self._constants["i_qvel"], np.arange(3))
+        self._views, self._loop_arguments = self._arguments_of_loop()
+        self._routes: dict[tuple[object, ...], RoutePlanner] = {}
+        starts = [
+            _find_start_state(agent, space, half_height_m)
+            for agent, space, half_height_m in zip(self._agents, spaces, self._scene.half_height_m, strict=True)
+        ]
+        self._vehicles: list[SimulatedVehicle] = []
+        for k, (agent, start) in enumerate(zip(self._agents, starts, strict=True)):
+            abilities = derive_capabilities(agent.vehicle, models[k], self._constants[k], self._scene.half_height_m[k])
+            if abilities.has_wheels:
+                spaces[k] = replace(spaces[k], ground_height_m=start.position_world_m[2])
+            spaces[k] = replace(spaces[k], moves_places=agent.vehicle.avoidance != "none")
+            new_guide = partial(
+                Autopilot,
+                agent,
+                spaces[k],
+                abilities,
+                self._tick_ns,
+                start.position_world_m,
+                avoidance=self._avoidance(agent, spaces[k], abilities),
+            )
+            self._vehicles.append(SimulatedVehicle(agent.name, new_guide, start, self._records(k, has_imu=has_imu[k])))
+        check_starts(self._agents, spaces, [(start.position_world_m, start.is_flying) for start in starts])
+        self._place_vehicles()
+        check_overlaps(self._scene, self._data, self._agents)
+        self._tick = -1
+
+    @property
+    def spec(self) -> ParticipantSpec:
+        """Return the declared reads and writes."""
+        return self._spec
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled MuJoCo scene."""
+        return self._scene.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state of the MuJoCo scene."""
+        return self._data
+
+    def reset(self, episode: Episode) -> Outbox:
+        """Put every vehicle at rest at its start; nothing is written once."""
+        del episode
+        self._wind.reset()
+        self._door_geoms.show()
+        self._rotor_faults.reset()
+        for craft in self._vehicles:
+            craft.reset()
+        self._place_vehicles()
+        self._tick = -1
+        return {}
+
+    def step(self, tick: int, inbox: Inbox) -> Outbox:
+        """Fly all vehicles to the end of a tick and return their states.
+
+        Args:
+            tick: 0 is the state at rest.
+            inbox: Commands that take effect at the start of this tick.
+
+        Raises:
+            ModelError: ticks are not in order, or a vehicle's state exploded.
+        """
+        if tick != self._tick + 1:
+            raise ModelError(f"world: expected tick {self._tick + 1}, was {tick}.")
+        self._tick = tick
+        for craft in self._vehicles:
+            craft.begin_tick()
+        if tick == 0:
+            self._note_contacts()
+            for craft in self._vehicles:
+                craft.stand()
+        else:
+            self._wind.obey(inbox)
+            self._door_geoms.show()
+            self._rotor_faults.obey(inbox)
+            for craft in self._vehicles:
+                command = inbox.get(keys.command(craft.name))
+                craft.obey(tick, command if isinstance(command, Command) else None)
+            self._keep_apart(tick)
+            self._fly(tick)
+        return {keys.BODIES: _new_poses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._vehicles))}
+
+    def warm_up(self) -> None:
+        """Run everything that is used only under way, in place of vehicles: legs, planning and separation."""
+        warm_up_leg_planning()
+        if self._routes:
+            warm_up_planner()
+        if any(agent.vehicle.separation_m for agent in self._agents):
+            warm_up_separation()
+
+    # Vehicles of a kind share what they know of the room.
+    def _avoidance(
+        self, agent: AgentSpec, space: FlightSpace, abilities: VehicleCapabilities
+    ) -> ObstacleAvoidance | None:
+        mode, height_m = agent.vehicle.avoidance, space.ground_height_m
+        if mode == "none":
+            return None
+        ground = None if height_m is None else (height_m, height_m - abilities.standing_height_m)
+        key = (mode, space.radius_m, ground)
+        if key not in self._routes:
+            self._routes[key] = build_route_planner(
+                self._environment, mode, radius_m=space.radius_m, ground=ground, doors=space.doors
+            )
+        routes, has_wheels = self._routes[key], abilities.has_wheels
+        return ObstacleAvoidance(routes=routes, limits=abilities.limits, tick_ns=self._tick_ns, has_wheels=has_wheels)
+
+    def _place_vehicles(self) -> None:
+        mujoco.mj_resetData(self._scene.model, self._data)
+        for craft in self._vehicles:
+            craft.place()
+        mujoco.mj_forward(self._scene.model, self._data)
+
+    # All look at where the others are now, then all decide.
+    def _keep_apart(self, tick: int) -> None:
+        gives_way = np.array([craft.yields for craft in self._vehicles])
+        if not gives_way.any():
+            return
+        positions_m = np.array([craft.position_m for craft in self._vehicles])
+        velocities_m_s = self._data.qvel[self._i_velocities]
+        for k, craft in enumerate(self._vehicles):
+            if not gives_way[k]:
+                continue
+            neighbours = Neighbours(
+                own=k,
+                positions_m=positions_m,
+                velocities_m_s=velocities_m_s,
+                least_m=self._least_m[k],
+                yields=gives_way,
+            )
+            craft.avoid_neighbours(tick - 1, neighbours)
+
+    def _fly(self, tick: int) -> None:
+        # As old as the gas: time 0 of the wind is when the sources open.
+        frame = self._wind.at(self._warm_up_s + seconds_from_ticks(tick - 1, self._tick_ns))
+        i_substep = 0
+        while i_substep < self._n_substeps:
+            i_substep, i_unsound = run_substeps_inplace(
+                i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self._states,
+                self._inertial, *self._views, frame, *self._loop_arguments,
+            )  # fmt: skip
+            if i_unsound >= 0:
+                raise ModelError(self._implausible_state_text(self._vehicles[i_unsound]))
+            if self._data.ncon:
+                self._note_contacts()
+        for craft in self._vehicles:
+            craft.end_tick(tick)
+
+    # What wheels stand on is no collision; what they run against is.
+    def _note_contacts(self) -> None:
+        scene, contact = self._scene, self._data.contact
+        for i, (geom_a, geom_b) in enumerate(contact.geom.tolist()):
+            if (scene.is_rolling[geom_a] or scene.is_rolling[geom_b]) and abs(
+                contact.frame[i][2]
+            ) > _MIN_SUPPORT_COSINE:
+                continue
+            agent_a, agent_b = scene.agent_of_geom[geom_a], scene.agent_of_geom[geom_b]
+            if agent_a >= 0:
+                self._vehicles[agent_a].touch(scene.thing_of_geom[geom_b])
+            if agent_b >= 0:
+                self._vehicles[agent_b].touch(scene.thing_of_geom[geom_a])
+
+    def _implausible_state_text(self, craft: SimulatedVehicle) -> str:
+        return (
+            f"world: expected a finite, plausible state of {craft.name}'s vehicle at tick {self._tick}, "
+            f"was position {craft.true_position_m} m, velocity {craft.true_velocity_m_s} m/s."
+        )
+
+    def _records(self, k: int, *, has_imu: bool) -> VehicleViews:
+        i_qpos, i_qvel = int(self._constants[k]["i_qpos"]), int(self._constants[k]["i_qvel"])
+        return VehicleViews(
+            constants=self._constants[k],
+            state=self._states[k, ...],
+            pose=self._data.qpos[i_qpos : i_qpos + 7],
+            motion=self._data.qvel[i_qvel : i_qvel + 6],
+            inertial=self._inertial[k] if has_imu else None,
+        )
+
+    # Views of MuJoCo's arrays and addresses stay valid as long as model and data live.
+    def _arguments_of_loop(self) -> tuple[_MujocoArrays, tuple[Any, Any, Any, Any, Any]]:
+        model, data, grid = self._scene.model, self._data, self._environment.grid
+        views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
+        addresses = (find_step_address(), model._address, data._address)
+        return views, (np.array(grid.origin_m, np.float64), float(grid.cell_m), *addresses)
+
+
+# One compiled kernel serves all winds: read-only, as they come from a memory map.
+def _build_wind(environment: Environment, scenario: Scenario) -> ScaledWind:
+    for frames in (environment.wind, *(room.wind for room in environment.later_rooms.values())):
+        wind = frames.velocity_m_s
+        if wind.dtype != np.float32 or not wind.flags.c_contiguous:
+            raise ModelError(f"wind: expected contiguous float32, was {wind.dtype} with strides {wind.strides}.")
+    return ScaledWind(environment, scenario)
+
+
+def physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
+    """Return the length of a physics step [ms] for vehicles that fly together.
+
+    Raises:
+        ScenarioError: the tick is no whole number of them.
+    """
+    if tick_ms % POINT_ROBOT_STEP_MS == 0 and not any(model.rotors or model.wheels for model in models):
+        return POINT_ROBOT_STEP_MS
+    n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)
+    if rest_ms or not n_substeps:
+        below = max(1, n_substeps) * PHYSICS_STEP_MS
+        raise ScenarioError(
+            f"tick_ms: expected a whole number of {PHYSICS_STEP_MS} ms physics steps, was {tick_ms} ms. "
+            f"Nearest: {below} ms or {below + PHYSICS_STEP_MS} ms."
+        )
+    return PHYSICS_STEP_MS
+
+
+def _find_start_state(agent: AgentSpec, space: FlightSpace, half_height_m: float) -> StartState:
+    x_m, y_m, z_m = agent.vehicle.start_m
+    standing_m = space.support_height_m(agent.vehicle.start_m) + half_height_m
+    if abs(z_m - standing_m) <= _MAX_STANDING_HEIGHT_M:
+        return StartState(position_world_m=(x_m, y_m, standing_m), is_flying=False)
+    return StartState(position_world_m=(x_m, y_m, z_m), is_flying=True)
+
+
+def _build_constants(
+    scene: Scene, agents: Sequence[AgentSpec], models: Sequence[Vehicle], dt_s: float
+) -> NDArray[np.void]:
+    constants = np.zeros(len(agents), vehicle_records.CONSTANTS)
+    for k, (agent, model) in enumerate(zip(agents, models, strict=True)):
+        vehicle_records.set_constants(constants[k], model, scene.model, f"{agent.name}/", dt_s)
+    return constants
+
+
+# What each pair keeps between its centres, (n, n): the greater wish of the two, and enough not to touch.
+def _min_distances_m(agents: Sequence[AgentSpec], radii_m: Sequence[float]) -> NDArray[np.float64]:
+    wishes_m = np.array([agent.vehicle.separation_m for agent in agents])
+    return np.maximum(np.maximum.outer(wishes_m, wishes_m), np.add.outer(radii_m, radii_m) + CLEARANCE_M)

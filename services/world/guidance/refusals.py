@@ -1,0 +1,132 @@
+"""Refusals of commands: waypoints, velocities, setpoints, take-offs and landings that a vehicle cannot do, and why."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
+from gslcosim_services.world.guidance.capabilities import VehicleCapabilities
+from gslcosim_services.world.guidance.obstacle_avoidance import BrakingMonitor
+from gslcosim_services.world.guidance.path_follower import PathFollower
+from gslcosim_services.world.guidance.tasks import Cruise, DirectControl, GoTo, Land, TakeOff, Task
+from gslcosim_services.world.paths.flight_space import FlightSpace, is_descent_clear
+from gslcosim_services.world.paths.leg_planners import AT_REST, Leg, find_curve_refusal, find_motion_refusal
+
+
+def find_refusal(task: Task, abilities: VehicleCapabilities, space: FlightSpace, *, is_on_ground: bool) -> str | None:
+    """Return why a vehicle cannot do a task, or nothing when it can.
+
+    Args:
+        task: What the agent wants.
+        abilities: What the vehicle can do.
+        space: Where it may be sent.
+        is_on_ground: Whether it stands with its rotors off.
+    """
+    match task:
+        case GoTo(legs=legs):
+            return _find_waypoint_refusal(legs, abilities, space)
+        case Cruise(velocity_world_m_s=velocity_m_s):
+            return _find_speed_refusal("velocity", velocity_m_s, abilities)
+        case TakeOff():
+            return _find_phase_refusal("take_off", abilities, is_on_ground=is_on_ground)
+        case Land():
+            return _find_phase_refusal("land", abilities, is_on_ground=is_on_ground)
+        case DirectControl(setpoint=AttitudeSetpoint() as setpoint):
+            return _find_setpoint_refusal("attitude", setpoint, abilities)
+        case DirectControl(setpoint=RateSetpoint() as setpoint):
+            return _find_setpoint_refusal("rates", setpoint, abilities)
+        case DirectControl(setpoint=DriveSetpoint() as setpoint):
+            return _find_drive_refusal(setpoint, abilities)
+        case _:
+            return None
+
+
+def find_refusal_from_state(
+    tick: int, task: Task, course: PathFollower, edges: BrakingMonitor, *, rises_to_m: float | None, avoids: bool
+) -> str | None:
+    """Return why a vehicle cannot do a task from where it is and as it moves, or nothing.
+
+    Args:
+        tick: The tick that ended.
+        task: A task that the vehicle could do somewhere.
+        course: What it follows now.
+        edges: The space around it.
+        rises_to_m: The height at which the task begins, after a take-off [m]; nothing in the air.
+        avoids: Whether paths are planned, so that legs need not be free as they are said.
+    """
+    match task:
+        case Land():
+            return _find_ground_refusal(course.position_m, edges.space, avoids=avoids)
+        case GoTo(legs=legs, is_mission=True) if not avoids:
+            state = course.motion(tick).state
+            if rises_to_m is not None:
+                state = np.array([(*course.position_m[:2], rises_to_m), AT_REST, AT_REST])
+            return find_curve_refusal(legs, state, edges.abilities.limits, edges.space, edges.tick_ns)
+        case Cruise(velocity_world_m_s=wanted_m_s) if rises_to_m is None and wanted_m_s != course.kept_velocity_m_s:
+            path, is_preparing = course.planner.at_velocity(wanted_m_s, course.motion(tick), tick)
+            return None if is_preparing else edges.check_path(tick, path)
+        case DirectControl(setpoint=DriveSetpoint(speed_m_s=speed_m_s)):
+            return edges.check_drive_speed(tick, course, speed_m_s)
+        case _:
+            return None
+
+
+# Level ground as wide as the vehicle, and with avoidance nothing above it.
+def _find_ground_refusal(position_world_m: Vec3, space: FlightSpace, *, avoids: bool) -> str | None:
+    x_m, y_m, z_m = position_world_m
+    corners = [(x_m + i * space.radius_m, y_m + j * space.radius_m, z_m) for i in (-1, 1) for j in (-1, 1)]
+    heights_m = {space.support_height_m(corner) for corner in (position_world_m, *corners)}
+    if max(heights_m) - min(heights_m) < 1e-6:
+        if not avoids or is_descent_clear(space, position_world_m, max(heights_m)):
+            return None
+        return f"land: expected a free way down from ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m, was something solid in it."
+    return (
+        f"land: expected level ground within {space.radius_m:g} m of ({x_m:.2f}, {y_m:.2f}), "
+        f"was {min(heights_m):g} to {max(heights_m):g} m high."
+    )
+
+
+def _find_waypoint_refusal(legs: Sequence[Leg], abilities: VehicleCapabilities, space: FlightSpace) -> str | None:
+    for leg in legs:
+        refusal = space.find_waypoint_refusal(leg.name, leg.place_world_m) or find_motion_refusal(leg, abilities.limits)
+        if refusal is not None:
+            return refusal
+    return None
+
+
+def _find_speed_refusal(name: str, velocity_m_s: tuple[float, ...], abilities: VehicleCapabilities) -> str | None:
+    speed_m_s, most_m_s = math.hypot(*velocity_m_s), abilities.limits.max_speed_m_s
+    if speed_m_s > most_m_s * (1 + 1e-9):
+        return f"{name}: expected at most {most_m_s:g} m/s, was {speed_m_s:g} m/s."
+    return None
+
+
+def _find_phase_refusal(kind: str, abilities: VehicleCapabilities, *, is_on_ground: bool) -> str | None:
+    if abilities.has_wheels:
+        return f"{kind}: expected a vehicle that flies, was a {abilities.name}."
+    if kind == "take_off" and not is_on_ground:
+        return "take_off: expected a vehicle that has landed, was in the air."
+    if kind == "land" and is_on_ground:
+        return "land: expected a vehicle in the air, was on the ground."
+    return None
+
+
+def _find_setpoint_refusal(
+    name: str, setpoint: AttitudeSetpoint | RateSetpoint, abilities: VehicleCapabilities
+) -> str | None:
+    if not abilities.has_rotors:
+        return f"{name}: expected a vehicle with rotors, was a {abilities.name}."
+    if setpoint.thrust_n is not None and setpoint.thrust_n > abilities.max_thrust_n:
+        return f"{name}.thrust_n: expected at most {abilities.max_thrust_n:.4g} N, was {setpoint.thrust_n:g} N."
+    return _find_speed_refusal(f"{name}.climb_m_s", (setpoint.climb_m_s,), abilities)
+
+
+def _find_drive_refusal(setpoint: DriveSetpoint, abilities: VehicleCapabilities) -> str | None:
+    if not abilities.has_wheels:
+        return f"drive: expected a vehicle on wheels, was a {abilities.name}."
+    most_rad_s = abilities.max_yaw_rate_rad_s
+    if abs(setpoint.yaw_rate_rad_s) > most_rad_s:
+        return f"drive.yaw_rate_rad_s: expected at most {most_rad_s:g} rad/s, was {setpoint.yaw_rate_rad_s:g} rad/s."
+    return _find_speed_refusal("drive.speed_m_s", (setpoint.speed_m_s,), abilities)

@@ -1,0 +1,1 @@
+"""Paths of vehicles: free space, routes through it, legs, and the trajectories along them."""

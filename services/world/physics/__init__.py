@@ -1,0 +1,1 @@
+"""Physics: the MuJoCo scene and the compiled loop of control, rotors, wheels and contacts."""

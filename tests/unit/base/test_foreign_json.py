@@ -1,0 +1,115 @@
+"""JSON of others is of the types that were asked for, or is told in one sentence with its place."""
+
+import json
+import os
+from typing import Required, TypedDict
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gslcosim.base.foreign_json import (
+    MAX_LEVELS,
+    ForeignFileError,
+    JsonObject,
+    checked_value,
+    parse_json,
+    read_json,
+    read_json_lines,
+)
+
+
+class Agent(TypedDict, total=False):
+    name: Required[str]
+    path_m: float | None
+
+
+class Result(TypedDict, total=False):
+    ticks: int
+    agents: list[Agent]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "r: expected JSON, was text that cannot be read (line 1, column 1: expecting value)."),
+        ('{"ticks": 1,}', "r: expected JSON, was text that cannot be read (line 1, column 13: "),
+        ("null", "r: expected a block, was nothing."),
+        ("[]", "r: expected a block, was a list."),
+        ('{"ticks": null}', "r: ticks: expected a whole number, was nothing."),
+        ('{"ticks": 1.5}', "r: ticks: expected a whole number, was a number."),
+        ('{"agents": [{"name": "a"}, {}]}', "r: agents[1]: expected the key name, was missing."),
+        ('{"agents": [{"name": 3}]}', "r: agents[0].name: expected a text, was a whole number."),
+        (
+            '{"agents": [{"name": "a", "path_m": "x"}]}',
+            "r: agents[0].path_m: expected a number or nothing, was a text.",
+        ),
+        ("[" * 100_000, f"r: expected lists and blocks at most {MAX_LEVELS} deep, was a deeper one."),
+        ('{"a": ' * 100_000, f"r: expected lists and blocks at most {MAX_LEVELS} deep, was a deeper one."),
+        (f'{{"ticks": {"9" * 5000}}}', "r: expected numbers of at most 20 digits, was a longer one."),
+    ],
+    ids=range(12),
+)
+def test_what_is_wrong_is_told_with_its_place(text, told):
+    with pytest.raises(ForeignFileError) as refusal:
+        parse_json(text, Result, place="r")
+    assert str(refusal.value).startswith(told)
+
+
+def test_further_keys_and_brackets_in_texts_are_passed_over():
+    told = {"ticks": 2, "agents": [{"name": "[" * 1000 + '\\"', "path_m": None}], "other": {"a": [1e-300, 12345678901]}}
+    assert parse_json(json.dumps(told), Result, place="r") == told
+    assert parse_json(json.dumps(told).encode(), JsonObject, place="r") == told
+    assert parse_json(b"\xef\xbb\xbf{}", JsonObject, place="r") == {}
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "latin-1"])
+def test_other_encodings_are_refused(encoding):
+    """Brackets that are hidden in them would not be counted."""
+    with pytest.raises(ForeignFileError, match=r"expected (UTF-8 text|JSON)"):
+        parse_json('{"ä": 1}'.encode(encoding), JsonObject, place="r")
+
+
+@given(st.binary(max_size=40) | st.text(st.sampled_from('{}[]",:0"\\ null1e9.-'), max_size=40).map(str.encode))
+def test_any_bytes_give_a_block_or_an_error(data):
+    told = "r: expected "
+    try:
+        assert isinstance(parse_json(data, JsonObject, place="r"), dict)
+    except ForeignFileError as error:
+        told = str(error)
+    assert told.startswith("r: expected ")
+
+
+def test_a_file_is_named_with_what_helps(tmp_path):
+    path = tmp_path / "result.json"
+    with pytest.raises(ForeignFileError, match=r"expected a folder with result\.json, found none\.\nFile: /"):
+        read_json(path, Result)
+    path.write_text('{"ticks": "x"}')
+    with pytest.raises(
+        ForeignFileError, match=r"/result\.json: ticks: expected a whole number, was a text\. Fly again\.\nFile: /"
+    ):
+        read_json(path, Result, remedy="Fly again.")
+    with pytest.raises(ForeignFileError, match=r"expected a file that can be read, was more than 3 bytes\. Take"):
+        read_json(path, Result, max_bytes=3)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(ForeignFileError, match="was something that is no file"):
+        read_json(path, Result)
+
+
+def test_lines_are_read_one_by_one(tmp_path):
+    path = tmp_path / "rows.jsonl"
+    path.write_text('{"ticks": 1}\n{"ticks": 2}\n{"ticks": 3')
+    assert [line["ticks"] for line in read_json_lines(path, Result)] == [1, 2]
+    path.write_text('{"ticks": 1}\n{"ticks": []}\n')
+    with pytest.raises(ForeignFileError, match=r"rows\.jsonl:2: ticks: expected a whole number, was a list\. Take"):
+        list(read_json_lines(path, Result))
+    path.write_text("{" + " " * 100 + "}\n")
+    with pytest.raises(ForeignFileError, match=r"rows\.jsonl:1: expected at most 50 bytes, was more"):
+        list(read_json_lines(path, Result, max_bytes=50))
+
+
+def test_plain_values_are_checked_too():
+    assert checked_value({"ticks": 1}, Result, place="r") == {"ticks": 1}
+    with pytest.raises(ForeignFileError, match=r"^r: expected a block, was a list\.$"):
+        checked_value([], JsonObject, place="r")

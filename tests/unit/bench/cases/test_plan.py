@@ -1,0 +1,268 @@
+"""From a suite file to its trials: what varies, what is shared, what is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gslcosim.base.errors import ScenarioError
+from gslcosim.bench.cases import Plan, build_plan, load_suite
+from gslcosim.bench.cases.trials import commitment, derive_seed
+
+HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
+ONE_ENTRY = "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
+
+
+def planned(folder: Path, text: str, *, seed: int | None = None) -> Plan:
+    (folder / "suite.yaml").write_text(HEAD + text)
+    return build_plan(load_suite(folder / "suite.yaml", seed=seed))
+
+
+def test_vary_multiplies_and_lists_of_one_item_go_together(tmp_path: Path) -> None:
+    plan = planned(
+        tmp_path,
+        "scenarios: [tiny_room]\n"
+        "vary:\n"
+        "  - agents[0].vehicle.hold_s: [0.5, 1.0]\n"
+        "  - {'agents[0].vehicle.search_height_m': [1.0, 1.5], referee.success.within_m: [0.8, 0.9]}\n"
+        "repetitions: 3\n" + ONE_ENTRY,
+    )
+    assert [case.name for case in plan.cases] == [
+        "tiny_room/hold=0.5/search_height=1/within=0.8",
+        "tiny_room/hold=0.5/search_height=1.5/within=0.9",
+        "tiny_room/hold=1/search_height=1/within=0.8",
+        "tiny_room/hold=1/search_height=1.5/within=0.9",
+    ]
+    assert len(plan.trials) == 12
+    assert len({trial.id for trial in plan.trials}) == 12
+    assert [trial.index for trial in plan.trials] == list(range(12))
+    last = plan.trials[-1].resolved
+    assert (last.agents[0].vehicle.hold_s, last.referee.success.within_m) == (1.0, 0.9)
+
+
+def test_entries_of_a_case_and_repetition_meet_the_same(tmp_path: Path) -> None:
+    entries = (
+        "entries:\n  - {name: beetle, start: {python: dung_beetle}}\n  - {name: walk, start: {python: random_walker}}\n"
+    )
+    plan = planned(tmp_path, "scenarios: [tiny_room]\nrepetitions: 4\n" + entries)
+    for repetition in range(4):
+        beetle, walk = (trial for trial in plan.trials if trial.repetition == repetition)
+        assert beetle.case_hash == walk.case_hash
+        assert beetle.resolved.seed == walk.resolved.seed
+        assert beetle.resolved.gas == walk.resolved.gas
+        assert beetle.id != walk.id
+    assert len({trial.resolved.seed for trial in plan.trials}) == 4
+
+
+def test_one_gas_seed_is_shared_by_all_repetitions_of_a_scenario(tmp_path: Path) -> None:
+    plan = planned(
+        tmp_path, "scenarios: [tiny_room]\nrepetitions: 4\ngas_seeds: 2\nset: {gas.tape: true}\n" + ONE_ENTRY
+    )
+    assert len({trial.resolved.gas.seed for trial in plan.trials}) == 2
+    assert len({trial.tape for trial in plan.trials}) == 2
+    assert len({trial.room for trial in plan.trials}) == 1
+
+
+def test_controls_have_no_gas_and_the_same_seeds(tmp_path: Path) -> None:
+    plan = planned(tmp_path, "scenarios: [tiny_room]\nrepetitions: 4\ncontrols: {no_source_frac: 0.5}\n" + ONE_ENTRY)
+    controls = [trial for trial in plan.trials if trial.is_control]
+    assert [trial.repetition for trial in controls] == [0, 1]
+    for control in controls:
+        with_gas = next(t for t in plan.trials if t.repetition == control.repetition and not t.is_control)
+        assert control.resolved.seed == with_gas.resolved.seed
+        assert control.resolved.gas.sources[0].release.schedule == ((0.0, 0.0),)
+        assert control.case_hash != with_gas.case_hash
+
+
+def test_seeds_are_of_suite_case_and_repetition(tmp_path: Path) -> None:
+    text = "scenarios: [tiny_room]\nrepetitions: 2\n" + ONE_ENTRY
+    first, again, other = (planned(tmp_path, text, seed=seed) for seed in (5, 5, 6))
+    assert [t.id for t in first.trials] == [t.id for t in again.trials]
+    assert not {t.resolved.seed for t in first.trials} & {t.resolved.seed for t in other.trials}
+    assert first.suite_hash != other.suite_hash
+    assert derive_seed(5, "tiny_room", 1) == first.trials[1].resolved.seed
+    assert all(0 <= derive_seed(i, "x") < 2**31 for i in range(100))
+    assert len(commitment(5)) == 64
+
+
+def test_the_cases_hash_does_not_depend_on_who_enters(tmp_path: Path) -> None:
+    cases = "scenarios: [tiny_room]\nrepetitions: 2\n"
+    other = "entries: [{name: walk, start: {python: random_walker}, knows: {map: true}, robots: 1}]\n"
+    assert planned(tmp_path, cases + ONE_ENTRY).suite_hash == planned(tmp_path, cases + other).suite_hash
+
+
+def test_places_that_are_not_free_are_errors_unless_they_are_to_be_left_out(tmp_path: Path) -> None:
+    text = (
+        "scenarios: [tiny_room]\nvary:\n  - agents[0].vehicle.start_m: [[4.5, 2.5, 0.2], [99, 2.5, 0.2]]\n" + ONE_ENTRY
+    )
+    with pytest.raises(ScenarioError, match=r"scenarios\[0\] tiny_room: agents\[0\].vehicle.start_m"):
+        planned(tmp_path, text)
+    plan = planned(tmp_path, text + "when: places_are_free\n")
+    assert [case.name for case in plan.cases] == ["tiny_room/start=4.5,2.5,0.2"]
+    (dropped,) = plan.dropped
+    assert dropped.case == "tiny_room/start=99,2.5,0.2"
+    assert "start_m" in dropped.reason
+
+
+def test_a_start_that_is_not_free_may_be_moved_a_little(tmp_path: Path) -> None:
+    text = "scenarios: [tiny_room]\nset: {'agents[0].vehicle.start_m': [0.2, 2.5, 0.2]}\n" + ONE_ENTRY
+    with pytest.raises(ScenarioError, match="start_m"):
+        planned(tmp_path, text + "move_starts_up_to_m: 0.05\n")
+    plan = planned(tmp_path, text + "move_starts_up_to_m: 0.5\n")
+    (moved,) = plan.moved
+    assert moved.from_m == (0.2, 2.5, 0.2)
+    assert plan.trials[0].resolved.agents[0].vehicle.start_m == moved.to_m != moved.from_m
+
+
+def test_an_included_suite_brings_its_cases_and_the_outer_one_its_entries(tmp_path: Path) -> None:
+    plan = planned(tmp_path, "include: [smoke]\n" + ONE_ENTRY)
+    smoke = build_plan(load_suite("smoke"))
+    assert plan.suite_hash == smoke.suite_hash
+    assert {trial.entry for trial in plan.trials} == {"beetle"}
+    both = planned(tmp_path, "include: [smoke]\n")
+    assert {trial.entry for trial in both.trials} == {"dung_beetle", "oracle", "random_walker"}
+
+
+def test_drawn_values_follow_from_the_suites_seed(tmp_path: Path) -> None:
+    text = "scenarios: [tiny_room]\nvary: [{environment.layout.seed: {draw: 3}}]\n" + ONE_ENTRY
+    seeds = [t.resolved.environment.layout.seed for t in planned(tmp_path, text).trials]  # type: ignore[union-attr]
+    assert len(set(seeds)) == 3
+    assert seeds == [t.resolved.environment.layout.seed for t in planned(tmp_path, text).trials]  # type: ignore[union-attr]
+
+
+def test_a_team_stands_around_the_first_robot_and_shares_a_process(tmp_path: Path) -> None:
+    entry = "entries: [{name: walkers, start: {python: random_walker}, robots: 3, radio: true}]\n"
+    (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).trials
+    scenario = trial.resolved
+    assert [agent.name for agent in scenario.agents] == ["beetle", "robot_2", "robot_3"]
+    assert [agent.start.process_of for agent in scenario.agents] == [None, "beetle", "beetle"]
+    assert len(scenario.channels) == 1
+    assert len({agent.vehicle.start_m for agent in scenario.agents}) == 3
+
+
+def test_by_method_gives_what_the_card_asks_for(tmp_path: Path) -> None:
+    entry = "entries: [{name: oracle_too, start: {python: oracle}, sensors: by_method}]\n"
+    (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).trials
+    assert trial.resolved.agents[0].knows.granted == ("source",)
+
+
+def test_parameters_may_differ_from_scenario_to_scenario(tmp_path: Path) -> None:
+    entry = (
+        "entries:\n  - name: beetle\n    start: {python: dung_beetle}\n    parameters: {leg_m: 0.5}\n"
+        "    parameters_in: {warehouse_empty: {leg_m: 1.0}}\n"
+    )
+    plan = planned(tmp_path, "scenarios: [tiny_room, warehouse_empty]\n" + entry)
+    assert [t.resolved.agents[0].parameters["leg_m"] for t in plan.trials] == [0.5, 1.0]
+
+
+def test_two_entries_with_programs_in_one_folder_are_two(tmp_path: Path) -> None:
+    program = (
+        "from gslcosim.agent_kit import Agent\nclass One(Agent):\n"
+        "    def __init__(self, briefing): pass\n    def decide(self, observation): raise RuntimeError\n"
+    )
+    (tmp_path / "a.py").write_text(program)
+    (tmp_path / "b.py").write_text(program)
+    entries = "entries: [{name: a, start: {python: a.py}}, {name: b, start: {python: b.py}}]\n"
+    before = planned(tmp_path, "scenarios: [tiny_room]\n" + entries)
+    assert len({trial.id for trial in before.trials}) == 2
+    (tmp_path / "a.py").write_text(program + "# changed\n")
+    after = planned(tmp_path, "scenarios: [tiny_room]\n" + entries)
+    assert before.trials[0].id != after.trials[0].id
+
+
+def test_an_interpreter_by_its_path_is_not_the_program(tmp_path: Path) -> None:
+    from gslcosim.bench.cases.agent_setup import files_in_command
+    from gslcosim.bench.cases.hashes import list_entry_files
+
+    (tmp_path / "agent.py").write_text("")
+    shell = str(Path("/bin/sh").resolve())
+    entry = f"entries: [{{name: a, start: {{command: [{shell}, agent.py], door: stdio}}}}]\n"
+    (spec,) = planned(tmp_path, "scenarios: [tiny_room]\n" + entry).loaded.suite.entries
+    assert files_in_command(spec, tmp_path) == [tmp_path / "agent.py"]
+    assert list_entry_files(spec, tmp_path) == [(tmp_path / "agent.py").resolve()]
+
+
+WRONG = {
+    "an unknown key": ("scenarios: [tiny_room]\nrepetition: 3\n" + ONE_ENTRY, "Did you mean repetitions?"),
+    "no scenarios": (ONE_ENTRY, "scenarios: expected at least one scenario"),
+    "no entries": ("scenarios: [tiny_room]\n", "entries: expected at least one entry"),
+    "lists of other lengths": (
+        "scenarios: [tiny_room]\nvary: [{seed: [1, 2], tick_ms: [100]}]\n" + ONE_ENTRY,
+        "lists of one length",
+    ),
+    "a name twice": (
+        "scenarios: [tiny_room]\nentries: [{name: a, start: {python: oracle}}, {name: a, start: {python: oracle}}]\n",
+        "a twice",
+    ),
+    "a scenario that is not there": ("scenarios: [tiny_rom]\n" + ONE_ENTRY, "Did you mean tiny_room?"),
+    "a path that leads nowhere": (
+        "scenarios: [tiny_room]\nset: {'agents[3].vehicle.hold_s': 1}\n" + ONE_ENTRY,
+        r"scenarios[0] tiny_room: agents[3].vehicle.hold_s: expected an index below 1",
+    ),
+    "a value that is wrong": (
+        "scenarios: [tiny_room]\nvary: [{'agents[0].vehicle.hold_s': [-1]}]\n" + ONE_ENTRY,
+        "agents[0].vehicle.hold_s: expected",
+    ),
+    "a parameter that the method has not": (
+        "scenarios: [tiny_room]\nentries: [{name: a, start: {python: dung_beetle}, parameters: {leg: 1}}]\n",
+        "entry a: agents[0].parameters.leg: expected a parameter of Dung beetle",
+    ),
+    "a program that attaches itself": (
+        "scenarios: [tiny_room]\nentries: [{name: a, start: {attach: true, door: tcp}}]\n",
+        "a program that the benchmark starts",
+    ),
+    "a zenoh command": (
+        "scenarios: [tiny_room]\nentries: [{name: a, start: {command: [sh]}}]\n",
+        "door: stdio, tcp or unix",
+    ),
+    "a suite that includes itself": ("include: [suite.yaml]\n" + ONE_ENTRY, "do not include themselves"),
+    "a free agent": (
+        "scenarios: [tiny_room]\nset: {pace: 1, 'agents[0].mode': free}\n" + ONE_ENTRY,
+        "tiny_room: agents[0].mode: expected a mode that waits for the agent, was free",
+    ),
+    "a scenario twice": ("scenarios: [tiny_room, tiny_room]\n" + ONE_ENTRY, "tiny_room twice"),
+}
+
+
+@pytest.mark.parametrize(("text", "expected"), WRONG.values(), ids=WRONG.keys())
+def test_a_wrong_suite_is_told_with_its_place(tmp_path: Path, text: str, expected: str) -> None:
+    with pytest.raises(ScenarioError) as told:
+        planned(tmp_path, text)
+    assert expected in str(told.value)
+    assert "suite.yaml" in str(told.value)
+
+
+def test_a_written_suite_stands_alone_and_plans_the_same_trials(tmp_path: Path) -> None:
+    from gslcosim.bench.cases.suite_files import write_suite
+
+    home = tmp_path / "home"
+    home.mkdir()
+    (home / "mine.py").write_text(
+        "from gslcosim.agent_kit import Agent\nclass One(Agent):\n"
+        "    def __init__(self, briefing): pass\n    def decide(self, observation): raise RuntimeError\n"
+    )
+    (home / "own_room.yaml").write_text((Path(_tiny_room())).read_text().replace("name: tiny_room", "name: own_room"))
+    (home / "suite.yaml").write_text(
+        HEAD
+        + "include: [smoke]\nscenarios: [own_room.yaml]\nentries:\n  - {name: mine, start: {python: mine.py}}\n"
+        + '  - {name: shell, start: {command: [python3, mine.py, "-x"], door: stdio}}\n'
+    )
+    loaded = load_suite(home / "suite.yaml")
+    plan = build_plan(loaded)
+    write_suite(loaded, tmp_path / "copy")
+    home.rename(tmp_path / "gone")
+    again = build_plan(load_suite(tmp_path / "copy"))
+    assert [trial.id for trial in again.trials] == [trial.id for trial in plan.trials]
+    assert again.suite_hash == plan.suite_hash
+
+
+def _tiny_room() -> str:
+    from gslcosim.scenario.bundled import bundled_scenarios
+
+    return str(bundled_scenarios()["tiny_room"])
+
+
+def test_a_trial_is_plain_data(tmp_path: Path) -> None:
+    (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + ONE_ENTRY).trials
+    assert json.loads(trial.scenario_json)["name"] == "tiny_room"
+    assert not trial.resolved.recording.enabled

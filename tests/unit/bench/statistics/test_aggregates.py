@@ -1,0 +1,101 @@
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from gslcosim.base.errors import ShapeError
+from gslcosim.bench.statistics.aggregates import (
+    bootstrap_cells,
+    interquartile_mean,
+    mean,
+    optimality_gap,
+    probability_of_improvement,
+    stratified_bootstrap,
+)
+
+
+@pytest.mark.parametrize("m", [1, 3, 4, 7, 10, 101])
+def test_interquartile_mean_is_scipys_trimmed_mean(m):
+    values = np.random.default_rng(m).normal(size=(3, m))
+    assert interquartile_mean(values) == pytest.approx(stats.trim_mean(values, 0.25, axis=1))
+
+
+def test_interquartile_mean_does_not_see_the_extremes():
+    assert interquartile_mean(np.array([-1e9, 1.0, 2.0, 1e9])) == pytest.approx(1.5)
+
+
+def test_optimality_gap_does_not_reward_what_is_beyond_the_target():
+    assert optimality_gap(np.array([0.2, 0.9, 1.7])) == pytest.approx((0.8 + 0.1) / 3)
+
+
+def test_bootstrap_of_a_mean_agrees_with_scipy():
+    values = np.random.default_rng(0).gamma(2.0, size=120)
+    ours = stratified_bootstrap(values, None)
+    theirs = stats.bootstrap((values,), np.mean, method="percentile", rng=1).confidence_interval
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.03)
+    assert ours.value == pytest.approx(values.mean())
+
+
+def test_differences_between_strata_do_not_widen_the_interval():
+    """Rows of two very different cells; only the spread inside the cells counts."""
+    rng = np.random.default_rng(1)
+    strata = np.repeat([0, 1], 50)
+    values = 100.0 * strata + rng.normal(size=100)
+    ours = stratified_bootstrap(values, strata)
+    assert ours.high - ours.low == pytest.approx(2 * 1.96 / math.sqrt(100), rel=0.2)
+    assert stratified_bootstrap(values, None).high - ours.low > 5.0
+
+
+def test_entries_with_the_same_cells_get_the_same_draws():
+    """A constant added to an entry moves its interval by that constant, to rounding."""
+    values, strata = np.random.default_rng(2).normal(size=60), np.repeat(np.arange(6), 10)
+    a = stratified_bootstrap(values, strata, interquartile_mean)
+    b = stratified_bootstrap(values + 1.0, strata, interquartile_mean)
+    assert (b.low, b.high) == pytest.approx((a.low + 1.0, a.high + 1.0))
+    assert a == stratified_bootstrap(values, strata, interquartile_mean)
+    assert a != stratified_bootstrap(values, strata, interquartile_mean, rng=np.random.default_rng(7))
+
+
+def test_each_cell_counts_the_same():
+    values, cells = np.array([1.0, 1.0, 1.0, 0.0]), np.array(["a", "a", "a", "b"])
+    assert bootstrap_cells(values, cells).value == pytest.approx(0.5)
+    assert stratified_bootstrap(values, cells).value == pytest.approx(0.75)
+
+
+def test_cells_of_equal_size_need_no_weights():
+    values, cells = np.random.default_rng(3).normal(size=60), np.tile(np.arange(6), 10)
+    ours, rows = bootstrap_cells(values, cells, mean), stratified_bootstrap(values, cells)
+    assert (ours.value, ours.low, ours.high) == pytest.approx((rows.value, rows.low, rows.high))
+
+
+def test_a_cell_that_a_draw_leaves_empty_is_left_out_of_it():
+    values, cells, clusters = np.array([1.0, 2.0, 3.0]), np.array([0, 0, 1]), np.array([0, 1, 1])
+    ours = bootstrap_cells(values, cells, clusters=clusters)
+    assert ours.value == pytest.approx(2.25)
+    assert (ours.low, ours.high) == pytest.approx((1.0, 2.5))
+
+
+def test_probability_of_improvement_is_mann_whitneys():
+    rng = np.random.default_rng(4)
+    a, b = rng.integers(0, 9, 30).astype(float), rng.integers(2, 11, 40).astype(float)
+    ours = probability_of_improvement(a, b)
+    assert ours.value == pytest.approx(stats.mannwhitneyu(a, b).statistic / (30 * 40))
+    assert ours.low < ours.value < ours.high
+    assert probability_of_improvement(a, b, lower_is_better=True).value == pytest.approx(1.0 - ours.value)
+    assert ours.n == 70
+
+
+def test_probability_of_improvement_compares_inside_cells_only():
+    """a is better in both cells, though its values in the hard one are worse than those of b in the easy one."""
+    a, b, cells = np.array([10.0, 11.0, 1.0, 2.0]), np.array([8.0, 9.0, 0.0, 0.5]), np.array([0, 0, 1, 1])
+    assert probability_of_improvement(a, b, strata_a=cells, strata_b=cells).value == 1.0
+    assert probability_of_improvement(a, b).value == pytest.approx(12 / 16)
+    assert math.isnan(probability_of_improvement(a, b, strata_a=cells, strata_b=cells + 9).value)
+
+
+def test_what_is_undefined_or_refused():
+    assert math.isnan(stratified_bootstrap(np.array([]), None).value)
+    assert math.isnan(bootstrap_cells(np.array([]), np.array([])).value)
+    with pytest.raises(ShapeError, match="rows 3, labels 2"):
+        stratified_bootstrap(np.zeros(3), np.zeros(2))

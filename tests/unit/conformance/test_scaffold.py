@@ -1,0 +1,53 @@
+"""New agents from templates: complete, renamed, and never over somebody's files."""
+
+import re
+
+import pytest
+
+from gslcosim.base.errors import UsageError
+from gslcosim.conformance.scaffold import create_agent, list_languages
+from gslcosim.runtime.agents.loader import load_python_agent
+
+
+@pytest.mark.parametrize("language", list_languages())
+def test_nothing_of_the_original_name_is_left(language, tmp_path):
+    created = create_agent(language, "gas_finder", tmp_path / "new")
+    for path in created.folder.rglob("*"):
+        assert "beetle_" not in path.name.replace("beetle_new", "").replace("beetle_decide", "")
+        text = path.read_text() if path.is_file() and path.name != "RULES.md" else ""
+        assert not re.search(rf"dung_beetle_{language}|dung-beetle|DungBeetle|dungbeetle|\.\./", text), path
+
+
+@pytest.mark.parametrize("language", list_languages())
+def test_it_says_how_to_build_check_and_fly(language, tmp_path):
+    created = create_agent(language, "gas_finder", tmp_path / "new")
+    assert created.check_command[:3] == ("gslcosim", "agent", "check")
+    assert created.check_command[-len(created.start) :] == created.start
+    assert "{build}" not in created.as_text()
+    assert "gas_finder" in created.as_text() or "new" in created.as_text()
+
+
+def test_the_python_agent_can_be_loaded_under_its_name(tmp_path):
+    create_agent("python", "gas_finder", tmp_path / "new")
+    assert load_python_agent(tmp_path / "new" / "agent.py").__name__ == "GasFinder"
+
+
+@pytest.mark.parametrize(
+    ("language", "name", "words"),
+    [
+        ("cobol", "x", "expected one of the languages python"),
+        ("python", "My-Agent", "expected a name of lower-case letters"),
+        ("python", "", "expected a name of lower-case letters"),
+    ],
+)
+def test_a_wrong_call_says_what_was_expected(language, name, words, tmp_path):
+    with pytest.raises(UsageError, match=words):
+        create_agent(language, name, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_files_that_are_there_are_left_alone(tmp_path):
+    (tmp_path / "agent.py").write_text("precious")
+    with pytest.raises(UsageError, match="expected a folder that is new or empty"):
+        create_agent("python", "x", tmp_path)
+    assert (tmp_path / "agent.py").read_text() == "precious"

@@ -1,0 +1,130 @@
+"""Wind by whatever the scenario says: uniform, solved, kept as frames, read from files, brought by an import."""
+
+import dataclasses
+import json
+import logging
+
+import numpy as np
+import pytest
+
+from gslcosim import flow
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.build.geometry_source import build_geometry
+from gslcosim.environment.formats.export import export_environment
+from gslcosim.environment.generation import generate_environment
+from gslcosim.environment.generation.wind import build_patches, no_progress, solve_wind_of_scenario
+from gslcosim.environment.grid import Grid
+from gslcosim.environment.layouts.builder import build_layout
+from gslcosim.environment.model import Cell
+from gslcosim.environment.store import load_environment
+from gslcosim.scenario.models.layouts import LayoutSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
+
+ROOM = EnvironmentSpec(layout=LayoutSpec(size_m=(3.0, 2.0, 2.0)))
+
+
+def wind(**fields):
+    return WindSpec(cell_m=0.25, **fields)
+
+
+def made(spec, wind, scenario_dir=None):
+    room = build_geometry(spec, wind, scenario_dir=scenario_dir)
+    return room, solve_wind_of_scenario(room, spec, wind, scenario_dir=scenario_dir, progress=no_progress)
+
+
+@pytest.fixture
+def exported(tmp_path):
+    def export(form, velocity_m_s=(0.5, -0.25, 0.125), **fields):
+        spec = wind(solver="uniform", inlet_velocity_m_s=velocity_m_s)
+        environment = generate_environment(ROOM, spec, tmp_path / "ours").environment
+        export_environment(environment, tmp_path / form, form, **fields)
+        return environment
+
+    return export
+
+
+@pytest.mark.parametrize("form", ["gaden", "gsl_bench"])
+def test_an_imported_folder_brings_its_wind(exported, tmp_path, form):
+    ours = exported(form)
+    for solver in ("auto", "stored"):
+        _, found = made(EnvironmentSpec(**{form: form}), wind(solver=solver), tmp_path)
+        assert found.report is None
+        assert found.frames.velocity_m_s.shape == ours.wind.velocity_m_s.shape
+        np.testing.assert_allclose(found.frames.velocity_m_s, ours.wind.velocity_m_s, atol=1e-6)
+
+
+def test_a_scenario_may_take_another_wind_for_an_imported_folder(exported, tmp_path):
+    exported("gsl_bench")
+    room, found = made(EnvironmentSpec(gsl_bench="gsl_bench"), wind(solver="uniform"), tmp_path)
+    is_air = room.occupancy != Cell.SOLID
+    assert (found.frames.velocity_m_s[0][is_air] == np.float32([1.0, 0.0, 0.0])).all()
+
+
+def test_a_folder_without_wind_is_refused_where_its_wind_is_wanted(exported, tmp_path):
+    exported("gsl_bench", velocity_m_s=(0.0, 0.0, 0.0))
+    with pytest.raises(EnvironmentDataError, match=r"wind\.solver: expected an environment that brings its wind"):
+        made(EnvironmentSpec(gsl_bench="gsl_bench"), wind(solver="stored"), tmp_path)
+
+
+def test_wind_comes_from_a_file_with_its_gaps_told(tmp_path, caplog):
+    (tmp_path / "wind.csv").write_text('"U:0","U:1","U:2","Points:0","Points:1","Points:2"\n1,2,3,0.1,0.1,0.1\n')
+    with caplog.at_level(logging.WARNING):
+        _, found = made(ROOM, wind(solver={"file": "wind.csv"}), tmp_path)
+    assert found.frames.velocity_m_s[0, 0, 0, 0].tolist() == [1.0, 2.0, 3.0]
+    assert np.count_nonzero(found.frames.velocity_m_s.any(axis=-1)) == 1
+    assert "767" in caplog.text
+    assert found.notices
+
+
+@pytest.mark.slow
+def test_frames_of_a_solve_follow_each_other(tmp_path):
+    spec = wind(end_time_s=3.0, save_every_s=0.5, save_from_s=1.0, loops=False)
+    generate_environment(ROOM, spec, tmp_path / "room")
+    frames = load_environment(tmp_path / "room").wind
+    assert (frames.velocity_m_s.shape[0], frames.period_s, frames.is_looping) == (5, 0.5, False)
+    assert not (frames.velocity_m_s[0] == frames.velocity_m_s[-1]).all()
+
+
+@pytest.mark.slow
+def test_without_an_end_the_statistics_settle_and_the_folder_says_so(tmp_path):
+    made = generate_environment(ROOM, wind(inlet_velocity_m_s=(0.5, 0.0, 0.0), max_time_s=60.0), tmp_path / "room")
+    report = json.loads((tmp_path / "room" / "wind_report.json").read_text())
+    assert report["settling"]["has_settled"]
+    assert report["mass_balance_relative"] < 0.005
+    assert any("settled" in notice for notice in made.notices)
+    assert (tmp_path / "room" / "wind_history.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_parabolic_inlet_has_the_mean_that_was_asked_for():
+    spec = wind(inlet_profile="parabolic", inlet_velocity_m_s=(0.8, 0.0, 0.0))
+    inlet = build_patches(build_layout(ROOM.layout, spec), spec)[0]
+    profile = np.asarray(inlet.velocity_m_s)
+    assert profile.mean(axis=(0, 1)) == pytest.approx([0.8, 0.0, 0.0])
+    assert profile[0, 0, 0] < 0.8 < profile[profile.shape[0] // 2, profile.shape[1] // 2, 0]
+
+
+def test_a_schedule_reaches_the_solver():
+    spec = wind(inlet_schedule={"times_s": (0, 2), "shares": (0.0, 1.0), "repeats": True})
+    inlet = build_patches(build_layout(ROOM.layout, spec), spec)[0]
+    assert isinstance(inlet.factor, flow.Schedule)
+    assert float(inlet.factor.at(1.0)) == 0.5
+    assert float(inlet.factor.at(2.5)) == 0.25
+
+
+def test_openings_are_given_to_solvers_from_the_grid_s_origin():
+    room = build_layout(ROOM.layout, wind())
+    moved = dataclasses.replace(
+        room,
+        grid=Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=room.grid.shape),
+        openings=tuple(
+            dataclasses.replace(
+                opening,
+                min_m=tuple(a + b for a, b in zip(opening.min_m, (-1.0, 2.0, 0.5), strict=True)),
+                max_m=tuple(a + b for a, b in zip(opening.max_m, (-1.0, 2.0, 0.5), strict=True)),
+            )
+            for opening in room.openings
+        ),
+    )
+    assert [(p.min_m, p.max_m) for p in build_patches(moved, wind())] == [
+        (p.min_m, p.max_m) for p in build_patches(room, wind())
+    ]

@@ -1,0 +1,86 @@
+"""What a participant declares, and what is wrong with it in the run that its scenario makes."""
+
+import pytest
+
+from gslcosim.base.errors import DataflowError
+from gslcosim.runtime.services import build_dataflow, find_participant_problems, list_service_names
+from gslcosim.scenario import load_scenario
+
+START = "start: {command: [cat]}"
+
+
+def scenario_with(*blocks):
+    return load_scenario("tiny_room", overrides=[f"participants=[{', '.join(blocks)}]"]).scenario
+
+
+def problem_of(*blocks):
+    (problem,) = find_participant_problems(scenario_with(*blocks))
+    return problem
+
+
+def test_a_participant_is_a_service_with_its_reads_and_writes():
+    block = f"{{name: fan, {START}, reads: [{{port: truth/samples, delay: 1}}], writes: [ventilation, state]}}"
+    scenario = scenario_with(block)
+    assert list(find_participant_problems(scenario)) == []
+    flow = build_dataflow(scenario)
+    assert list_service_names(scenario)[-1] == "fan"
+    assert "fan: reads truth/samples[k-1]; writes truth/wind, participant/fan/state" in flow.describe()
+    # Who is moved by the air reads it a tick later; the recorder draws what the participant writes.
+    assert {read.port for read in flow.by_name["recorder"].reads} >= {"truth/wind", "participant/fan/state"}
+    assert [reader.name for reader in flow.readers_of("fan")] == ["world", "fields", "recorder"]
+
+
+def test_between_its_steps_the_wind_is_written_all_the_same():
+    flow = build_dataflow(scenario_with(f"{{name: fan, {START}, writes: [ventilation, state], period_s: 0.5}}"))
+    assert {port: flow.writes[port].period_ticks for port in ("truth/wind", "participant/fan/state")} == {
+        "truth/wind": 1,
+        "participant/fan/state": 5,
+    }
+
+
+def test_an_unknown_port_is_named_with_the_nearest_one():
+    problem = problem_of(f"{{name: fan, {START}, reads: [{{port: truth/sample}}], writes: [state]}}")
+    assert problem.path == "participants[0].reads[0].port"
+    assert problem.found == "'truth/sample'"
+    assert problem.remedy == "Did you mean truth/samples?"
+
+
+def test_a_port_that_is_written_once_cannot_be_read():
+    problem = problem_of(f"{{name: fan, {START}, reads: [{{port: agents/beetle/briefing}}], writes: [state]}}")
+    assert problem.found == "'agents/beetle/briefing'"
+
+
+def test_an_announced_port_needs_its_announcement():
+    problem = problem_of(f"{{name: fan, {START}, reads: [{{port: command/beetle}}], writes: [state]}}")
+    assert problem.expected.startswith("truth/bodies, which announces command/beetle, among the reads")
+    assert problem.remedy == "Add {port: truth/bodies, delay: 0}."
+    both = f"{{name: fan, {START}, reads: [{{port: truth/bodies}}, {{port: command/beetle}}], writes: [state]}}"
+    assert list(find_participant_problems(scenario_with(both))) == []
+
+
+@pytest.mark.parametrize("name", ["world", "cameras", "agent_fan", "supervisor"])
+def test_names_of_services_and_doors_are_taken(name):
+    problem = problem_of(f"{{name: {name}, {START}, writes: [state]}}")
+    assert problem.path == "participants[0].name"
+    assert problem.remedy == f"For example my_{name}."
+
+
+def test_a_ring_without_delay_is_named_and_one_with_a_delay_flies():
+    def ring(delay):
+        reads = "reads: [{{port: participant/{}/state, delay: {}}}]"
+        return (
+            f"{{name: one, {START}, {reads.format('two', delay)}, writes: [state]}}",
+            f"{{name: two, {START}, {reads.format('one', 0)}, writes: [state]}}",
+        )
+
+    problem = problem_of(*ring(0))
+    assert problem.expected == "a delay of at least 1 tick on one of the reads in each ring"
+    assert problem.found == "two → one → two"
+    with pytest.raises(DataflowError, match="two → one → two"):
+        build_dataflow(scenario_with(*ring(0)))
+    assert list(find_participant_problems(scenario_with(*ring(1)))) == []
+
+
+def test_a_participant_that_reads_itself_needs_a_delay():
+    problem = problem_of(f"{{name: fan, {START}, reads: [{{port: participant/fan/state}}], writes: [state]}}")
+    assert "fan reads its own participant/fan/state" in problem.expected

@@ -1,0 +1,42 @@
+"""Kernels that were compiled before: an agent in a sandbox sees those of this installation and of its own code."""
+
+import os
+from pathlib import Path
+
+import pytest
+from numba.core.caching import UserProvidedCacheLocator
+
+import gslcosim
+from gslcosim.runtime.processes.sandbox.launcher_client import (
+    Confinement,
+    Launch,
+    get_kernels_folder_name,
+    is_launcher_possible,
+)
+from gslcosim.runtime.processes.sandbox.policy import SandboxPolicy
+
+
+def test_folders_have_the_names_that_numba_gives_them():
+    module = Path(gslcosim.__file__).parent / "environment" / "sight_kernels.py"
+    assert get_kernels_folder_name(module.parent) == UserProvidedCacheLocator.get_suitable_cache_subpath(str(module))
+
+
+@pytest.mark.skipif(not is_launcher_possible(), reason="agents are confined on Linux only")
+def test_a_cache_of_many_installations_is_not_linked_whole(tmp_path):
+    """A start made, and an end removed, links to seven thousand files where many versions had been tried."""
+    ours = Path(gslcosim.__file__).parent / "environment"
+    of_the_agent = tmp_path / "mine"
+    kernels, scratch = tmp_path / "kernels", tmp_path / "scratch"
+    for folder in (ours, of_the_agent, Path("/elsewhere/gslcosim/environment")):
+        (kernels / get_kernels_folder_name(folder)).mkdir(parents=True)
+        (kernels / get_kernels_folder_name(folder) / "kernel.nbc").touch()
+    scratch.mkdir()
+    cell = SandboxPolicy(directory=of_the_agent, kernels=kernels, scratch=scratch, reads=(), hidden=(), writes=())
+    launch = Launch(Confinement(kind="landlock", policy=cell), ["python"], has_pipes=False)
+    for descriptor in launch.descriptors:
+        os.close(descriptor)
+    linked = {path.parent.name: path.readlink() for path in (scratch / "kernels").rglob("*.nbc")}
+    assert linked == {
+        get_kernels_folder_name(folder): kernels / get_kernels_folder_name(folder) / "kernel.nbc"
+        for folder in (ours, of_the_agent)
+    }

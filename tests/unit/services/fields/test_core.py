@@ -1,0 +1,78 @@
+"""Sources of a run's gas that events start, stop and move."""
+
+import numpy as np
+import pytest
+
+from gslcosim.contract import keys
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
+from gslcosim.contract.messages import BodyPoses, BodyState
+from gslcosim.contract.participant import Episode
+from gslcosim.scenario import load_scenario
+from gslcosim_services.fields.core import FieldsCore
+
+
+def core_of(make_room, *events):
+    changes = [f"events=[{', '.join(events)}]", "gas.warm_up_s=2", "gas.step_s=0.1"]
+    core = FieldsCore(load_scenario("tiny_room", overrides=changes).scenario, make_room())
+    core.reset(Episode(seed=1))
+    return core
+
+
+def step(core, tick, *places):
+    body = BodyState(
+        agent="beetle",
+        position_world_m=(3.0, 2.0, 1.0),
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        angular_velocity_body_rad_s=(0.0, 0.0, 0.0),
+        phase="flying",
+        awaiting_command=False,
+        path_length_m=0.0,
+    )
+    inbox = {keys.BODIES: BodyPoses(tick=tick, bodies=(body,))}
+    if tick:
+        inbox[EVENTS] = EventsBeginning(tick=tick - 1, beginning=places)
+    core.step(tick, inbox)
+    return len(core.gas.filaments.sigma_m)
+
+
+def test_a_source_stops_and_starts_again(make_room):
+    core = core_of(make_room, "{what: source_stops, at_s: 1}", "{what: source_starts, at_s: 2}")
+    first = step(core, 0)
+    assert first == 20
+    assert [step(core, tick, *([0] if tick == 2 else [])) for tick in (1, 2, 3)] == [21, 21, 21]
+    assert [step(core, tick, *([1] if tick == 4 else [])) for tick in (4, 5)] == [22, 23]
+
+
+def test_a_source_that_an_event_starts_first_is_closed_until_then_and_in_the_warm_up(make_room):
+    core = core_of(make_room, "{what: source_starts, at_s: 1}", "{what: source_stops, at_s: 2}")
+    assert [step(core, tick, *([0] if tick == 2 else [])) for tick in (0, 1, 2, 3)] == [0, 0, 1, 2]
+    core.reset(Episode(seed=1))
+    assert step(core, 0) == 0
+
+
+def test_a_source_that_moves_releases_at_its_new_place_at_its_new_rate(make_room):
+    moves = "{what: source_moves, at_s: 1, to_m: [4, 4, 2]}"
+    core = core_of(make_room, moves, "{what: source_rate, at_s: 1, filaments_per_s: 30}")
+    before = step(core, 0)
+    assert step(core, 1, 0, 1) == before + 3
+    newest_m = np.asarray(core.gas.filaments.position_world_m)[-3:]
+    assert np.linalg.norm(newest_m - (4.0, 4.0, 2.0), axis=1).max() < 0.3
+
+
+def test_nothing_is_computed_ahead_of_an_event(make_room):
+    core = core_of(make_room, "{what: source_stops, at_s: 1}")
+    step(core, 0)
+    assert not core.prefetch()
+
+
+@pytest.mark.parametrize("tick", [1, 7])
+def test_runs_without_events_are_as_they_were(make_room, tick):
+    """A source that starts in the tick in which it would have gone on anyway is one without an event."""
+    stopped = core_of(make_room, "{what: source_rate, at_s: 1, filaments_per_s: 10}")
+    plain = FieldsCore(
+        load_scenario("tiny_room", overrides=["gas.warm_up_s=2", "gas.step_s=0.1"]).scenario, make_room()
+    )
+    plain.reset(Episode(seed=1))
+    for each in range(tick + 1):
+        assert step(stopped, each, *([0] if each == tick else [])) == step(plain, each)

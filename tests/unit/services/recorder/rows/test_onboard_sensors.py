@@ -1,0 +1,78 @@
+"""Rows of lidars and cameras when a reading is told again."""
+
+import numpy as np
+import pytest
+
+from gslcosim.contract.messages import Reading
+from gslcosim.contract.publish.examples import EXAMPLES
+from gslcosim.contract.record import NumericArray
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RowTiming
+
+TICK_NS = 100_000_000
+BODY = (
+    EXAMPLES["bodies_flying"]
+    .bodies[0]
+    .model_copy(update={"position_world_m": (0.0, 0.0, 2.0), "quaternion_wxyz": (1.0, 0.0, 0.0, 0.0)})
+)
+
+
+class SentRows:
+    """Stands for a file: keeps which entity got how many rows."""
+
+    def __init__(self):
+        self.drawn, self.sent = [], []
+
+    def draw(self, entity, *parts):
+        self.drawn.append(entity)
+
+    def send(self, entity, ticks, columns):
+        self.sent.append((entity, list(ticks), list(columns)))
+
+
+def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
+    spec = make_sensor_spec(
+        model="lidar_2d", name="scan", mount_m=(0, 0, 0.5), max_range_m=5.0, lidar={"n_azimuths": 4}
+    )
+    poses = PoseHistory([spec], TICK_NS)
+    rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
+    ranges = NumericArray.from_array(np.array([[1.0, 5.0, 2.0, 5.0]], np.float32))
+    scan = Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges)
+    poses.add(3, BODY)
+    rows.add(3, scan)
+    rows.add(4, scan.model_copy(update={"array": None}))
+    rows.send(file)
+    rows.send(file)
+    ((entity, ticks, (column,)),) = file.sent
+    assert (entity, ticks) == ("seen/a/scan", [3])
+    points_m = np.array(column.as_arrow_array().to_pylist()[0])
+    assert points_m == pytest.approx(np.array([[-1.0, 0.0, 2.5], [2.0, 0.0, 2.5]]), abs=1e-6)
+
+
+def test_a_scan_that_is_told_again_because_a_command_is_awaited_is_recorded_once():
+    spec = make_sensor_spec(model="lidar_2d", name="scan", period_s=0.5, lidar={"n_azimuths": 1})
+    poses = PoseHistory([spec], TICK_NS)
+    rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
+    ranges = NumericArray.from_array(np.ones((1, 1), np.float32))
+    for tick in range(8):
+        poses.add(tick, BODY)
+        rows.add(tick, Reading(sensor="scan", quantity="range", unit="m", values=(1.0,), array=ranges))
+    rows.send(file)
+    assert [ticks for _, ticks, _ in file.sent] == [[0, 5]]
+
+
+def test_a_picture_that_is_told_twice_is_recorded_once():
+    spec = make_sensor_spec(model="camera", name="eye")
+    poses = PoseHistory([spec], TICK_NS)
+    image = EXAMPLES["images"].frames[0].image
+    reading = Reading(sensor="eye", quantity="picture", unit="1", values=(), image=image)
+    rows, file = ImageRows("seen/a/eye", spec, poses, (255, 0, 0)), SentRows()
+    poses.add(64, BODY)
+    rows.add(64, reading)
+    rows.send(file)
+    rows.add(65, reading)
+    rows.add(66, reading.model_copy(update={"image": image.model_copy(update={"taken_tick": 66})}))
+    rows.send(file)
+    # A row of the picture, and one of where it hangs.
+    assert [ticks for _, ticks, _ in file.sent] == [[64], [64], [66], [66]]
+    assert file.drawn == ["seen/a/eye"]

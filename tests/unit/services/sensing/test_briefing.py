@@ -1,0 +1,70 @@
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim.contract.messages import KnownMap
+from gslcosim.scenario.models.gas import GaussianPlumeGasSpec
+from gslcosim_services.sensing.briefing import build_briefing, build_known_map, build_nominal_plume
+
+PILLAR = ("pillar", (3.0, 2.0, 0.0), (4.0, 3.0, 1.0))
+
+
+@pytest.fixture
+def scenario_with(make_scenario):
+    """Build a scenario whose one agent is granted knowledge and has parameters."""
+
+    def build(knows, **agent):
+        values = make_scenario({"search_height_m": 0.5}).model_dump(mode="json", by_alias=True, exclude_unset=True)
+        values["agents"][0] |= {"knows": knows, **agent}
+        values["wind"] = {"solver": "uniform", "inlet_velocity_m_s": [0.3, 0.4, 0]}
+        return type(make_scenario()).model_validate_json(__import__("json").dumps(values))
+
+    return build
+
+
+def test_nothing_is_told_that_is_not_granted(make_room, scenario_with):
+    scenario = scenario_with({})
+    briefing = build_briefing(scenario.agents[0], scenario, make_room(), seed=1)
+    assert (briefing.known_map, briefing.plume, briefing.known_sources, briefing.parameters) == (None, None, (), {})
+
+
+def test_the_map_is_cut_at_the_search_height(make_room, scenario_with):
+    room = make_room(obstacles=[PILLAR])
+    low = build_known_map(scenario_with({"map": True}).agents[0], room)
+    assert isinstance(low, KnownMap)
+    assert (low.occupied.shape, low.height_m, low.cell_m, low.origin_m) == ((60, 40), 0.5, 0.25, (0.0, 0.0, 0.5))
+    expected = np.zeros((60, 40), np.uint8)
+    expected[12:16, 8:12] = 1
+    assert np.array_equal(low.occupied.to_array(), expected)
+    above = {"search_height_m": 2.0, "start_m": [5, 1, 0.2]}
+    assert not build_known_map(scenario_with({"map": "2d"}, vehicle=above).agents[0], room).occupied.to_array().any()
+
+
+def test_the_map_in_space_has_all_layers(make_room, scenario_with):
+    room = make_room(obstacles=[PILLAR])
+    whole = build_known_map(scenario_with({"map": "3d"}).agents[0], room)
+    assert (whole.occupied.shape, whole.height_m) == ((60, 40, 24), None)
+    assert whole.occupied.to_array().sum() == 4 * 4 * 4
+
+
+def test_the_nominal_plume_holds_the_amount_of_its_filaments(scenario_with):
+    """The integral of a Gaussian with 10 ppm in its centre and 0.1 m, ten times a second."""
+    plume = build_nominal_plume(scenario_with({"plume": True}))
+    x_m = np.linspace(-1.0, 1.0, 81)
+    one_axis = np.exp(-(x_m**2) / (2 * 0.1**2)).sum() * (x_m[1] - x_m[0])
+    assert plume.release_ppm_m3_s == pytest.approx(10 * 10 * one_axis**3, rel=1e-6)
+    assert plume.wind_speed_m_s == pytest.approx(math.hypot(0.3, 0.4))
+
+
+def test_a_plume_without_filaments_is_told_with_the_spread_of_usual_ones(scenario_with):
+    scenario = scenario_with({"plume": True})
+    gas = GaussianPlumeGasSpec(sources=scenario.gas.sources)
+    assert build_nominal_plume(scenario.model_copy(update={"gas": gas})) == build_nominal_plume(scenario)
+
+
+def test_sources_and_parameters_come_as_the_scenario_has_them(make_room, scenario_with):
+    scenario = scenario_with({"source": True}, parameters={"step_m": 0.5, "sides": ["left", 2]})
+    briefing = build_briefing(scenario.agents[0], scenario, make_room(), seed=1)
+    assert briefing.known_sources == ((5.0, 1.0, 2.0),)
+    assert briefing.parameters == {"step_m": 0.5, "sides": ("left", 2)}

@@ -1,0 +1,46 @@
+import pytest
+
+from gslcosim.cli.scenario_arguments import check_methods
+from gslcosim.scenario import load_scenario
+from gslcosim.scenario.problems import InvalidScenarioError
+
+
+def problems_with(*overrides):
+    """Return the lines about a bundled scenario with these overrides."""
+    try:
+        start = ("agents[0].start={python: surge_cast}",)
+        load_scenario("tiny_room", overrides=(*start, *overrides), checks=(check_methods,))
+    except InvalidScenarioError as error:
+        return [str(problem) for problem in error.problems]
+    return []
+
+
+def test_a_bundled_scenario_has_what_its_method_needs():
+    assert problems_with() == []
+
+
+def test_a_missing_sensor_is_told_before_the_run():
+    (text,) = problems_with("agents[0].sensors=[{model: pid, name: nose}]")
+    assert "agents[0].sensors: expected at least 1 of kind" in text
+
+
+def test_an_unknown_parameter_is_told_with_its_place():
+    (text,) = problems_with("agents[0].parameters={wings: 2}")
+    assert text.startswith("--set agents[0].parameters") or "agents[0].parameters" in text
+    assert "expected a parameter of" in text
+
+
+def test_a_knowledge_that_is_not_granted_is_told():
+    (text,) = problems_with("agents[0].start={python: oracle}")
+    assert "source: true" in text
+
+
+def test_other_problems_do_not_hide_those_of_methods():
+    texts = problems_with("agents[0].parameters={wings: 2}", "gas.gas=etanol")
+    assert any("wings" in text for text in texts)
+    assert any("etanol" in text for text in texts)
+
+
+@pytest.mark.parametrize("parameters", ["{Step: 1}", "{step: {a: 1}}", "{step: null}", "[1]"])
+def test_parameters_are_names_with_scalars_or_lists(parameters):
+    assert problems_with(f"agents[0].parameters={parameters}")
