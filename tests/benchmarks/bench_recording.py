@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/unit/recording"))
+sys.path.insert(0, str(ROOT / "tests/unit/services/recorder"))
 
 from scripted_flight import ScriptedFlight  # noqa: E402
 

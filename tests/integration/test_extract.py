@@ -12,7 +12,7 @@ import pytest
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.run_data.opening import RunData
+from gslcosim.data.run import RunData
 
 PAGE = Path(__file__).parents[2] / "docs" / "extract.md"
 
@@ -134,8 +134,9 @@ def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
     folder = extracted(flown, "mcap", tmp_path)
     messages = {}
     with (folder / f"{flown.name}.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, message, decoded in reader.iter_decoded_messages():
+        for _, channel, message, decoded in make_reader(
+            file, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
             messages.setdefault(channel.topic, []).append((message.log_time, decoded))
     checked(messages, gslcosim.open_run(flown))
 
@@ -177,7 +178,7 @@ def test_what_cannot_be_written_is_told(flown, tmp_path, capsys, monkeypatch):
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "full")]) == 2
     assert "expected a new folder or an empty one, was one with files" in capsys.readouterr().err
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
-    from gslcosim.extraction.ros_types import ros_types
+    from gslcosim.data.export.ros_types import ros_types
 
     ros_types.cache_clear()
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "new")]) == 2

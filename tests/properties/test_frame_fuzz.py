@@ -22,7 +22,7 @@ from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
 from gslcosim_services.fields.stored.frame_formats import read_gaden_frame, read_gsl_bench_frame, read_walls
 from gslcosim_services.fields.stored.playback import GasMovie
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "fields"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "services" / "fields"))
 import gaden_writers as gaden
 import gsl_bench_writers as gsl_bench
 

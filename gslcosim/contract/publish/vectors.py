@@ -156,11 +156,8 @@ def _with_integers(value: Any) -> Any:
 # Some libraries always write the longest headers; that is msgpack too.
 def _pack_wide(value: Any) -> bytes:
     if isinstance(value, dict):
-        return (
-            b"\xdf"
-            + _pack_length(value)
-            + b"".join(_pack_wide(name) + _pack_wide(item) for name, item in value.items())
-        )  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+        items: Any = value.items()
+        return b"\xdf" + _pack_length(items) + b"".join(_pack_wide(name) + _pack_wide(item) for name, item in items)
     if isinstance(value, list | tuple):
         return b"\xdd" + _pack_length(value) + b"".join(map(_pack_wide, value))  # pyright: ignore[reportUnknownArgumentType]
     if isinstance(value, str):

@@ -5,6 +5,8 @@ A reference to a value is the value itself where it is plain, or a list with a l
 member of an enumeration, `f` a type or function by name, `m` a method of something.
 """
 
+# pyright: basic
+
 import hashlib
 import importlib
 import re

@@ -14,7 +14,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim_services.fields.stored.frame_formats import read_gsl_bench_frame
 from gslcosim_services.fields.stored.playback import GasPlayback
 
-REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[4] / ".." / "shared" / "reference"))
+REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / ".." / "shared" / "reference"))
 GSL_BENCH = REFERENCE / "gsl-bench" / "environments" / "003" / "gas_data" / "wh_simple_003"
 
 

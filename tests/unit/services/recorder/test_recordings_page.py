@@ -11,7 +11,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.runtime.machine_notes import MachineLog
 from gslcosim_services.recorder.core import RecorderCore
 
-PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
+PAGE = Path(__file__).parents[4] / "docs" / "recordings.md"
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
 PLACES = {"<agent>": "agent_0", "<gas>": "ethanol", "<sensor>": r"\w+", "<quantity>": r"\w+"}
 

@@ -63,7 +63,7 @@ def test_no_row_is_lost_when_only_the_footer_is(record, rows_of, n_missing):
 @pytest.mark.slow
 def test_a_killed_recorder_leaves_everything_up_to_the_verdict(rows_of, tmp_path):
     path = tmp_path / "recording.rrd"
-    benchmarks = Path(__file__).parents[2] / "benchmarks"
+    benchmarks = Path(__file__).parents[3] / "benchmarks"
     call = [sys.executable, "-c", KILLED, str(benchmarks), str(path)]
     with subprocess.Popen(call, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as recorder:
         assert recorder.stdout is not None
