@@ -16,9 +16,10 @@ _IRRELEVANT_FOLDERS = (
     "gslcosim/cli",
     "gslcosim/bench/report",
     "gslcosim/bench/statistics",
-    "gslcosim/bench/tuning",
+    "gslcosim/bench/studies",
     "gslcosim/conformance",
     "gslcosim/contract/publish",
+    "gslcosim/data",
     "gslcosim_services/recorder",
 )
 _DIGEST_BYTES = 16

@@ -8,25 +8,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.cli.arguments import parse_whole_number
-from gslcosim.scenario.problems import Problem
 
 if TYPE_CHECKING:
     from gslcosim.base.quantities import Vec3
     from gslcosim.scenario import LoadedScenario, Scenario
     from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
-    from gslcosim.scenario.problems import ProblemLike
+    from gslcosim.scenario.problems import Problem, ProblemLike
     from gslcosim.scenario.random_positions import RandomPosition
 
 PROBE_LIMIT_S = 60.0
 
 
-def find_rendering_problems(scenario: "Scenario", directory: Path) -> Iterator[Problem]:
+def find_rendering_problems(scenario: "Scenario", directory: Path) -> "Iterator[Problem]":
     """Yield a problem for each camera where nothing can be drawn.
 
     Args:
         scenario: Its agents' sensors.
         directory: Not needed.
     """
+    from gslcosim.scenario.problems import Problem
+
     del directory
     reason = rendering_unavailable_reason() if scenario.cameras else ""
     if not reason:

@@ -1,6 +1,6 @@
 """YAML text as plain values, with the place of each: the one way a scenario's text is read.
 
-Plain values follow YAML 1.2's core schema: see `gslcosim.yaml_core`.
+Plain values follow YAML 1.2's core schema: see `gslcosim.base.yaml_core`.
 """
 
 from dataclasses import dataclass

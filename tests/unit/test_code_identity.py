@@ -8,7 +8,7 @@ CODE = 'X = 1\n\n\ndef double(x):\n    """Return it twice."""\n    return 2 * x\
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_identity, "PACKAGE_DIR", tmp_path / "package")
+    monkeypatch.setattr(code_identity, "get_code_roots", lambda: {"package": tmp_path / "package"})
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
     (tmp_path / "package").mkdir()
     return tmp_path / "package"
@@ -48,7 +48,7 @@ def test_it_does_not_need_a_cache(package, monkeypatch, tmp_path):
 
 
 def test_folders_stand_for_their_modules():
-    whole, flat = list_package_files("environment"), list_package_files("environment/*")
+    whole, flat = list_package_files("gslcosim/environment"), list_package_files("gslcosim/environment/*")
     assert set(flat) < set(whole)
     assert {path.parent.name for path in flat} == {"environment"}
-    assert list_package_files("rng.py")[0].is_file()
+    assert list_package_files("gslcosim/base/rng.py")[0].is_file()

@@ -144,7 +144,7 @@ def earth_movers_distance_m(a: ArrayLike, b: ArrayLike, cell_m: float) -> float 
     if not (first.sum() > 0.0 and second.sum() > 0.0):
         return None
     n_block = math.ceil(max(first.shape) / MAX_CELLS)
-    p, q = (sum_blocks(values / values.sum(), n_block) for values in (first, second))
+    p, q = (_sum_blocks(values / values.sum(), n_block) for values in (first, second))
     surplus = (p - q).ravel()
     gives, takes = np.flatnonzero(surplus > 0.0), np.flatnonzero(surplus < 0.0)
     if not len(gives) or not len(takes):
@@ -173,7 +173,7 @@ def log_ratio_of_mass(estimate: ArrayLike, truth: ArrayLike) -> float | None:
     return math.log(float(first.sum()) / float(second.sum()))
 
 
-def sum_blocks(values: Array, n_block: int) -> Array:
+def _sum_blocks(values: Array, n_block: int) -> Array:
     """Return the sums over blocks of n x n cells; blocks at the far ends may reach beyond the map."""
     padded = np.pad(values, [(0, -n % n_block) for n in values.shape])
     nx, ny = (n // n_block for n in padded.shape)

@@ -64,7 +64,7 @@ ObservationOrHead = Observation | codec.ObservationHead
 class AgentTransport(Protocol):
     """Transport of messages to one agent; its answers come back as events, on any thread.
 
-    `may_lose` says that a message may get lost on its way, so that questions have to be repeated.
+    `is_lossy` says that a message may get lost on its way, so that questions have to be repeated.
     Messages come with their canonical bytes; a link uses what it needs.
     """
 

@@ -241,7 +241,7 @@ class _Daemon:
             for fd in (self._woken, self._waker, self._listener.fileno()):
                 os.close(fd)
             request = _adopt_caller(connection, self._secret)
-            if differing := find_differences(self._imported, request["read_code_identity"]):
+            if differing := find_differences(self._imported, request["identity"]):
                 pid = os.getppid()
                 _send_answer(connection, {"refused": _describe_stale(differing, pid)})
             else:

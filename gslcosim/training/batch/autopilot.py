@@ -1,6 +1,6 @@
 """Autopilot of a point robot: obeys velocities and holds as the world's autopilot does.
 
-Paths are planned by the kernels of `gslcosim.world.paths`; what is here is the order in which things happen.
+Paths are planned by the kernels of `gslcosim_services.world.paths`; what is here is the order in which things happen.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations

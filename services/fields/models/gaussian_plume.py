@@ -392,7 +392,7 @@ def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void
     rows = np.zeros(len(means), PLUME_RECORD)
     for row, mean, column in zip(rows, means, _columns(gas), strict=True):
         speed_m_s = float(np.hypot(*mean.wind_world_m_s[:2]))
-        row["position_world_m"], row["mean_release_m3_s"] = mean.position_world_m, mean.release_m3_s
+        row["position_world_m"], row["release_m3_s"] = mean.position_world_m, mean.release_m3_s
         row["speed_m_s"], row["along"] = speed_m_s, np.array(mean.wind_world_m_s[:2]) / speed_m_s
         row["spread"], row["has_ground"], row["gas"] = OPEN_COUNTRY[mean.stability], mean.has_ground, column
     rows["exp_address"], rows["power_address"] = find_loop_address(np.exp), find_loop_address(np.power)

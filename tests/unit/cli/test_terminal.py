@@ -214,7 +214,7 @@ def test_messages_of_libraries_are_shown(tmp_path):
         "from gslcosim.cli import main as cli\n"
         "def call(words):\n"
         f"    warnings.warn({EVIL!r}); logging.getLogger('x').warning('%s', {EVIL!r}); return 0\n"
-        "cli.told_exit_code = call\n"
+        "cli.run_command = call\n"
         "cli.main()\n"
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

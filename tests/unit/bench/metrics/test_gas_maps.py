@@ -9,10 +9,10 @@ from scipy.optimize import linprog
 from gslcosim.base.errors import ShapeError
 from gslcosim.bench.metrics.gas_maps import (
     MAX_CELLS,
+    _sum_blocks,
     earth_movers_distance_m,
     log_ratio_of_mass,
     solve_transport,
-    sum_blocks,
 )
 from gslcosim_services.referee.metrics import expected_distance_m
 
@@ -105,7 +105,7 @@ def test_a_large_map_is_off_by_less_than_the_stated_bound():
 
 def test_sums_over_blocks_keep_the_mass():
     values = np.random.default_rng(6).random((7, 5))
-    blocks = sum_blocks(values, 3)
+    blocks = _sum_blocks(values, 3)
     assert blocks.shape == (3, 2)
     assert blocks.sum() == pytest.approx(values.sum())
     assert blocks[0, 1] == pytest.approx(values[:3, 3:].sum())

@@ -65,7 +65,7 @@ def question(tick):
 
 def desk_with(*, may_lose=False):
     journal = []
-    line = Line(is_lossy=may_lose)
+    line = Line(may_lose=may_lose)
     desk = AgentSession(
         "beetle", CommandValidator("beetle"), line, 10.0, journal=journal.append, log_tail=lambda: "it hurts"
     )

@@ -42,7 +42,7 @@ def small_room(seed=4):
 def run(tmp_path, monkeypatch):
     """A run whose host offers it in small pieces, and a bus of another host with a cache of its own."""
     for module in (run_server, run_server):
-        monkeypatch.setattr(module, "PIECE_BYTES", 1000)
+        monkeypatch.setattr(module, "CHUNK_BYTES", 1000)
     monkeypatch.setattr(run_server, "ANSWER_TIMEOUT_S", 0.2)
     monkeypatch.setattr(run_server, "RETRY_AFTER_S", 0.05)
     # With the cache that knows the code already.

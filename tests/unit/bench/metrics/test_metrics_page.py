@@ -15,9 +15,7 @@ from gslcosim.bench.metrics.declarations import DeclarationFigures
 from gslcosim.bench.store.columns import TRACK_COLUMNS, TRIAL_COLUMNS
 
 PAGE = (Path(__file__).parents[4] / "docs" / "benchmark" / "metrics.md").read_text()
-MODULES = [
-    name for _, name, _ in pkgutil.iter_modules(metrics.__path__) if name != "shapes" and not name.endswith("_kernels")
-]
+MODULES = [name for _, name, _ in pkgutil.iter_modules(metrics.__path__) if name != "series"]
 
 
 @pytest.mark.parametrize("name", MODULES)
