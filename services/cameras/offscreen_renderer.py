@@ -1,6 +1,6 @@
 """Offscreen renderer of a MuJoCo scene: EGL where there is one, else OSMesa.
 
-`python -m gslcosim_services.cameras.offscreen_renderer` tells whether that works here, as a process of its own, since drivers may crash:
+`python -m gslcosim_services.cameras.offscreen_renderer` tells whether that works here, in a process of its own:
 exit code 0, or 1 with the reason.
 """
 # MuJoCo is compiled and comes without stubs; OpenGL's contexts are chosen while running.

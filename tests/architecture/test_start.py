@@ -27,7 +27,7 @@ CORES = {
 SCRIPT = """
 import importlib, sys
 from gslcosim.runtime.distributed.service_main import serve
-from gslcosim.runtime.services import build_core, dataflow_of
+from gslcosim.runtime.services import build_core, build_dataflow
 importlib.import_module(sys.argv[1])
 if sys.argv[1] == "gslcosim_services.recorder.core":
     import gslcosim_services.recorder.run_recording  # imported when the recording is opened
@@ -49,8 +49,8 @@ print(*sorted(sys.modules))
 
 RECORDER = """
 import sys
-from gslcosim_services.recorder.preload import import_early
-import_early()
+from gslcosim_services.recorder.preload import preload_modules
+preload_modules()
 from pathlib import Path
 from gslcosim.environment.store import load_environment
 from gslcosim_services.recorder.core import RecorderCore

@@ -1,7 +1,7 @@
 """Gas contact metrics: first contact, tracking ratio, and how gas came and went.
 
 All of true mixing ratios at the noses, not of readings. Gas counts when there is more of it than a floor, that of the
-sensor; `gslcosim_services.referee.agent_evaluation.GAS_CONTACT_PPM` is the referee's. With several noses the strongest counts.
+sensor; the referee's is `GAS_CONTACT_PPM`. With several noses the strongest counts.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """Success criteria: a block for each, with what agents are told and what is recorded of it.
 
-The blocks hold settings and words. `gslcosim_services.referee.success` judges by them and finds the judge by the block's type.
+The blocks hold settings and words. `gslcosim_services.referee.success` judges by them.
 """
 
 from abc import abstractmethod

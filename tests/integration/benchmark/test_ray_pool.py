@@ -55,10 +55,10 @@ import json, sys
 from pathlib import Path
 from gslcosim.bench.execution.pool import LocalPool
 from gslcosim.bench.execution.ray_pool import RayPool
-from gslcosim.bench.execution.runner import Run
+from gslcosim.bench.execution.runner import SuiteRun
 from gslcosim.bench.execution.selection import Selection
 from gslcosim.bench.store.folder import ResultsFolder
-from gslcosim.bench.cases import load_suite, plan_of
+from gslcosim.bench.cases import load_suite, build_plan
 
 def start():
     return LocalPool(2, limits) if sys.argv[3] == "here" else RayPool(sys.argv[3], limits)
@@ -66,7 +66,7 @@ def start():
 loaded = load_suite(sys.argv[1])
 limits = loaded.suite.limits
 try:
-    summary = Run(plan_of(loaded), ResultsFolder(Path(sys.argv[2])), start, selection=Selection.of([])).fly()
+    summary = SuiteRun(build_plan(loaded), ResultsFolder(Path(sys.argv[2])), start, selection=Selection.of([])).fly()
 except Exception as error:
     sys.exit(f"{type(error).__name__}: {error}")
 print(json.dumps([summary.n_flown, summary.n_without_result, summary.is_interrupted]))

@@ -163,13 +163,13 @@ def _fails(name):
 # One box's upper face 2 m below a camera that looks down: which way was taken, and the depth in the middle.
 ALONE = """
 import mujoco
-from gslcosim_services.cameras.offscreen_renderer import OffscreenView
+from gslcosim_services.cameras.offscreen_renderer import OffscreenRenderer
 model = mujoco.MjModel.from_xml_string(
     "<mujoco><worldbody><geom type='box' size='9 9 1' pos='0 0 -3'/><camera/></worldbody></mujoco>"
 )
 data = mujoco.MjData(model)
 mujoco.mj_forward(model, data)
-view = OffscreenView(model, 64, 48)
+view = OffscreenRenderer(model, 64, 48)
 print(type(view._gl).__module__, round(view.depths_m(data, 0, 64, 48)[24, 32], 3))
 view.close()
 """
