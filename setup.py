@@ -8,5 +8,6 @@ setup(
         "gslcosim_agents",
         "gslcosim_scenarios",
         "gslcosim_services",
+        *(f"gslcosim_services.{name}" for name in find_packages("services")),
     ]
 )

@@ -9,7 +9,7 @@ def preload_modules() -> None:
 
     It may start threads.
     """
-    for module in ("layout.blueprint", "rows.wind_layer", "run_file", "run_recording", "summary"):
+    for module in ("blueprint", "rows.wind", "recording_file", "run_recording", "summary"):
         importlib.import_module(f"gslcosim_services.recorder.{module}")
     _block_pandas()
 
