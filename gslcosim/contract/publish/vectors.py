@@ -156,9 +156,8 @@ def _with_integers(value: Any) -> Any:
 # Some libraries always write the longest headers; that is msgpack too.
 def _pack_wide(value: Any) -> bytes:
     if isinstance(value, dict):
-        pairs: dict[Any, Any] = value
-        packed = b"".join(_pack_wide(name) + _pack_wide(item) for name, item in pairs.items())
-        return b"\xdf" + _pack_length(pairs) + packed
+        pairs = [_pack_wide(key) + _pack_wide(item) for key, item in value.items()]  # pyright: ignore
+        return b"\xdf" + _pack_length(pairs) + b"".join(pairs)
     if isinstance(value, list | tuple):
         return b"\xdd" + _pack_length(value) + b"".join(map(_pack_wide, value))  # pyright: ignore[reportUnknownArgumentType]
     if isinstance(value, str):
