@@ -44,5 +44,5 @@ def test_kernels_are_compiled_once_and_only_for_bundled_agents_in_sandboxes():
     assert compiled("agents[0].start={python: infotaxis}", is_one_process=True) == []
     assert compiled("agents[0].start={command: [cat], door: stdio}") == []
     assert compiled(STARTED_APART, is_one_process=True) == ["infotaxis"]
-    assert any(path.name.startswith("gains_kernels.") for path in kernels.rglob("*.nbc"))
+    assert any(path.name.startswith("objectives.") for path in kernels.rglob("*.nbc"))
     assert compiled(STARTED_APART) == []
