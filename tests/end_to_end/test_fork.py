@@ -274,7 +274,7 @@ def test_runs_of_other_rooms_are_not_seen_together(past, tmp_path):
         record_runs([a.run_dir / "recording.rrd"] * 9, tmp_path / "both.rrd")
     (b.run_dir / "recording.rrd").write_bytes(b"nothing")
     (a.run_dir / "recording.rrd").write_bytes(b"nothing")
-    with pytest.raises(RecordingError, match="expected one that can be read"):
+    with pytest.raises(RecordingError, match="expected a whole one, was one that was cut off"):
         record_runs([a.run_dir / "recording.rrd"] * 2, tmp_path / "both.rrd")
 
 

@@ -125,8 +125,8 @@ def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, options):
 
 @pytest.mark.parametrize("size", ["4k", "40k"])
 def test_a_temporary_directory_that_is_full_is_told_as_such(tmp_path, monkeypatch, size):
-    """A file of the cache was named, on a disk with room."""
-    with mounted(tmp_path / "full", f"size={size}") as folder:
+    """A file of the cache was named, on a disk with room. A path too long for sockets would not be taken."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as short, mounted(Path(short) / "full", f"size={size}") as folder:
         monkeypatch.setenv("TMPDIR", str(folder))
         ended = fly(TINY_ROOM, tmp_path / "runs")
         monkeypatch.delenv("TMPDIR")
