@@ -116,8 +116,8 @@ def _run_jobs() -> Iterator[Job]:
             )
     frames = f"command: [{sys.executable}, {ROOT}/docs/examples/frames.py]"
     starts = {"stdio": "python: dung_beetle", "unix": frames, "tcp": frames}
-    for door, start in starts.items():
-        words = ("tiny_room", "--set", f"agents[0].start={{{start}, door: {door}}}")
+    for door, program in starts.items():
+        words = ("tiny_room", "--set", f"agents[0].start={{{program}, door: {door}}}")
         yield Job(f"run/tiny_room/{door}", _Run(words, "separate"))
 
 

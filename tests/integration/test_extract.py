@@ -134,7 +134,8 @@ def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
     folder = extracted(flown, "mcap", tmp_path)
     messages = {}
     with (folder / f"{flown.name}.mcap").open("rb") as file:
-        for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages():
             messages.setdefault(channel.topic, []).append((message.log_time, decoded))
     checked(messages, gslcosim.open_run(flown))
 
