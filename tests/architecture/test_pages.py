@@ -102,9 +102,10 @@ def test_an_error_on_the_page_is_one_that_is_given(text):
 def test_the_files_that_contributing_names_hold_what_it_says():
     rows = re.findall(r"^\| ([^|]+\?) \| `([^`]+)` \|$", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
     words = {
-        "what is the drag of a rotor?": "drag", "how does a MOX sensor decay?": "resistance falls with gas",
-        "what ends a run?": "time_limit", "where is a waypoint refused?": "def ",
-        "who decides that a process hangs?": "stall",
+        "how are lost messages sent again?": "retransmission", "where is an agent's command validated?": "validator",
+        "how does a service process start?": "process", "how does a MOX sensor decay?": "resistance falls with gas",
+        "when has an agent succeeded?": "criterion", "where is the outcome of a run collected?": "utcome",
+        "how is a path shortened?": "shortens", "what does a snapshot contain?": "observations",
     }  # fmt: skip
     assert {question for question, _ in rows} == set(words)
     for question, file in rows:
