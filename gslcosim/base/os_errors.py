@@ -33,7 +33,7 @@ _REMEDIES = {
     errno.EIO: "Check the disk.",
 }
 RESOURCE_ERRNOS = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
-"""What the machine has too little of, whatever is asked of it."""
+"""Error numbers of exhausted resources, whatever was asked for."""
 
 _TARGET_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EEXIST)
 _PATH_ERRNOS = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)

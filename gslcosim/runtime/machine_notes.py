@@ -1,4 +1,4 @@
-"""What is of the machine and not of a run, in a file beside the recording, from which it goes into that at the end."""
+"""Machine-dependent notes of a run (times, faults), in a file beside the recording that is merged into it at the end."""
 
 import contextlib
 import json
@@ -72,7 +72,7 @@ class MachineLog:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineNotes:
-    """What was noted: by agent (tick, ms) of each decision, (tick, participant, text) of each fault, and sandboxes."""
+    """Notes read back: by agent (tick, ms) of each decision, (tick, participant, text) of each fault, and sandboxes."""
 
     decisions_ms: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict[str, list[tuple[int, float]]])
     faults: Sequence[tuple[int, str, str]] = ()

@@ -144,7 +144,7 @@ def test_no_offer_writes_elsewhere(host, place, lie):
     with contextlib.suppress(GslCosimError):
         assert join_with(host, lying).parent == host.here / "runs"
     assert kept(host) == before
-    assert not [entry for entry in (host.here / "cache" / "environments").iterdir() if entry.name.startswith(".")]
+    assert not list((host.here / "cache" / "environments").glob(".*"))
 
 
 @MANY

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from gslcosim.bench.statistics.estimates import Estimate
 
 ABSENT = "\N{EN DASH}"
-"""What stands where nothing can be said."""
+"""Text in place of a number that is unknown."""
 
 _MINUS = "\N{MINUS SIGN}"
 

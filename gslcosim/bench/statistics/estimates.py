@@ -42,7 +42,7 @@ class Estimate:
 
 
 UNDEFINED = Estimate(math.nan, math.nan, math.nan, 0)
-"""What nothing can be said about."""
+"""The estimate without a value or an interval."""
 
 
 def make_generator(seed: Seed) -> np.random.Generator:

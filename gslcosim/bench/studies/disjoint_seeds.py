@@ -16,7 +16,7 @@ from gslcosim.bench.studies.target import StudyTarget, with_changed_fields
 from gslcosim.contract.messages import ParameterValue
 
 DEFAULT = "default"
-"""What the method is called that flies as it was entered, in tuning."""
+"""Name, in tuning, of the method with the parameters it was entered with."""
 
 _LONGEST = 40
 

@@ -17,7 +17,7 @@ from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.yaml_tree import read_yaml
 
 REPETITIONS = 10
-"""How often a single scenario is flown unless told otherwise; a suite says so itself."""
+"""Default number of flights of a single scenario; a suite states its own."""
 
 _ENDINGS = (".yaml", ".yml")
 

@@ -1,4 +1,4 @@
-"""`gslcosim run_scenario`: a person searches, with the keyboard, seeing what an agent sees."""
+"""`gslcosim fly`: a person searches, with the keyboard, seeing what an agent sees."""
 
 import argparse
 import contextlib

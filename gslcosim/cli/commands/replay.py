@@ -1,4 +1,4 @@
-"""`gslcosim replay_run`: fly a run again from its inputs."""
+"""`gslcosim replay`: fly a run again from its inputs."""
 
 import argparse
 

@@ -10,8 +10,8 @@ from gslcosim.runtime.agents.session import AgentSession
 from gslcosim.runtime.agents.transport import AgentEvent, CommandReceived, CommandRefused, EventSink, ObservationOrHead
 from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES, get_agent_participant
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.host import PROGRESS_PERIOD_TICKS, RETRANSMIT_TICKS, RetransmitBuffer
-from gslcosim.runtime.distributed.retransmission import ReorderBuffer
+from gslcosim.runtime.distributed.host import PROGRESS_PERIOD_TICKS
+from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, ReorderBuffer, RetransmitBuffer
 from gslcosim.runtime.services import list_services
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.stepper import SentMessage

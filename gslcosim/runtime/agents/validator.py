@@ -46,7 +46,7 @@ FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, w
 
 
 UnpackedAnswer = dict[str, object] | ContractError
-"""What an agent has sent: a map that is not judged yet, or why it is none."""
+"""Bytes of an agent, decoded: a map that is not judged yet, or the reason why there is none."""
 
 
 def unpack_answer(payload: bytes) -> UnpackedAnswer:

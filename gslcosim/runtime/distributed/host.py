@@ -1,20 +1,16 @@
 """Host of the cores of a process behind a bus: collects inputs, steps when allowed, publishes, repairs losses."""
 
 import contextlib
-import itertools
 import os
 import queue
 import socket
-import threading
 import time
 import traceback
-from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import gslcosim
-from gslcosim.base.errors import ContractError, RunTimeoutError
+from gslcosim.base.errors import RunTimeoutError
 from gslcosim.base.os_errors import format_fault
 from gslcosim.bus.interface import Bus
 from gslcosim.contract import codec
@@ -23,6 +19,7 @@ from gslcosim.contract.participant import Core, Episode, SupportsClose, Supports
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, RetransmitBuffer
 from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.stepper import PACED_PARTICIPANT, ClockPace, MissingInput, SentMessage, Stepper
@@ -81,42 +78,6 @@ _PROGRESS_WINDOW_DIVISOR = 4
 # A slow run shows that it moves.
 PROGRESS_PERIOD_S = 1.0
 BUNDLE_TICKS = 64
-RETRANSMIT_TICKS = 1024
-MAX_RETRANSMITTED_AT_ONCE = 32
-
-
-@dataclass
-class RetransmitBuffer:
-    """Buffer of each port's messages in its last ticks, for readers that missed one; shared between two threads."""
-
-    n_ticks: int = RETRANSMIT_TICKS
-    _payloads: dict[str, OrderedDict[int, bytes]] = field(default_factory=dict[str, OrderedDict[int, bytes]])
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def keep(self, sent: SentMessage) -> None:
-        """Remember a message and forget those that are too old for anybody to ask for."""
-        tick = sent.message.tick
-        with self._lock:
-            payloads = self._payloads.setdefault(sent.port, OrderedDict())
-            payloads[tick] = sent.payload
-            while next(iter(payloads)) <= tick - self.n_ticks:
-                payloads.popitem(last=False)
-
-    def answer(self, question: bytes) -> list[bytes]:
-        """Return the message asked for and those after it, none when it is not here (any more, or yet).
-
-        Messages travel in bundles, so what follows a lost one was most likely lost with it.
-        """
-        try:
-            request = protocol.ResendRequest.from_bytes(question)
-        except ContractError:
-            return []
-        with self._lock:
-            payloads = self._payloads.get(request.port, OrderedDict[int, bytes]())
-            if request.tick not in payloads:
-                return []
-            later = (payload for tick, payload in payloads.items() if tick >= request.tick)
-            return list(itertools.islice(later, MAX_RETRANSMITTED_AT_ONCE))
 
 
 class ParticipantRunner:

@@ -1,1 +1,1 @@
-"""What learned methods share: observations as vectors, actions as commands."""
+"""Shared parts of learned methods: observations as vectors, actions as commands."""

@@ -25,10 +25,10 @@ def test_each_old_name_is_that_of_now(table):
 
 
 def test_an_old_module_and_an_old_name_are_told_at_the_line_that_has_them():
-    program = "import gslcosim.benchmark\nfrom gslcosim.search.senses.instruments import noses_of\n"
+    program = "import gslcosim.safe_files\nfrom gslcosim.search.senses.instruments import noses_of\n"
     command = [sys.executable, "-W", "always::DeprecationWarning", "-c", program]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    assert "gslcosim.benchmark is called gslcosim.bench now." in said
+    assert "gslcosim.safe_files is called gslcosim.base.files now." in said
     assert "noses_of of gslcosim.search.senses.instruments is called find_noses" in said
 
 

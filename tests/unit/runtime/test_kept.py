@@ -5,7 +5,7 @@ from toy_cores import body
 from gslcosim.contract import codec
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.host import RetransmitBuffer
+from gslcosim.runtime.distributed.retransmission import RetransmitBuffer
 from gslcosim.runtime.stepper import SentMessage
 
 
