@@ -1,4 +1,4 @@
-"""Machine-dependent notes of a run (times, faults), in a file beside the recording that is merged into it at the end."""
+"""Machine-dependent notes of a run (times, faults), in a file beside the recording and merged into it at the end."""
 
 import contextlib
 import json
