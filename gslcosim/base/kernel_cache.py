@@ -27,6 +27,10 @@ UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 _CACHING = "numba.core.caching"
 # Versions that lay out files otherwise share none.
 _LAYOUT = b"signed/1"
+# What changes the code that numba makes of a kernel and is not part of its own key.
+_COMPILER_VARIABLES = (
+    "NUMBA_OPT", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE", "NUMBA_ENABLE_AVX", "NUMBA_BOUNDSCHECK",
+)  # fmt: skip
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
 _SIGNATURE_BYTES = 32
@@ -50,7 +54,8 @@ def use_kernel_cache() -> None:
     """Point numba at a cache folder that changes whenever a kernel does, and let it load only signed files.
 
     Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would keep the old
-    callee. A hash of all files with kernels is therefore part of the folder's name.
+    callee. A hash of all files with kernels is therefore part of the folder's name,
+    and so are the settings of its compiler, an optimisation level for instance.
     """
     if NUMBA_VARIABLE not in os.environ:
         os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels()))
@@ -88,6 +93,9 @@ def get_code_roots() -> dict[str, Path]:
 
 def _hash_kernels() -> str:
     digest = hashlib.blake2b(_LAYOUT, digest_size=8)
+    for name in _COMPILER_VARIABLES:
+        if name in os.environ:
+            digest.update(f"{name}={os.environ[name]}\0".encode())
     for package, root in get_code_roots().items():
         for path in sorted(_iter_modules(str(root))):
             with open(path, "rb") as file:  # noqa: PTH123 - a path of 700

@@ -42,11 +42,11 @@ def cached(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     variables = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA", "GSLCOSIM"))}
 
-    def run(prefix=()):
+    def run(prefix=(), **settings):
         return int(
             subprocess.run(
                 [*prefix, sys.executable, str(tmp_path / "program.py")],
-                env=variables | {"GSLCOSIM_CACHE": str(tmp_path / "cache")},
+                env=variables | settings | {"GSLCOSIM_CACHE": str(tmp_path / "cache")},
                 capture_output=True,
                 text=True,
                 check=True,
@@ -160,6 +160,13 @@ def test_a_folder_of_kernels_that_others_may_write_is_closed(cached, tmp_path, m
         monkeypatch.delenv("NUMBA_CACHE_DIR")
         use_kernel_cache()
         assert os.environ["NUMBA_CACHE_DIR"] == f"{folder}-0"
+
+
+def test_another_level_of_optimisation_has_kernels_of_its_own(cached):
+    """Numba would load those of the level before, which may differ in last bits."""
+    assert cached(NUMBA_OPT="0") == 0
+    assert cached(NUMBA_OPT="0") == 2
+    assert cached() == 2
 
 
 def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_path):
