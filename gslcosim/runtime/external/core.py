@@ -363,7 +363,7 @@ class ExternalCore:
             seed=int(stream(episode.seed, f"participant.{own.name}").integers(2**31)),
             time_limit_s=scenario.referee.stop.time_limit_s,
             bounds=Bounds(min_m=_to_floats(grid.origin_m), max_m=_to_floats(grid.max_m)),
-            gases=scenario.gases,
+            gases=scenario.substances,
             vehicles=tuple(
                 VehicleOfRun(agent=agent.name, sensors=tuple(sensor.name for sensor in agent.sensors))
                 for agent in scenario.agents

@@ -524,7 +524,7 @@ class Scenario(Spec):
         return self.tick_ms * 1_000_000
 
     @property
-    def gases(self) -> tuple[str, ...]:
+    def substances(self) -> tuple[str, ...]:
         """The names of the gases that its sources release, each once."""
         return tuple(dict.fromkeys(source.gas or self.gas.gas for source in self.gas.sources))
 
