@@ -2,18 +2,15 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from gslcosim.environment.build.geometry_source import build_geometry
-from gslcosim.environment.geometry_model import with_wind
+from gslcosim.environment.build.still_air import build_still_environment
 from gslcosim.environment.grid import Grid
 from gslcosim.environment.model import Box, Cell, Environment, WindFrames
-from gslcosim.environment.variants.variant import find_variants, scenario_in_variant
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 
@@ -119,13 +116,7 @@ def room_with_gate() -> Callable[..., tuple[Scenario, Environment]]:
 
     def build(*events: str, changes: Sequence[str] = ()) -> tuple[Scenario, Environment]:
         overrides = [f"events=[{', '.join(events)}]", *changes]
-        scenario = load_scenario("event_door", overrides=overrides).scenario
-        first, *later = (in_still_air(scenario_in_variant(scenario, each)) for each in find_variants(scenario))
-        return scenario, replace(first, later_rooms=dict(zip(find_variants(scenario)[1:], later, strict=True)))
+        loaded = load_scenario("event_door", overrides=overrides)
+        return loaded.scenario, build_still_environment(loaded.scenario, scenario_dir=loaded.directory)
 
     return build
-
-
-def in_still_air(scenario: Scenario) -> Environment:
-    room = build_geometry(scenario.environment, scenario.wind)
-    return with_wind(room, WindFrames(velocity_m_s=np.zeros((1, *room.grid.shape, 3), np.float32)))

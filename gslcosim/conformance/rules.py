@@ -231,7 +231,7 @@ _PARTICIPANT_RULES = (
     ),
     Rule(
         id="values",
-        sentence="sends finite numbers and truth values, and a share of the wind of at least 0",
+        sentence="sends finite numbers and truth values, and a `share` of at least 0",
         remedy="Look for a division by zero or a mean of nothing; ventilation needs share, other outputs have names.",
     ),
     Rule(

@@ -15,13 +15,15 @@ class Write:
     """A port that a participant writes: one message at tick 0 and every `period_ticks` after it.
 
     `announced_in` names a port whose messages say at which ticks this port carries a message instead
-    (see `Message.announced_ports`); `period_ticks` then has no meaning.
+    (see `Message.announced_ports`); `period_ticks` then has no meaning. `is_for_recording` says that its messages
+    depend on how a run is recorded: a repetition that is recorded otherwise is not compared by them.
     """
 
     port: str
     message_type: type[Message]
     period_ticks: int = 1
     announced_in: str | None = None
+    is_for_recording: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,16 @@ from typing import Annotated, Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import Field, StringConstraints
 
+from gslcosim.contract.environment_messages import WindShare
 from gslcosim.contract.messages import Bounds, ParameterValue
 from gslcosim.contract.record import Message, Name, Record
 
 PARTICIPATION_VERSION = "1.0"
 VENTILATION = "ventilation"
 """The word for the output that changes the wind of the room, a `WindShare`."""
+
+ROOM_OUTPUTS: Mapping[str, type[Message]] = {VENTILATION: WindShare}
+"""Messages of the outputs that change the room, by their words: each holds until the next, and is there every tick."""
 
 MAX_PORTS = 64
 MAX_VALUES = 256

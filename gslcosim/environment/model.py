@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,11 +109,23 @@ AT_START: Closed = ("at start",)
 """In place of names: as at the start of a run. It is no name, which has no blank."""
 
 
+class VariantValues(TypedDict):
+    """Values of an `EnvironmentVariant` in a file."""
+
+    closed: list[str]
+    i_wind: int
+
+
 class EnvironmentVariant(NamedTuple):
     """Variant of an environment: its closed doors, and the place of the event whose inlet makes the wind."""
 
     closed: Closed = ()
     i_wind: int = OWN_WIND
+
+    @classmethod
+    def from_values(cls, values: VariantValues) -> Self:
+        """Return the variant that a file holds."""
+        return cls(tuple(values["closed"]), values["i_wind"])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -102,6 +102,10 @@ HEADER_FILE: Final = "environment.yaml"
 OCCUPANCY_FILE: Final = "occupancy.npy"
 WIND_FILE: Final = "wind.npy"
 MESHES_FILE: Final = "visual.glb"
+EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "visual.glb"]
+"""Name of a file that is part of an environment; the others are for people and other programs."""
+ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
+REQUIRED_FILES: frozenset[EnvironmentFile] = frozenset({HEADER_FILE, OCCUPANCY_FILE, WIND_FILE})
 SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
 

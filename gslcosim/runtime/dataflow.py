@@ -49,6 +49,11 @@ class Dataflow:
         """The message type of each port."""
         return {port: write.message_type for port, write in self.writes.items()}
 
+    @cached_property
+    def recording_ports(self) -> frozenset[str]:
+        """The ports whose messages depend on how a run is recorded."""
+        return frozenset(port for port, write in self.writes.items() if write.is_for_recording)
+
     def readers_of(self, name: str) -> tuple[ParticipantSpec, ...]:
         """Return the other participants that read anything a participant writes."""
         mine = {write.port for write in self.by_name[name].writes}

@@ -34,7 +34,7 @@ from gslcosim.scenario.loader import LoadedScenario, dump_resolved
 from gslcosim.scenario.models.scenario import Processes
 
 if TYPE_CHECKING:
-    from gslcosim.environment.generation.wind import Progress
+    from gslcosim.environment.generation import Progress
 
 StatusHandler = Callable[[RunStatus], None]
 
@@ -135,7 +135,7 @@ def run_scenario(
     return result
 
 
-# Where nothing was made before, kernels are compiled for longer than a wind is solved: the other core has time.
+# Where nothing was made before, kernels are compiled for longer than an environment is made: the other core has time.
 def _prepare_environment(loaded: LoadedScenario, report: StatusHandler, fork_server: ForkServer | None) -> Path:
     rehearsing = fork_server
 

@@ -29,6 +29,7 @@ from gslcosim.base.yaml_core import BoundedLoader
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import get_contract_hash
+from gslcosim.environment.model import VariantValues
 from gslcosim.runtime.installed_packages import compare_with_lock, installed_versions, versions_hash
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
@@ -85,11 +86,9 @@ class RunResult(TypedDict, total=False):
     agents: list[AgentResult]
 
 
-class LaterRoom(TypedDict):
+class LaterRoom(VariantValues):
     """A room that events make, in `setup.json`."""
 
-    closed: list[str]
-    i_wind: int
     folder: PathText
 
 

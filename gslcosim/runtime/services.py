@@ -66,14 +66,17 @@ class ServiceKind:
 
     `name` is that of the participant, its folder and its part of keys. `build_spec` tells its reads and writes without
     building it; `build` imports and builds its core, and nothing of another service. `is_needed` says whether a
-    scenario has it. `is_warmed_up` ones have kernels to load before time passes; `preloads` are modules that a process
-    may import before it is forked, as they start no threads; `import_early` imports what takes long and may start some,
-    in a process that will be this service and nothing else; `follows_agents` ones read what agents command in the same
-    tick, and so stand downstream of them.
+    scenario has it. `is_warmed_up` ones have kernels to load before time passes, and the one that `has_most_kernels` is
+    warmed up first where one process does it for all; `preloads` are modules that a process may import before it is
+    forked, as they start no threads; `import_early` imports what takes long and may start some, in a process that will
+    be this service and nothing else; `follows_agents` ones read what agents command in the same tick, and so stand
+    downstream of them.
 
     `position` orders services from upstream to downstream. `build_briefings` returns what each agent is told before the
     first tick, for runs that start at a snapshot, in which agents are briefed before the service runs. `repair` makes
     whole what a service that was killed has left in the run's folder; it raises `RecordingError` or `OSError`.
+    `check_host` raises `UsageError` where a host that joins a run lacks files that the service reads from a place of
+    their own.
     """
 
     name: str
@@ -81,12 +84,14 @@ class ServiceKind:
     build: Callable[[RunSetup], Core]
     is_needed: Callable[[Scenario], bool] = lambda scenario: True
     is_warmed_up: bool = False
+    has_most_kernels: bool = False
     preloads: tuple[str, ...] = ()
     import_early: Callable[[], None] | None = None
     follows_agents: bool = False
     position: int = 100
     build_briefings: Callable[[RunSetup], Mapping[str, Briefing]] | None = None
     repair: Callable[[Path], None] | None = None
+    check_host: Callable[[RunSetup], None] | None = None
 
 
 # What this distribution offers; packages of others replace one by a block of its name in a scenario's `services`.

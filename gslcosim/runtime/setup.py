@@ -46,10 +46,8 @@ class RunSetup:
         """Write `setup.json` beside the resolved scenario, for the services of the run."""
         places: dict[str, Any] = {"environment": str(self.environment_dir)}
         if self.later_rooms:
-            places["later_rooms"] = [
-                {"closed": each.closed, "i_wind": each.i_wind, "folder": str(folder)}
-                for each, folder in self.later_rooms.items()
-            ]
+            rooms = self.later_rooms.items()
+            places["later_rooms"] = [{**variant._asdict(), "folder": str(folder)} for variant, folder in rooms]
         if self.sources:
             places["sources"] = [str(path) for path in self.sources]
         if self.directory is not None:
@@ -72,10 +70,8 @@ class RunSetup:
         saved = run_dir.load_setup()
         environment_dir = Path(saved["environment"])
         environment = load_environment(environment_dir)
-        later_rooms = {
-            EnvironmentVariant(tuple(each["closed"]), each["i_wind"]): Path(each["folder"])
-            for each in saved.get("later_rooms", ())
-        }
+        rooms = saved.get("later_rooms", ())
+        later_rooms = {EnvironmentVariant.from_values(each): Path(each["folder"]) for each in rooms}
         if later_rooms:
             from gslcosim.environment.generation.variants import with_variants
 

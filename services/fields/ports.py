@@ -22,6 +22,6 @@ def fields_spec(scenario: Scenario) -> ParticipantSpec:
         reads=(Read(port=keys.BODIES), *wind, *events),
         writes=(
             Write(port=keys.SAMPLES, message_type=FieldSamples),
-            Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=snapshot_ticks),
+            Write(port=keys.FILAMENTS, message_type=FilamentCloud, period_ticks=snapshot_ticks, is_for_recording=True),
         ),
     )

@@ -8,14 +8,16 @@ import pytest
 # All is imported once as it is, so that other packages are loaded; then ours once more, on a system that has less.
 SCRIPT = """
 import importlib, pkgutil, sys
-import gslcosim
+import gslcosim, gslcosim_services
 
+OURS = ("gslcosim", "gslcosim_services")
 ALONE = {"gslcosim.runtime.processes.sandbox.launcher"}  # a program of its own, which only Linux runs
-names = [each.name for each in pkgutil.walk_packages(gslcosim.__path__, "gslcosim.")]
+found = (pkgutil.walk_packages(sys.modules[name].__path__, f"{name}.") for name in OURS)
+names = [each.name for package in found for each in package]
 names = [name for name in names if not name.endswith("__main__") and ".templates" not in name and name not in ALONE]
 for name in names:
     importlib.import_module(name)
-for name in [name for name in sys.modules if name.split(".")[0] == "gslcosim"]:
+for name in [name for name in sys.modules if name.split(".")[0] in OURS]:
     del sys.modules[name]
 LINUX = {"fcntl", "resource", "termios", "tty", "pty", "pwd", "grp"}
 

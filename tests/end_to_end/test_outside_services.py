@@ -56,5 +56,6 @@ def test_a_run_whose_every_service_is_of_another_package_has_one_digest_in_all_d
 @pytest.mark.end_to_end
 def test_no_core_of_gslcosims_own_is_loaded_for_it(tmp_path):
     _, run = run_scenario(tmp_path / "one", "--in-process")
+    assert (run / "services.txt").read_text() == " ".join(NAMES)
     for name in NAMES:
         assert (run / f"loaded_by_{name}.txt").read_text() == ""

@@ -7,9 +7,10 @@ import pytest
 
 from gslcosim.methods.card import card_beside
 from gslcosim.runtime.agents import kernel_warmup
-from gslcosim.runtime.agents.kernel_warmup import build_warmup_scenario, compile_agent_kernels
+from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loader import load_scenario
+from gslcosim.scenario.method_scenario import build_method_scenario
 
 DIRECTORY = bundled_scenarios()["tiny_room"].parent
 STARTED_APART = "agents[0].start={python: infotaxis, door: stdio}"
@@ -19,7 +20,7 @@ STARTED_APART = "agents[0].start={python: infotaxis, door: stdio}"
 def test_each_bundled_agent_has_what_its_card_says_in_the_small_room(name):
     card = card_beside(bundled_agents()[name])
     assert card is not None
-    scenario = build_warmup_scenario(name, card, DIRECTORY)
+    scenario = build_method_scenario(name, card, DIRECTORY)
     assert scenario.agents[0].start.python == name
     assert len(scenario.agents) >= (card.robots if isinstance(card.robots, int) else card.robots[0])
 

@@ -1,6 +1,5 @@
 """Session of a check with a participant: scripted inputs, its answers, and the rules that they break."""
 
-import math
 import queue
 import time
 from collections.abc import Iterable, Mapping
@@ -14,14 +13,14 @@ from gslcosim.base.errors import ContractError
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.conformance.report import Failure
-from gslcosim.conformance.scripted_world import ROOM_M, TICK_NS, add_unknown_fields
+from gslcosim.conformance.scripted_world import TICK_NS, add_unknown_fields
 from gslcosim.conformance.session import SessionLimits
 from gslcosim.conformance.transports import AgentExited, CheckedProcess, ConnectionSpec
 from gslcosim.contract import codec, keys
 from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
 from gslcosim.contract.keys import KEY_TABLE
-from gslcosim.contract.messages import Bounds, Ending, FieldSamples, GasAmount, Message, MountSample, ParameterValue
+from gslcosim.contract.messages import Bounds, Ending, FieldSamples, Message, ParameterValue
 from gslcosim.contract.participation import (
     PARTICIPATION_VERSION,
     VENTILATION,
@@ -44,6 +43,7 @@ from gslcosim.gateway.connections import (
     Stream,
     StreamEndedError,
 )
+from gslcosim.methods.example_instruments import GAS, ROOM_M, SAMPLED_SENSORS, build_samples
 from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.external.core import PARTICIPANT_VARIABLE
 from gslcosim.runtime.external.protocol import is_valid_name, read_hello, read_outputs
@@ -87,8 +87,8 @@ def build_check_briefing(
         seed=seed,
         time_limit_s=10_000.0,
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
-        gases=("ethanol",),
-        vehicles=(VehicleOfRun(agent=VEHICLE_NAME, sensors=("nose", "wind")),),
+        gases=(GAS,),
+        vehicles=(VehicleOfRun(agent=VEHICLE_NAME, sensors=SAMPLED_SENSORS),),
         reads=tuple(PortRead(port=port, delay_ticks=0, message=get_message_name(port) or "") for port in hello.reads),
         writes=tuple(_build_write(word) for word in hello.writes),
         parameters=dict(parameters),
@@ -131,16 +131,10 @@ def pack_fields(fields: Mapping[str, Any]) -> bytes:
     return bytes(payload)
 
 
-# In gas for a while, then not, with noise.
 def _build_input(port: str, tick: int, noise: float) -> Message:
     name = get_message_name(port)
     if name == FieldSamples.__name__:
-        ppm = max(0.0, 5.0 * math.sin(tick / 6.0) + 0.1 * noise)
-        gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=ppm),)
-        wind_m_s = (0.5 + 0.01 * noise, 0.0, 0.0)
-        names = ("nose", "wind")
-        samples = (MountSample(agent=VEHICLE_NAME, sensor=each, gases=gases, wind_world_m_s=wind_m_s) for each in names)
-        return FieldSamples(tick=tick, samples=tuple(samples))
+        return build_samples(tick, noise, agent=VEHICLE_NAME)
     if name == ParticipantValues.__name__:
         return ParticipantValues(tick=tick, values={"level": noise, "is_on": noise > 0})
     if name == WindShare.__name__:

@@ -12,25 +12,20 @@ import subprocess
 import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any
 
 from gslcosim.base.command_lines import build_parent_death_prefix, build_python_command
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
-from gslcosim.methods.card import MethodCard, card_beside
+from gslcosim.methods.card import card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
-from gslcosim.scenario.loader import load_scenario, resolve_values
-from gslcosim.scenario.serialization import plain_values
+from gslcosim.scenario.method_scenario import METHOD_SCENARIO, build_method_scenario
 
 if sys.platform != "win32":
     import fcntl
 
 COMPILE_TIMEOUT_S = 600.0
-WARMUP_SCENARIO = "tiny_room"
-# Long enough that methods have met gas, planned and moved; none succeeds before.
-WARMUP_TIME_LIMIT_S = 60.0
 _MARKERS_FOLDER = "agents"
 
 
@@ -125,8 +120,8 @@ def run_agent_for_warmup(name: str) -> None:
     from gslcosim.runtime.run_dir import RunDir
     from gslcosim.runtime.setup import RunSetup
 
-    directory = bundled_scenarios()[WARMUP_SCENARIO].parent
-    scenario = build_warmup_scenario(name, card_beside(program), directory)
+    directory = bundled_scenarios()[METHOD_SCENARIO].parent
+    scenario = build_method_scenario(name, card_beside(program), directory)
     environment_dir = prepare_environment(scenario, scenario_dir=directory)
     with ScratchFolder("kernels") as scratch:
         (scratch.path / "logs").mkdir()
@@ -137,47 +132,6 @@ def run_agent_for_warmup(name: str) -> None:
             environment=load_environment(environment_dir),
         )
         run_in_process(setup, directory, Network(), lambda _: None)
-
-
-def build_warmup_scenario(name: str, card: MethodCard | None, directory: Path) -> Scenario:
-    """Return a scenario in a small room in which a bundled agent has all that its card says it needs.
-
-    Args:
-        name: The agent's.
-        card: Its card.
-        directory: Where the scenario's relative paths start.
-
-    Raises:
-        GslCosimError: there is none.
-    """
-    values = plain_values(load_scenario(WARMUP_SCENARIO).scenario)
-    needs = card.needs if card is not None else None
-    first = values["agents"][0]
-    first["start"] = {"python": name}
-    first["knows"] = dict.fromkeys(needs.knows, True) if needs is not None else {}
-    first["sensors"] = _build_sensors(tuple(needs.sensors) if needs is not None else ())
-    robots = card.robots if card is not None else 1
-    n_robots = robots if isinstance(robots, int) else robots[0]
-    values["agents"] = [first, *(_build_robot(first, i) for i in range(1, n_robots))]
-    if needs is not None and needs.radio:
-        values["channels"] = [{"name": "radio"}]
-    values["referee"]["success"] = {"within_m": 0.01, "of": "source"}
-    values["referee"]["stop"] = {"time_limit_s": WARMUP_TIME_LIMIT_S}
-    values["recording"] = {"enabled": False}
-    return resolve_values(values, directory, source=f"the small room of {name}")
-
-
-def _build_sensors(kinds: tuple[str, ...]) -> list[dict[str, Any]]:
-    model = "pid" if "gas_ppm" in kinds else "tgs2600"
-    camera = [{"model": "camera", "name": "eye", "period_s": 0.5}] if "camera" in kinds else []
-    return [{"model": model, "name": "nose"}, {"model": "anemometer", "name": "wind"}, *camera]
-
-
-# In a row across the room, apart from each other.
-def _build_robot(first: dict[str, Any], i: int) -> dict[str, Any]:
-    x_m, _, z_m = first["vehicle"]["start_m"]
-    vehicle = {**first["vehicle"], "start_m": [x_m, float(i), z_m], "separation_m": 0.4}
-    return {**first, "name": f"robot_{i + 1}", "start": {"process_of": first["name"]}, "vehicle": vehicle}
 
 
 if __name__ == "__main__":

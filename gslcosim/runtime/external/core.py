@@ -16,12 +16,11 @@ from gslcosim.base.rng import stream
 from gslcosim.base.scratch import ScratchFolder
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec
-from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.messages import Bounds, Ending, Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.participation import (
     PARTICIPATION_VERSION,
-    VENTILATION,
+    ROOM_OUTPUTS,
     ParticipantBriefing,
     ParticipantHello,
     ParticipantOutputs,
@@ -256,7 +255,7 @@ END_REASON = "the run is over"
 
 
 class ExternalCore:
-    """Stands for a program among the cores of a run. State: the program, and what it has said of the wind.
+    """Stands for a program among the cores of a run. State: the program, and what it has made of the room.
 
     Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
     through them. They are kept only where a run has snapshots.
@@ -274,7 +273,7 @@ class ExternalCore:
         self._message_types = message_types
         self._period_ticks = get_period_ticks(own, setup.scenario)
         self._program: ParticipantProgram | None = None
-        self._wind: WindShare | None = None
+        self._room_outputs: dict[str, Message] = {}
         self._is_kept = setup.scenario.snapshots is not None or setup.snapshot is not None
         self._past: list[tuple[int, bytes]] = []
         self._answers_hash = b""
@@ -282,7 +281,7 @@ class ExternalCore:
     def reset(self, episode: Episode) -> Outbox:
         """Start the program anew, hear its hello and tell it its briefing."""
         self.close()
-        self._wind, self._past, self._answers_hash = None, [], b""
+        self._room_outputs, self._past, self._answers_hash = {}, [], b""
         program = self._program = ParticipantProgram(self._own, self._setup)
         program.start()
         payload = program.hear(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
@@ -295,9 +294,9 @@ class ExternalCore:
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
-        """Let the program step, where its period is over; the wind stays as it was in between."""
+        """Let the program step, where its period is over; the room stays as it was in between."""
         if tick % self._period_ticks:
-            return {} if self._wind is None else {WIND: WindShare(tick=tick, share=self._wind.share)}
+            return {port: held.model_copy(update={"tick": tick}) for port, held in self._room_outputs.items()}
         time_s = seconds_from_ticks(tick, self._setup.scenario.tick_ns)
         ports = (read.port for read in self._own.reads if read.port in inbox)
         inputs = encode_inputs(tick, time_s, {port: codec.encode(inbox[port]) for port in ports})
@@ -342,8 +341,7 @@ class ExternalCore:
             answers = read_outputs(payload, tick, self._own.writes)
         except ContractError as error:
             raise program.fault(str(error)) from error
-        wind = answers.get(VENTILATION)
-        self._wind = wind if isinstance(wind, WindShare) else None
+        self._room_outputs = {self._own.port_of(word): answers[word] for word in answers if word in ROOM_OUTPUTS}
         if self._is_kept:
             self._past.append((tick, inputs))
             digest = hashlib.blake2b(self._answers_hash, digest_size=16)
@@ -365,7 +363,7 @@ class ExternalCore:
             seed=int(stream(episode.seed, f"participant.{own.name}").integers(2**31)),
             time_limit_s=scenario.referee.stop.time_limit_s,
             bounds=Bounds(min_m=_to_floats(grid.origin_m), max_m=_to_floats(grid.max_m)),
-            gases=tuple(dict.fromkeys(source.gas or scenario.gas.gas for source in scenario.gas.sources)),
+            gases=scenario.substances,
             vehicles=tuple(
                 VehicleOfRun(agent=agent.name, sensors=tuple(sensor.name for sensor in agent.sensors))
                 for agent in scenario.agents

@@ -8,13 +8,12 @@ from typing import Any
 from gslcosim.base.errors import ContractError
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
-from gslcosim.contract.environment_messages import WindShare
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.contract.participation import (
     MAX_VALUES,
     PARTICIPATION_VERSION,
-    VENTILATION,
+    ROOM_OUTPUTS,
     ParticipantHello,
     ParticipantOutputs,
     ParticipantValues,
@@ -38,14 +37,14 @@ def get_period_ticks(own: ParticipantProgramSpec, scenario: Scenario) -> int:
 
 
 def build_external_spec(own: ParticipantProgramSpec, scenario: Scenario) -> ParticipantSpec:
-    """Return the dataflow of a participant; the wind that it sets is there every tick, also between its steps."""
+    """Return the dataflow of a participant; what it makes of the room is there every tick, also between steps."""
     period_ticks = get_period_ticks(own, scenario)
     return ParticipantSpec(
         name=own.name,
         reads=tuple(Read(port=read.port, delay_ticks=read.delay) for read in own.reads),
         writes=tuple(
-            Write(port=own.port_of(word), message_type=WindShare)
-            if word == VENTILATION
+            Write(port=own.port_of(word), message_type=ROOM_OUTPUTS[word])
+            if word in ROOM_OUTPUTS
             else Write(port=own.port_of(word), message_type=ParticipantValues, period_ticks=period_ticks)
             for word in own.writes
         ),
@@ -174,9 +173,9 @@ def is_valid_name(word: str) -> bool:
 
 
 def _build_output(word: str, tick: int, fields: dict[str, Any]) -> Message:
-    if word == VENTILATION:
+    if word in ROOM_OUTPUTS:
         try:
-            return codec.build_message(WindShare, {**fields, "tick": tick})
+            return codec.build_message(ROOM_OUTPUTS[word], {**fields, "tick": tick})
         except ContractError as error:
             raise ContractError(f"ParticipantOutputs: outputs.{word}: {error}") from error
     if len(fields) > MAX_VALUES:

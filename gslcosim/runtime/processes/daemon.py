@@ -108,11 +108,11 @@ def _warm_up() -> None:
     for module in _SUPERVISOR_MODULES:
         importlib.import_module(module)
 
-    from gslcosim.runtime.windless_warmup import warm_up_without_wind
+    from gslcosim.runtime.early_warmup import warm_up_services
     from gslcosim.scenario import load_scenario
 
     loaded = load_scenario(_WARMUP_SCENARIO)
-    warm_up_without_wind(loaded.scenario, loaded.directory)
+    warm_up_services(loaded.scenario, loaded.directory)
 
 
 @contextlib.contextmanager

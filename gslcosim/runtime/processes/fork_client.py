@@ -230,7 +230,7 @@ class ForkServer:
         Returns:
             The fork; None where the server has ended, which whoever asks for a service is told.
         """
-        from gslcosim.runtime.windless_warmup import build_warmup_request
+        from gslcosim.runtime.early_warmup import build_warmup_request
 
         with contextlib.suppress(SimulationFault):
             return self._ask(WARMUP_PROCESS, {"rehearse": build_warmup_request(scenario, directory)}, Path(os.devnull))

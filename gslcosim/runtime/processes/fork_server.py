@@ -56,7 +56,7 @@ def child_main(request: dict[str, Any], parent: int, unwanted: Sequence[int]) ->
         _redirect_output(request["log"])
         gc.enable()
         if "rehearse" in request:
-            from gslcosim.runtime.windless_warmup import run_warmup_request
+            from gslcosim.runtime.early_warmup import run_warmup_request
 
             run_warmup_request(request["rehearse"])
             os._exit(0)

@@ -13,7 +13,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
@@ -24,7 +24,13 @@ from gslcosim.base.errors import ContractError, EnvironmentDataError, MachineErr
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.bus.interface import Bus
 from gslcosim.contract.schema import get_contract_hash
-from gslcosim.environment.store import HEADER_FILE, MESHES_FILE, OCCUPANCY_FILE, WIND_FILE, load_environment
+from gslcosim.environment.store import (
+    ENVIRONMENT_FILES,
+    HEADER_FILE,
+    REQUIRED_FILES,
+    EnvironmentFile,
+    load_environment,
+)
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.setup import RunSetup
 
@@ -101,9 +107,6 @@ def _get_version(package: str) -> str:
 OFFER_KEY = "rpc/run/offer"
 CHUNK_KEY = "rpc/run/piece"
 CHUNK_BYTES = 1 << 18
-# As `EnvironmentFile` has them.
-ENVIRONMENT_FILES: tuple["EnvironmentFile", ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
-
 
 # Larger files of rooms than these [bytes] do not exist; the header is text.
 MAX_ROOM_BYTES, MAX_HEADER_BYTES = 1 << 37, 1 << 26
@@ -118,7 +121,7 @@ def _check_folder(text: str) -> str:
 
 
 def _check_sizes(files: dict[str, int]) -> dict[str, int]:
-    if not {HEADER_FILE, OCCUPANCY_FILE, WIND_FILE} <= files.keys() or files[HEADER_FILE] > MAX_HEADER_BYTES:
+    if not files.keys() >= REQUIRED_FILES or files[HEADER_FILE] > MAX_HEADER_BYTES:
         raise ValueError(f"the files of a room, and at most {MAX_HEADER_BYTES} bytes of {HEADER_FILE}")
     return files
 
@@ -127,7 +130,6 @@ def _check_sizes(files: dict[str, int]) -> dict[str, int]:
 RunId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,199}$")]
 ContentHash = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16,128}$")]
 FolderPath = Annotated[str, StringConstraints(max_length=4096), AfterValidator(_check_folder)]
-EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "visual.glb"]
 RoomNumber = Annotated[int, Field(ge=0, le=_MAX_ENVIRONMENTS)]
 Offset = Annotated[int, Field(ge=0, le=MAX_ROOM_BYTES)]
 
@@ -237,7 +239,7 @@ class RunServer:
             return [file.read(CHUNK_BYTES)]
 
 
-def _list_files(folder: Path) -> "dict[EnvironmentFile, int]":
+def _list_files(folder: Path) -> dict[EnvironmentFile, int]:
     return {name: (folder / name).stat().st_size for name in ENVIRONMENT_FILES if (folder / name).is_file()}
 
 

@@ -26,7 +26,7 @@ from gslcosim.runtime.remote.run_server import (
     find_local_environment,
 )
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.services import build_core, build_dataflow
+from gslcosim.runtime.services import build_core, build_dataflow, find_service
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import read_resolved
@@ -81,7 +81,8 @@ def join_as_services(
         try:
             cores: list[Core] = []
             for at_fault in _sort_upstream(offer, names):
-                _check_files(at_fault, setup)
+                if (check_host := find_service(at_fault, setup.scenario).check_host) is not None:
+                    check_host(setup)
                 cores.append(build_core(at_fault, setup))
             return _host_services(bus, cores, setup, offer, join.window_ticks, say)
         except UsageError:
@@ -226,16 +227,6 @@ def _is_run_dir(path: Path, offer: RunOffer) -> bool:
 
 def _sort_upstream(offer: RunOffer, names: Sequence[str]) -> list[str]:
     return [name for name in offer.expected if name in names]
-
-
-# What is read from a place of its own and not from the room.
-def _check_files(name: str, setup: RunSetup) -> None:
-    stored = setup.scenario.gas.stored
-    if name == "fields" and stored is not None and not Path(stored.folder).exists():
-        raise UsageError(
-            "gas.playback.folder: expected the stored gas on the host of fields, found none. Copy it to the same "
-            f"place, or leave fields with the supervisor.\nFolder: {stored.folder}"
-        )
 
 
 def _host_services(

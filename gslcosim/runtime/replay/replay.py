@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from gslcosim.base.errors import ExitCode, GslCosimError, UsageError
 from gslcosim.base.interruption import Interruption
 from gslcosim.base.ticks import ticks_from_seconds
-from gslcosim.contract import codec, keys
+from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Command, Ending
 from gslcosim.runtime.agents.session import build_session
 from gslcosim.runtime.agents.transport import (
@@ -34,9 +34,6 @@ from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import RecordingSpec, SnapshotsSpec
-
-# The port whose messages depend on how a run is recorded.
-RECORDER_ONLY_PORTS = frozenset({keys.FILAMENTS})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +112,7 @@ def replay_run(
     Args:
         past: The run.
         runs_dir: Where the new run's folder is made.
-        recording: Keys of the scenario's `recording` that are others now, such as `gas_every_s`.
+        recording: Keys of the scenario's `recording` that are others now, such as `from_s`.
         until_s: Where to end [s of simulated time]; absent: where the run ended.
         snapshots_every_s: Take snapshots so often; absent: as the run did.
         uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
@@ -197,7 +194,7 @@ def _compare(past: PastRun, scenario: Scenario, outcome: RunOutcome) -> tuple[Di
     if past.digest is None or outcome.digest is None:
         return None, 0
     is_recorded_alike = past.scenario.recording == scenario.recording
-    other = frozenset[str]() if is_recorded_alike else RECORDER_ONLY_PORTS
+    other = frozenset[str]() if is_recorded_alike else build_dataflow(scenario).recording_ports
     final_tick = outcome.digest.final_tick if outcome.is_cut else past.digest.final_tick
     before, now = past.digest.without(other, final_tick=final_tick), outcome.digest.without(other)
     return find_first_divergence(before, now), final_tick + 1

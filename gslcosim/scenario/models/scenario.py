@@ -524,6 +524,11 @@ class Scenario(Spec):
         return self.tick_ms * 1_000_000
 
     @property
+    def substances(self) -> tuple[str, ...]:
+        """The names of the gases that its sources release, each once."""
+        return tuple(dict.fromkeys(source.gas or self.gas.gas for source in self.gas.sources))
+
+    @property
     def has_wind_that_changes(self) -> bool:
         """True if a service scales the wind during the run, or an event changes it."""
         return self.has_driven_wind or any(event.drives_wind for event in self.events)

@@ -1,6 +1,7 @@
 """Services of another package that replace all of gslcosim's own: vehicles on rails in air without any gas."""
 
 import math
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +22,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
 from gslcosim.contract.schema import get_contract_hash
-from gslcosim.runtime.services import ServiceKind, get_block_service
+from gslcosim.runtime.services import ServiceKind, get_block_service, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.services import ServiceSpec
@@ -247,19 +248,14 @@ def _registered(block, spec_of, core, **more):
     get_block_service.register(block, kind)
 
 
-# What of gslcosim's own services this process has loaded, for the test that none has.
+# All services of the run, and what of gslcosim's own this process has loaded, for the test that none has.
 def _noted(core, spec, setup):
-    loaded = sorted(name for name in sys.modules if name.startswith(OWN_CORES))
+    loaded = sorted(name for name in sys.modules if re.fullmatch(r"gslcosim_services\.\w+\.core", name))
     Path(setup.run_dir.path, f"loaded_by_{spec.name}.txt").write_text("\n".join(loaded))
+    Path(setup.run_dir.path, "services.txt").write_text(" ".join(list_service_names(setup.scenario)))
     return core(spec, setup)
 
 
-OWN_CORES = (
-    "gslcosim_services.world.core",
-    "gslcosim_services.fields.core",
-    "gslcosim_services.sensing.core",
-    "gslcosim_services.referee.core",
-)
 _registered(WorldBlock, world_spec, RailWorld)
 _registered(FieldsBlock, fields_spec, StillFields)
 _registered(SensingBlock, sensing_spec, PoseSensing, build_briefings=build_briefings)

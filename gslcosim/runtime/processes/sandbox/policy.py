@@ -109,8 +109,8 @@ def list_code_folders() -> list[Path]:
 def list_hidden_folders() -> list[Path]:
     """Return what no agent sees wherever it lies.
 
-    Bundled scenarios, the cache with environments and gas, what the user has found out, and the folders of sockets at
-    which only those in no sandbox may ask.
+    Bundled scenarios, the cache, what the user has found out, and the folders of sockets at which only those in no
+    sandbox may ask.
     """
     return [bundled_folder("."), get_cache_root(), user_state_folder(), get_daemon_folder(), get_status_folder()]
 

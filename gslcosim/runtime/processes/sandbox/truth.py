@@ -35,7 +35,7 @@ _SCHEMA = re.compile(rb"gslcosim/(scenario|suite|results?|maps|environment)/")
 _PASSWORD = re.compile(rb'"password"')
 _ESCAPE = re.compile(rb"\\(?:x([0-9a-fA-F]{2})|u00([0-9a-fA-F]{2})|U000000([0-9a-fA-F]{2}))")
 _NO_MATTER = re.compile(rb"[\s\0\\]+")
-# What stands together in the folder of a run, of results of a suite, and of a room with its wind.
+# What stands together in the folder of a run, of results of a suite, and of an environment.
 _SIGNS_OF_RUN = ("scenario.yaml", "manifest.json")
 _SIGNS = (
     _SIGNS_OF_RUN,

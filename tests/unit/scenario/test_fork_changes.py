@@ -4,7 +4,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from gslcosim.base.errors import UsageError
-from gslcosim.runtime.replay.fork import check_changes, find_changed_paths
+from gslcosim.scenario.fork_changes import check_changes, find_changed_paths
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 

@@ -1,0 +1,134 @@
+"""Changes that a fork may make to the scenario of its run: nothing that the past depends on."""
+
+import re
+from collections.abc import Iterator
+from typing import Any, cast
+
+from gslcosim.base.errors import UsageError
+from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
+from gslcosim.scenario.models.events import EventSpec, SourceStartsSpec, SourceStopsSpec
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.serialization import plain_values
+
+
+def find_event_problems(before: Scenario, after: Scenario, *, at_tick: int) -> Iterator[str]:
+    """Yield what a fork would change of the events that its past depends on.
+
+    Args:
+        before: The run's scenario.
+        after: The fork's.
+        at_tick: Where the fork begins.
+    """
+    at_s = seconds_from_ticks(at_tick, before.tick_ns)
+    past = [event for event in before.events if _could_be_past(event, before, at_tick)]
+    for i, event in enumerate(after.events):
+        if not _could_be_past(event, after, at_tick):
+            continue
+        if event in past:
+            past.remove(event)
+        elif event.when is not None:
+            yield f"events[{i}].when: expected at_s for an event that the run has not: it might have happened before."
+        else:
+            yield f"events[{i}].at_s: expected a time after the fork at {at_s:g} s, was {event.at_s:g} s."
+    for event in past:
+        when = event.when.text if event.when is not None else f"at {event.at_s:g} s"
+        yield f"events: expected {event.what} {when}, as in the run, was left out or changed: it may be past by then."
+    closed = _list_sources_closed_at_start(after) - _list_sources_closed_at_start(before)
+    for source in sorted(closed):
+        yield (
+            f"events: expected no source_starts as the first of source {source}: it would be closed from the beginning."
+        )
+
+
+def _could_be_past(event: EventSpec, scenario: Scenario, at_tick: int) -> bool:
+    return event.at_s is None or ticks_from_seconds(event.at_s, scenario.tick_ns) <= at_tick
+
+
+def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
+    firsts: dict[int, bool] = {}
+    for event in scenario.events:
+        if isinstance(event, SourceStartsSpec | SourceStopsSpec):
+            firsts.setdefault(event.source, isinstance(event, SourceStartsSpec))
+    return {source for source, is_start in firsts.items() if is_start}
+
+
+# Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
+_CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
+_CHANGEABLE_PATTERN = re.compile(
+    rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|(recording|snapshots|restart|processes)\b.*|pace|name"
+)
+_TIME_LIMIT = "referee.stop.time_limit_s"
+_CHANGEABLE_TEXT = (
+    "start, parameters, knows, seed, answer_within_s, sandbox, limits, may_read, may_write and environment of agents, "
+    f"recording, snapshots, restart, processes, pace, events at times after it, and {_TIME_LIMIT}"
+)
+# By the beginning of a path: why it is part of the past.
+_REASONS = (
+    ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
+    ("environment", "the run was flown in that room"),
+    ("wind", "the gas was carried by that wind"),
+    ("gas", "the gas that was sensed came from there"),
+    ("agents", "what was flown and sensed follows from it"),
+    ("referee", "what was judged follows from it"),
+    ("channels", "what was heard follows from it"),
+    ("services", "they took part"),
+    ("tick_ms", "it is the clock of the run"),
+)
+
+
+def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
+    """Hold a fork's scenario against that of the run it forks.
+
+    Args:
+        before: The run's scenario.
+        after: The fork's.
+        at_tick: Where the fork begins.
+
+    Raises:
+        UsageError: something that the past depends on is another; all such paths in one error.
+    """
+    at_s = seconds_from_ticks(at_tick, before.tick_ns)
+    problems: list[str] = []
+    for path in find_changed_paths(plain_values(before), plain_values(after)):
+        if path.startswith("events"):
+            continue
+        if path == _TIME_LIMIT:
+            if after.referee.stop.time_limit_s <= at_s:
+                limit_s = after.referee.stop.time_limit_s
+                problems.append(f"{path}: expected a time after the fork at {at_s:g} s, was {limit_s:g} s.")
+        elif not _CHANGEABLE_PATTERN.fullmatch(path):
+            problems.append(f"{path}: expected as in the run, was changed: {_find_reason(path)}.")
+    problems += find_event_problems(before, after, at_tick=at_tick)
+    if problems:
+        raise UsageError("\n".join([*problems, f"A fork may change {_CHANGEABLE_TEXT}."]))
+
+
+def find_changed_paths(before: Any, after: Any, at: str = "") -> Iterator[str]:
+    """Yield the paths at which plain values differ, such as `agents[0].start.python`; a lack is a difference."""
+    if isinstance(before, dict) and isinstance(after, dict):
+        old, new = cast("dict[str, Any]", before), cast("dict[str, Any]", after)
+        for key in dict.fromkeys([*old, *new]):
+            path = f"{at}.{key}" if at else key
+            if key in old and key in new:
+                yield from find_changed_paths(old[key], new[key], path)
+            else:
+                yield path
+    elif (lists := _are_block_lists(before, after)) is not None:
+        for i, (old_item, new_item) in enumerate(zip(*lists, strict=True)):
+            yield from find_changed_paths(old_item, new_item, f"{at}[{i}]")
+    elif before != after:
+        yield at
+
+
+# Others are changed as a whole: an item more would shift those behind it.
+def _are_block_lists(before: Any, after: Any) -> tuple[list[Any], list[Any]] | None:
+    if not (isinstance(before, list) and isinstance(after, list)):
+        return None
+    old, new = cast("list[Any]", before), cast("list[Any]", after)
+    are_blocks = len(old) == len(new) and all(isinstance(item, dict) for item in (*old, *new))
+    return (old, new) if are_blocks else None
+
+
+def _find_reason(path: str) -> str:
+    first = re.split(r"[.\[]", path, maxsplit=1)[0]
+    return dict(_REASONS).get(first, "the run before the fork depends on it")

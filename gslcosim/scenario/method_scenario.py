@@ -1,0 +1,54 @@
+"""Scenario in a small room in which a bundled agent has all that its method's card says it needs."""
+
+from pathlib import Path
+from typing import Any
+
+from gslcosim.methods.card import MethodCard
+from gslcosim.scenario.loader import load_scenario, resolve_values
+from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.serialization import plain_values
+
+METHOD_SCENARIO = "tiny_room"
+# Long enough that methods have met gas, planned and moved; none succeeds before.
+TIME_LIMIT_S = 60.0
+
+
+def build_method_scenario(name: str, card: MethodCard | None, directory: Path) -> Scenario:
+    """Return a scenario in a small room in which a bundled agent has all that its card says it needs.
+
+    Args:
+        name: The agent's.
+        card: Its card.
+        directory: Where the scenario's relative paths start.
+
+    Raises:
+        GslCosimError: there is none.
+    """
+    values = plain_values(load_scenario(METHOD_SCENARIO).scenario)
+    needs = card.needs if card is not None else None
+    first = values["agents"][0]
+    first["start"] = {"python": name}
+    first["knows"] = dict.fromkeys(needs.knows, True) if needs is not None else {}
+    first["sensors"] = _build_sensors(tuple(needs.sensors) if needs is not None else ())
+    robots = card.robots if card is not None else 1
+    n_robots = robots if isinstance(robots, int) else robots[0]
+    values["agents"] = [first, *(_build_robot(first, i) for i in range(1, n_robots))]
+    if needs is not None and needs.radio:
+        values["channels"] = [{"name": "radio"}]
+    values["referee"]["success"] = {"within_m": 0.01, "of": "source"}
+    values["referee"]["stop"] = {"time_limit_s": TIME_LIMIT_S}
+    values["recording"] = {"enabled": False}
+    return resolve_values(values, directory, source=f"the small room of {name}")
+
+
+def _build_sensors(kinds: tuple[str, ...]) -> list[dict[str, Any]]:
+    model = "pid" if "gas_ppm" in kinds else "tgs2600"
+    camera = [{"model": "camera", "name": "eye", "period_s": 0.5}] if "camera" in kinds else []
+    return [{"model": model, "name": "nose"}, {"model": "anemometer", "name": "wind"}, *camera]
+
+
+# In a row across the room, apart from each other.
+def _build_robot(first: dict[str, Any], i: int) -> dict[str, Any]:
+    x_m, _, z_m = first["vehicle"]["start_m"]
+    vehicle = {**first["vehicle"], "start_m": [x_m, float(i), z_m], "separation_m": 0.4}
+    return {**first, "name": f"robot_{i + 1}", "start": {"process_of": first["name"]}, "vehicle": vehicle}
