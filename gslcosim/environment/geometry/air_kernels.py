@@ -70,7 +70,7 @@ def flood_untouched(marks, seeds):
 
 
 @numba.njit(cache=True, nogil=True)
-def share_touched(marks, is_air):
+def assign_touched_cells(marks, is_air):
     """Return which cells are air, those included that a surface touches but whose centre lies in the air.
 
     Touched cells go to the nearer, in steps between centres that no surface crosses: the air, or any other untouched

@@ -17,7 +17,7 @@ from typing import Any
 from gslcosim.base.command_lines import build_parent_death_prefix, build_python_command
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
-from gslcosim.methods.card import MethodCard, card_beside
+from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
@@ -126,7 +126,7 @@ def run_agent_for_warmup(name: str) -> None:
     from gslcosim.runtime.setup import RunSetup
 
     directory = bundled_scenarios()[WARMUP_SCENARIO].parent
-    scenario = build_warmup_scenario(name, card_beside(program), directory)
+    scenario = build_warmup_scenario(name, find_card_beside(program), directory)
     environment_dir = prepare_environment(scenario, scenario_dir=directory)
     with ScratchFolder("kernels") as scratch:
         (scratch.path / "logs").mkdir()

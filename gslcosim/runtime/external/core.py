@@ -19,7 +19,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.messages import Bounds, Ending, Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
     VENTILATION,
     ParticipantBriefing,

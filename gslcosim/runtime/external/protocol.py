@@ -11,7 +11,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.environment_messages import WindShare
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     MAX_VALUES,
     PARTICIPATION_VERSION,
     VENTILATION,

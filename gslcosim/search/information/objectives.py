@@ -273,7 +273,7 @@ def update_belief(p: Array, log_weight: Array) -> Array:
     return raised / raised.sum()
 
 
-def index_of_least_cost(costs: Array) -> int:
+def find_min_cost_index(costs: Array) -> int:
     """Return the index of the least cost, the first of equal ones."""
     return int(np.flatnonzero(costs <= costs.min() + SAME_COST)[0])
 

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.commands import waypoint
 from gslcosim.search.motion.legs import LegSpace, build_obstacles, next_leg, shorten_leg, to_millimetre
+from gslcosim.search.random_stream import RandomStream
 
 # To the left and the right of the way that is blocked, ever farther [rad]: 45 and 90 degrees.
 _EIGHTH_TURN_RAD = 0.7853981633974483
@@ -31,7 +31,7 @@ class LegPlanner:
     """
 
     def __init__(
-        self, briefing: Briefing, draws: Draws, *, margin_m: float, shorten_m: float = 0.05, n_shorten: int = 10
+        self, briefing: Briefing, draws: RandomStream, *, margin_m: float, shorten_m: float = 0.05, n_shorten: int = 10
     ) -> None:
         """Begin without a leg; a map is used where the briefing grants one."""
         obstacles = (

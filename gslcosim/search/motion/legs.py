@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Bounds, Briefing, KnownMap
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 
 Point = tuple[float, ...]
 N_TRIES = 100
@@ -202,7 +202,7 @@ def shorten_leg(
     return None
 
 
-def random_headings(draws: Draws, n_tries: int = N_TRIES) -> Iterator[float]:
+def random_headings(draws: RandomStream, n_tries: int = N_TRIES) -> Iterator[float]:
     """Yield headings drawn one by one, as they are asked for, uniform in [0, 2 pi) [rad]."""
     for _ in range(n_tries):
         yield draws.angle_rad()
@@ -237,7 +237,7 @@ def next_leg(
     headings_rad: Iterable[float],
     length_m: float,
     room: LegSpace,
-    draws: Draws,
+    draws: RandomStream,
     *,
     refused_m: Sequence[float] | None = None,
 ) -> Leg:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 ON_LINE_M = 0.001
@@ -152,7 +152,7 @@ def find_side(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: f
     return int(cross_m > ON_LINE_M) - int(cross_m < -ON_LINE_M)
 
 
-def side_or_random(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float, draws: Draws) -> int:
+def side_or_random(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float, draws: RandomStream) -> int:
     """Return on which side a place lies, as `find_side`; on neither: +1 or -1 with equal chance, which costs a draw."""
     side = find_side(place_m, anchor_m, upwind_rad)
     if side == 0:

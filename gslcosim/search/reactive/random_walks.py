@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import N_TRIES, LegSpace, Point, leg_end
+from gslcosim.search.random_stream import RandomStream
 
 
 class RunAndTumble:
@@ -24,7 +24,7 @@ class RunAndTumble:
         tests/unit/search/reactive/test_walks.py; tests/analytic/search/test_blind_walks.py (success without gas)
     """
 
-    def __init__(self, room: LegSpace, draws: Draws, *, leg_m: float, most_climb_m: float | None = None) -> None:
+    def __init__(self, room: LegSpace, draws: RandomStream, *, leg_m: float, most_climb_m: float | None = None) -> None:
         """Begin without a direction.
 
         Args:
@@ -106,7 +106,7 @@ class LevyWalk:
         tests/unit/search/reactive/test_walks.py
     """
 
-    def __init__(self, room: LegSpace, draws: Draws, *, exponent: float, least_m: float) -> None:
+    def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:
         """Begin a walk with lengths from `least_m`, with the power law's exponent."""
         self._room, self._draws, self._exponent, self._least_m = room, draws, exponent, least_m
         self._most_m = max(least_m, math.dist(room.min_m[:2], room.max_m[:2]))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 
 FULL_TURN_RAD = 6.283185307179586
 RIGHT_ANGLE_RAD = 1.5707963267948966
@@ -233,7 +233,7 @@ class SpiralPath:
         return None
 
 
-def random_side(draws: Draws) -> int:
+def random_side(draws: RandomStream) -> int:
     """Return +1 (left) or -1 (right) with equal chance; costs one draw."""
     return 1 if draws.fraction() < 0.5 else -1
 
@@ -257,7 +257,7 @@ def leaf_radius_m(radius_m: float, angle_rad: float) -> float:
 
 
 @dataclass(kw_only=True)
-class Clover:
+class CloverleafPath:
     """Places on four loops through a centre, the one upwind first, each of them ending at the centre.
 
     Args:

@@ -44,7 +44,7 @@ class Contact:
         return -math.inf if self.last_m is None else lost_m - math.dist(self.last_m, here_m)
 
 
-class PlumeWatch:
+class PlumeContactDetector:
     """Takes note of hits and wind at every observation, so that a leg through a plume is not flown in vain.
 
     The rule for a hit is that of `hits.GasHits`: a MOX sensor has one while its resistance falls, one in ppm while it

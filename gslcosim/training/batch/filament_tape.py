@@ -9,8 +9,8 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
+from gslcosim.training.batch.free_space import array_at
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.space import array_at
 from gslcosim_services.fields.concentration.mixing_ratio import (
     WallCells,
     filament_contribution_ppm,

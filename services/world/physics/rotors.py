@@ -10,7 +10,7 @@ import numba
 
 from gslcosim.contract.participant import Inbox
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import RotorWeakensSpec
 
 
@@ -127,7 +127,7 @@ class RotorFaults:
 
     def obey(self, inbox: Inbox) -> None:
         """Do what takes effect in this tick."""
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, RotorWeakensSpec):
                 k, i = self._number[event.agent], event.rotor
                 self._constants["wrench_from_thrusts"][k, :, i] = event.share * self._sound[k, :, i]

@@ -420,7 +420,7 @@ def state_after_inplace(state, path, t_s):
 
 
 @reference_free_njit()
-def fly_at_inplace(path, case, start, end, u, v, w, tick):
+def plan_to_velocity_inplace(path, case, start, end, u, v, w, tick):
     """Take the quickest path to a velocity.
 
     Args:
@@ -510,5 +510,5 @@ def must_brake(path, case, room, work, tick):
     longest_s = longest_stop_s(case, state[1], state[2])
     if longest_s < _FAR_TOO_LONG_S and is_open_ahead(room, case.radius_m, state, longest_s):
         return False
-    fly_at_inplace(stop, case, state, end, 0.0, 0.0, 0.0, tick)
+    plan_to_velocity_inplace(stop, case, state, end, 0.0, 0.0, 0.0, tick)
     return is_edge_ahead(room, case.radius_m, stop.end_world_m, state[1])
