@@ -17,7 +17,7 @@ class RandomStream:
     Source:
         Steele, Lea, Flood 2014, Fast splittable pseudorandom number generators, doi:10.1145/2660193.2660195.
     Held by:
-        tests/unit/search/test_draws.py
+        tests/unit/search/test_random_stream.py
     """
 
     def __init__(self, seed: int) -> None:

@@ -217,7 +217,7 @@ def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
     [m/s] = [m/s] + [rad/s] [m]
 
     Held by:
-        tests/unit/sensing/test_sensing_core.py
+        tests/unit/services/sensing/test_sensing_core.py
     """
     if not any(mount_body_m):
         return body.velocity_world_m_s

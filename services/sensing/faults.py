@@ -34,7 +34,7 @@ class SensorFaults:
     speed, stay as they are.
 
     State: the last event of each sensor that has one, and the reading that it showed before.
-    Held by: tests/unit/sensing/test_faults.py
+    Held by: tests/unit/services/sensing/test_faults.py
     """
 
     def __init__(self, scenario: Scenario) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from flights import fly, fly_here
+from real_runs import fly, fly_here
 from some_methods import every_method
 
 from gslcosim.methods.card import find_card_beside

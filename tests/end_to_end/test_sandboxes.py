@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 import yaml
 from deadlines import PROCESS_S
-from flights import AGENTS, ROOT, TINY_ROOM, children_of, fly, fly_here, start
+from real_runs import AGENTS, ROOT, TINY_ROOM, children_of, fly, fly_here, start
 
 from gslcosim.base.kernel_cache import get_cache_root, get_key_path
 from gslcosim.runtime.processes.sandbox import selection, truth_search

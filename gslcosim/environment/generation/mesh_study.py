@@ -62,7 +62,7 @@ def compute_convergence(cells_m: Sequence[float], values: Sequence[float]) -> Co
     Deviation:
         The equation for p is solved by bisection: the fixed-point iteration of the latter does not always end.
     Held by:
-        tests/unit/generation/test_convergence.py
+        tests/unit/environment/generation/test_convergence.py
     """
     meshes = sorted(zip(cells_m, values, strict=True))[:3]
     if len(meshes) < 3:

@@ -171,7 +171,7 @@ def split_at_narrows(marks, clearance, seed):
         (nx, ny, nz) uint8: 1 the seed's, 2 the outside's, 0 neither.
 
     Held by:
-        tests/unit/environment/geometry/test_leaks.py
+        tests/unit/environment/geometry/test_solid_geometry.py
     """
     shape, strides = _shape_and_strides(marks)
     flat, width = marks.reshape(-1), clearance.reshape(-1)

@@ -27,7 +27,7 @@ class LegPlanner:
     State: where the last leg was to end, and until when the vehicle is busy with it.
 
     Held by:
-        tests/unit/search/moving/test_piloting.py
+        tests/unit/search/motion/test_leg_planner.py
     """
 
     def __init__(
@@ -134,7 +134,7 @@ def cut_end_m(start_m: Sequence[float], target_m: Sequence[float], room: LegSpac
     From a start outside the margin it is the nearest place to the target inside.
 
     Held by:
-        tests/unit/search/moving/test_piloting.py
+        tests/unit/search/motion/test_leg_planner.py
     """
     t = 1.0
     for start, target, low, high in zip(start_m[:2], target_m[:2], room.min_m, room.max_m):

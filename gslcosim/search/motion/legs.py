@@ -44,7 +44,7 @@ class Obstacles:
         (a map may be coarser than the vehicle's own sight), may leave it.
 
         Held by:
-            tests/unit/search/moving/test_legs.py
+            tests/unit/search/motion/test_legs.py
         """
         cuts = sorted({0.0, 1.0, *self._crossings(start_m, end_m)})
         middles = ((a + b) / 2.0 for a, b in pairwise(cuts))
@@ -170,7 +170,7 @@ def leg_end(
         climb_m: How much higher it ends [m]; absent: the end has x and y only.
 
     Held by:
-        tests/unit/search/moving/test_legs.py
+        tests/unit/search/motion/test_legs.py
     """
     dimensions = 2 if climb_m is None else 3
     steps_m = (length_m * math.cos(heading_rad), length_m * math.sin(heading_rad), climb_m or 0.0)

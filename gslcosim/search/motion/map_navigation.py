@@ -65,7 +65,7 @@ class StopRecorder:
     State: findings since the last stop and the places of the last span; see `GasEvidence` and `StopAndMeasure`.
 
     Held by:
-        tests/unit/search/moving/test_map_flights.py
+        tests/unit/search/motion/test_map_navigation.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, every_s: float) -> None:
@@ -113,7 +113,7 @@ class MapNavigator:
     State: the goal, and the pilot's last leg.
 
     Held by:
-        tests/unit/search/moving/test_map_flights.py
+        tests/unit/search/motion/test_map_navigation.py
     """
 
     def __init__(

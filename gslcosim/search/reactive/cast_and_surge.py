@@ -33,7 +33,7 @@ def cast_length_m(width_m: float, n: int, growth: str) -> float:
         Lochmatter and Martinoli 2008: d, then 2 d the other way (remembered, unverified); doubling as in the recovery
         of Rando et al. 2025, read in code. That growing casts beat fixed ones is mothpy's result.
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
     if growth == "doubling":
         return width_m * 2.0**n
@@ -46,7 +46,7 @@ def cast_offset_m(width_m: float, n: int, growth: str) -> float:
     y(n) = sum over k <= n of (-1)^k L(k)
 
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
     return math.fsum((-1.0) ** k * cast_length_m(width_m, k, growth) for k in range(n + 1))
 
@@ -108,7 +108,7 @@ class PlaneCastSequence:
     Deviation:
         The order and the growth are ours: each round covers a cross, and the next one a larger cross.
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
 
     anchor_m: tuple[float, float, float]
@@ -173,7 +173,7 @@ class BlankMemory:
     Deviation:
         In seconds, with bounds: there in steps, without.
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
 
     def __init__(self, *, first_s: float, least_s: float, most_s: float, shortest_blank_s: float = 0.0) -> None:
@@ -217,7 +217,7 @@ def surge_end_m(
         step_m: L, how far upwind [m].
 
     Held by:
-        tests/unit/search/reactive/test_surging.py
+        tests/unit/search/reactive/test_surge.py
     """
     along_x, along_y = math.cos(upwind_rad), math.sin(upwind_rad)
     across_m = 0.0
@@ -237,7 +237,7 @@ def oblique_surge_end_m(
     p = x + L (cos b u + sin b n) + ((g - x) . n) n        b slant, positive to the left looking upwind [rad]
 
     Held by:
-        tests/unit/search/reactive/test_surging.py
+        tests/unit/search/reactive/test_surge.py
     """
     x_m, y_m = surge_end_m(here_m, gas_m, upwind_rad, step_m * math.cos(slant_rad))
     across_m = step_m * math.sin(slant_rad)

@@ -21,7 +21,7 @@ class RunAndTumble:
     Source:
         The walker and the E. coli of GSL-Bench [C].
     Held by:
-        tests/unit/search/reactive/test_walks.py; tests/analytic/search/test_blind_walks.py (success without gas)
+        tests/unit/search/reactive/test_random_walks.py; tests/analytic/search/test_blind_walks.py (success without gas)
     """
 
     def __init__(self, room: LegSpace, draws: RandomStream, *, leg_m: float, most_climb_m: float | None = None) -> None:
@@ -84,7 +84,7 @@ def power_law_length_m(fraction: float, *, exponent: float, least_m: float, most
     Source:
         Inverse of the distribution function; Levy walks after Viswanathan et al. 1999, doi:10.1038/44831.
     Held by:
-        tests/unit/search/reactive/test_walks.py
+        tests/unit/search/reactive/test_random_walks.py
     """
     q = 1.0 - exponent
     if abs(q) < 1e-9:
@@ -103,7 +103,7 @@ class LevyWalk:
     Source:
         Levy walk with exponent 2, truncated at the room's size, remembered, unverified [M].
     Held by:
-        tests/unit/search/reactive/test_walks.py
+        tests/unit/search/reactive/test_random_walks.py
     """
 
     def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:

@@ -105,7 +105,7 @@ class ReactiveSearcher:
     State: that of its parts, and for how many more legs the leash sends it away.
 
     Held by:
-        tests/unit/search/reactive/test_scout.py
+        tests/unit/search/reactive/test_reactive_searcher.py
     """
 
     def __init__(self, briefing: Briefing, settings: ReactiveSettings, draws: RandomStream) -> None:

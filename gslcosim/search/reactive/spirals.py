@@ -251,7 +251,7 @@ def leaf_radius_m(radius_m: float, angle_rad: float) -> float:
     [m] = [m]
 
     Held by:
-        tests/unit/search/reactive/test_clover.py
+        tests/unit/search/reactive/test_cloverleaf.py
     """
     return radius_m * math.cos(2.0 * angle_rad)
 
@@ -273,7 +273,7 @@ class CloverleafPath:
     Deviation:
         The shape is a rose with four leaves and the order is ours: theirs is not known to us.
     Held by:
-        tests/unit/search/reactive/test_clover.py
+        tests/unit/search/reactive/test_cloverleaf.py
     """
 
     centre_m: tuple[float, float]

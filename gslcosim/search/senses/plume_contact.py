@@ -56,7 +56,7 @@ class PlumeContactDetector:
     second.
 
     Held by:
-        tests/unit/search/senses/test_contacts.py
+        tests/unit/search/senses/test_plume_contact.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, threshold_m_s: float) -> None:

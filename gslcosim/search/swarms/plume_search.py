@@ -32,7 +32,7 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
     Source:
         Marjovi and Marques 2013 (abstract: sweeps across the wind). Lanes along walls are ours: they leave no corner.
     Held by:
-        tests/unit/search/swarms/test_plume_finding.py (no place is farther than half a lane from the course)
+        tests/unit/search/swarms/test_plume_search.py (no place is farther than half a lane from the course)
     """
     along_rad = nearest_axis_rad(upwind_rad)
     along = 0 if abs(math.cos(along_rad)) > 0.5 else 1
@@ -75,7 +75,7 @@ def find_next_lane_point(course_m: Floats, place_m: Sequence[float] | Floats, st
         step_m: How far along the course [m].
 
     Held by:
-        tests/unit/search/swarms/test_plume_finding.py
+        tests/unit/search/swarms/test_plume_search.py
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
     starts_m, spans_m = course_m[:-1], np.diff(course_m, axis=0)
@@ -100,7 +100,7 @@ class PlumeMemory:
     Source:
         Casting as in Lochmatter and Martinoli 2008; of a whole formation, ours.
     Held by:
-        tests/unit/search/swarms/test_plume_finding.py
+        tests/unit/search/swarms/test_plume_search.py
     """
 
     def __init__(self, course_m: Floats, *, step_m: float, cast_m: float, n_casts: int) -> None:

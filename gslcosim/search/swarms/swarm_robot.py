@@ -46,7 +46,7 @@ class GasScale:
     State: R0, the most that was ever measured [ohm].
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, nose: Nose, *, floor: float, band_frac: float) -> None:
@@ -75,7 +75,7 @@ class Explorer:
     State: the waypoint, and since when it is flown to.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, room: LegSpace, draws: RandomStream, *, inertia: float, draw: float, waypoint_s: float) -> None:
@@ -114,7 +114,7 @@ class SwarmMember:
     set `numbers`, what it tells the others besides, and `is_ignored`, the places whose gas does not count.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
@@ -223,7 +223,7 @@ class SwarmRobot(SwarmMember):
     State: that of a member, and its last step.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
@@ -282,7 +282,7 @@ class Particle(SwarmRobot):
     State: that of a robot, and its waypoint before any gas.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
